@@ -133,13 +133,13 @@ class Compilation:
                 return
             if self._compiler is not None and self._compiler.process != os.getpid():
                 self._forget()  # that of a process from which this one was forked
-            if self._compiler is None and not _is_whole(self._target):
-                self._begin()
-            elif self._compiler is not None and (code := self._compiler.popen.poll()) is not None:
+            if self._compiler is not None and (code := self._compiler.popen.poll()) is not None:
                 self._keep(code)
             if _is_whole(self._target):  # by this process or another
                 self._stop()
                 self._library = Library(self._target, self._function.nnz_out(0))
+            elif self._compiler is None:
+                self._begin()
             if self._library is None:
                 self._next = self._points + ASKED
             else:

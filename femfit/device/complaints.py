@@ -173,7 +173,6 @@ def _direction(key: Key) -> Any:
 
 
 _PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-_TABLE_TYPES = {"dict_type", "model_type", "model_attributes_type"}
 
 
 def _sentence(key: Key, error: ErrorDetails, where: str) -> str:

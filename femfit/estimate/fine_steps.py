@@ -80,10 +80,9 @@ def advance(model: ActuatorModel, count: int, states: FloatArray, voltage: Float
 
 def stay(model: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
     """The same of bodies that stand where they are."""
-    still = states.copy()
+    step, still = model.sample_time_s / count, states.copy()
     still[:, 1] = 0.0
     for _ in range(count):
-        step = model.sample_time_s / count
         still[:, : model.order] = accurate_step(model, still[:, : model.order], voltage, step, free=False)
     blocked_by_diodes(model, still)
     return still

@@ -1,7 +1,7 @@
 """A body that comes to its stops: within a step it goes no further, and rests there or bounces back.
 
-What it induces is that of the way that it goes: were it let through a stop and put back, its currents would be those of
-another way. Distances and velocities are arrays or expressions.
+The voltage that it induces follows its way between the stops. A body that passed a stop and was put back at the end of
+the step would leave a wrong current. Distances and velocities are arrays or expressions.
 
 References
 ----------

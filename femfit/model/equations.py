@@ -188,7 +188,7 @@ class Equations:
         return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
 
     def _step(self, at: _Symbols, length: float | None, stops: Mechanics | None = None) -> SX:
-        """The state one step later; where stops hold the body, it induces what the way that they leave it does."""
+        """The state one step later. With stops, the voltage that motion induces follows the body's way between them."""
         h, state = at.step, at.state
         middle = ca.vertcat(state[0] + 0.5 * h * state[1], state[1:])
 
@@ -199,7 +199,7 @@ class Equations:
             free = state[0] + h * speed, v + h * acceleration
             return (met_stops(stops, (state[0], v), free, h)[0] - state[0]) / h
 
-        after = state + h * self._rates(middle, at, mean_over=h, length=length, mean_speed=mean_speed)
+        after = state + h * self._rates(middle, at, length=length, mean_speed=mean_speed)
         return ca.vertcat(state[0] + 0.5 * h * (state[1] + after[1]), after[1:])
 
     def _rates(self, state: SX, at: _Symbols, **options: Any) -> SX:
@@ -212,20 +212,19 @@ class Equations:
         state: SX,
         at: _Symbols,
         *,
-        mean_over: SX | None = None,
         length: float | None = None,
         mean_speed: Callable[[SX, SX], SX] | None = None,
         driven: tuple[int, ...] = (),
         dry_friction: bool = True,
     ) -> tuple[SX, SX]:
-        """Rates of the state, of velocity and currents their means over a step at a held distance; the voltages given.
+        """Rates of the state, or of velocity and currents their means over a step; and the voltages that drivers give.
 
         Parameters
         ----------
         length : float or None
             The step in s, where a table says what it makes of the currents.
         mean_speed : callable or None
-            Of the body over the step, from its speed at first and its acceleration.
+            Mean speed over the step from the speed at first and the acceleration; None for rates at a moment.
         driven : tuple of int
             Circuits whose currents have the rates that stand in the voltages' places, at each moment.
         """
@@ -264,7 +263,7 @@ class Equations:
             taken = ca.fmax(ca.dot(along, change), (_LEAKAGE - 1.0) / share)
             driving -= turns * (taken * drift)
             inductance += taken * turns @ turns.T
-        if mean_over is None:
+        if mean_speed is None:
             rate, more = _imposed(inductance, driving, places, imposed)
             if driven:
                 commanded[places] = self._commanded(volts[places] + more, first, conditions)
@@ -272,8 +271,8 @@ class Equations:
             if length is not None:
                 rate, lever = (response @ driving for response in self._responses(length).at(d))
             else:
-                rate, lever = decayed(inductance, resistances, driving, mean_over)
-            acceleration -= at.free * mean_over / motion.mass_kg * ca.dot(motional_constant, lever)
+                rate, lever = decayed(inductance, resistances, driving, at.step)
+            acceleration -= at.free * at.step / motion.mass_kg * ca.dot(motional_constant, lever)
         followed = self._memory_rates(memory, core, ca.dot(turns, rate) + drift, conditions, (first, rate[0]))
         return ca.vertcat(v, acceleration, rate, followed), commanded
 

@@ -130,9 +130,7 @@ def decide(campaign: Campaign) -> Decision:
     own_misfit = verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign)
     if own_misfit:
         verdict, chosen = "nothing_missing", None
-    elif (
-        verdict == "nothing_missing" and times <= OWN_MISFIT
-    ):  # it misses more than noise, and no more than twice its own misfit
+    elif verdict == "nothing_missing" and times <= OWN_MISFIT:  # is it more than noise that the own misfit explains?
         alone = replace(campaign.whitening, misfit=None)
         residual = alone.full(campaign.observations.residual)
         own_misfit = pattern_space(campaign.observations, alone).test(residual).p_value <= LEVEL

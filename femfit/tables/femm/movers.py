@@ -14,8 +14,6 @@ from femfit.tables.femm.winding import FemCoil
 
 Body = list[FemPart | FemCoil]
 
-HOW = "Say which blocks move with --moving-group N, --moving-block NAME or --moving-label N."
-
 
 @dataclass(frozen=True)
 class FemBodies:
