@@ -225,7 +225,7 @@ def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFi
     slowest = float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).max())
     severity: Severity = "holds"
     through = None
-    force, stroke = float(np.abs(model.magnetics.force(d, i)).max()), float(np.ptp(d))
+    force, stroke = float(np.abs(model.magnetics.force(d, i)).max()), float(np.ptp(model.travel_m))
     if model.motion is not None and model.motion.mass_kg > 0.0 and force > 0.0 and stroke > 0.0:
         through = float(np.sqrt(2.0 * model.motion.mass_kg * stroke / force))
         severity = "note" if slowest > _SLOW_COIL * through else "holds"

@@ -191,7 +191,7 @@ def _at_supply(
 ) -> "tuple[OpenLoop | None, Temperatures | None]":
     """What the supply moves and warms."""
     from femfit.heat.find_temperatures import temperatures_at_supply
-    from femfit.simulation.supply import motion_at_supply
+    from femfit.simulation.open_loop import motion_at_supply
 
     with steps.timed("open loop"):
         motion = motion_at_supply(model)

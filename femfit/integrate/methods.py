@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding, Printed, listing
 from femfit.core.text import counted
 from femfit.integrate.constants import FIRST_FIELD_SIGMA_T, SETTLING_S, STILL_A
 from femfit.integrate.feed_forward import FeedForwardIntegrator
@@ -155,6 +155,21 @@ class CoilIntegral(Printed):
         """Coverage factor times standard uncertainty."""
         return self.coverage * self.standard_uncertainty
 
+    @property
+    def refuted_by(self) -> tuple[str, ...]:
+        """Codes of the findings beside which neither the value at the end nor its uncertainty can be believed.
+
+        A feed-forward method hangs on the coil alone, a filter also on its reference; innovations that only a wrong
+        gain explains leave the condition that the gain be exact.
+        """
+        codes = tuple(finding.code for finding in self.findings)
+        spoiled = {"sign", "clipped", "stuck-voltage"}
+        if self.method == "cs1-offset":
+            spoiled |= {"stuck", "saturated"}
+        if "gain" not in codes:
+            spoiled |= {"innovations"}
+        return tuple(code for code in codes if code in spoiled)
+
     def __str__(self) -> str:
         unit = self.quantity.rsplit("_", 1)[1]
         shares = ", ".join(f"{name.replace('_', ' ')} {share:.3g}" for name, share in self.parts.items() if share > 0.0)
@@ -166,16 +181,23 @@ class CoilIntegral(Printed):
         exact = f", if the {told_by}'s gain is exact" if self.parts[f"{told_by}_gain"] == 0.0 else ""
         if exact and any(finding.code == "gain" for finding in self.findings):
             exact += ", which the record makes doubtful"
+        end = f"at {self.end_s:.6g} s, the record's end"
+        result = [
+            f"{self.value:.9g} {unit} +- {self.expanded_uncertainty:.3g} {unit} (k = {self.coverage:g}) {end}{exact}"
+        ]
+        weighed = [f"standard uncertainty in {unit}: {shares}"]
+        weighed[0] += f"; nothing given for {', '.join(none)}" if none else ""
+        if self.refuted_by:
+            quantity = self.quantity.rsplit("_", 1)[0].replace("_", " ")
+            result = [f"No {quantity} can be stated {end}: see {listing(self.refuted_by)} below"]
+            weighed = [f"what it comes to, without a known uncertainty: {self.value:.4g} {unit}"]
         lines = [
-            (
-                f"{self.value:.9g} {unit} +- {self.expanded_uncertainty:.3g} {unit} (k = {self.coverage:g}) at "
-                f"{self.end_s:.6g} s, the record's end{exact}"
-            ),
+            *result,
             (
                 f"{how}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
                 f"{1e6 * self.offset_V:.3g} uV at the end"
             ),
-            f"standard uncertainty in {unit}: {shares}" + (f"; nothing given for {', '.join(none)}" if none else ""),
+            *weighed,
             *(f"{finding.code}: {finding}" for finding in self.findings),
             *(f"written: {path}" for path in (self.field_model, self.output) if path is not None),
         ]
@@ -198,6 +220,7 @@ class CoilIntegral(Printed):
                 "coverage_factor": self.coverage,
                 "parts": self.parts,
                 "offset_V": self.offset_V,
+                "refuted_by": list(self.refuted_by),
             },
             "findings": [finding.as_dict() for finding in self.findings],
             "output": None if self.output is None else str(self.output),

@@ -9,8 +9,9 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.integrate.constants import (
     AGREEMENT,
@@ -40,6 +41,39 @@ class Tally:
     count: int = 0
     first: float = float("nan")
     amount: float = 0.0
+
+
+@dataclass
+class Repeats:
+    """Runs of one and the same reading, across the blocks of a record, and how far something else moved meanwhile."""
+
+    reading: float = float("nan")  # The last one
+    run: int = 0  # How often it came in a row
+    moved: float = 0.0
+
+    def see(self, readings: FloatArray, change: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Begins, lengths and motions of the block's runs; the first may go on from the block before.
+
+        Parameters
+        ----------
+        readings, change : array, shape (samples,)
+            What repeats, and by how much the other quantity moved up to each sample.
+        """
+        new = np.flatnonzero(readings != np.concatenate([[self.reading], readings[:-1]]))
+        goes_on = len(new) == 0 or new[0] > 0
+        begins = np.concatenate([[0], new]) if goes_on else new
+        ends = np.concatenate([begins[1:], [len(readings)]])
+        path = np.concatenate([[0.0], np.cumsum(change)])
+        lengths, moved = ends - begins, path[ends] - path[begins]
+        if goes_on:
+            lengths[0] += self.run
+            moved[0] += self.moved
+        self.reading, self.run, self.moved = float(readings[-1]), int(lengths[-1]), float(moved[-1])
+        return begins, lengths, moved
+
+    def forget(self) -> None:
+        """Begin a run that was counted anew."""
+        self.run, self.moved = 0, 0.0
 
 
 class RecordWatch:
@@ -74,9 +108,11 @@ class RecordWatch:
         self.gain_sigma, self._gain = gain_sigma, GainTest()
         self._tallies: dict[str, Tally] = {}
         self._time = self._voltage = float("nan")
-        # The probe's last reading, how often it came in a row, how far the coil saw the field move meanwhile (T), the
-        # largest |reading|, and the largest at which the probe stood still.
-        self._reading, self._run, self._moved, self._highest, self._stuck_at = float("nan"), 0, 0.0, 0.0, 0.0
+        self._probe, self._coil = Repeats(), Repeats()
+        self._steps = 0  # Different voltages in the block that has most
+        self._field = float("nan")  # The reference's last field in T
+        # The probe's largest |reading|, and the largest at which it stood still; the reference's largest field in T
+        self._highest, self._stuck_at, self._largest = 0.0, 0.0, 0.0
         self._waiting = np.empty((4, 0))  # times, normalised squares and what GainTest sums of the latest innovations
         self._products = np.zeros(3)  # sums of xx, xy, yy of the changes that coil (x, T) and reference (y) saw
 
@@ -89,7 +125,6 @@ class RecordWatch:
         gap, late = dt > GAP * self.sample_time, (dt < 0.5 * self.sample_time) & (dt > 0.0)
         self._add("gap", block.time[gap], float(np.sum(dt[gap])) - self.sample_time * int(np.sum(gap)))
         self._add("clock", block.time[late])
-        self._add("clipped", block.time[_clipped(block.voltage)])
         if block.current is not None and self.currents is not None:
             low, high = self.currents
             slack = RANGE_SLACK * (high - low)
@@ -100,8 +135,11 @@ class RecordWatch:
         if block.hall is not None:
             self._watch_probe(block.time, block.hall, rise)
         reading = {"hall_T": block.hall, "current_A": block.current, None: None}[self.reference]
+        clipped = _clipped(block.voltage)
         if reading is not None:
+            clipped &= ~self._watch_voltage(block, clipped, rise, reading)
             self._compare(rise, reading)
+        self._add("clipped", block.time[clipped])
 
     def findings(self) -> tuple[Finding, ...]:
         """What was seen."""
@@ -111,7 +149,9 @@ class RecordWatch:
             if source in self._tallies:
                 code = stuck if source == "stuck" else source
                 findings.append(finding(code, **asdict(self._tallies[source])))
-        findings += self._disagreement() or self._gain_finding({remark.code for remark in findings})
+        findings += self._disagreement()
+        if not {remark.code for remark in findings} & _NO_GAIN:
+            findings += self._gain_of_changes() or self._gain_finding()
         if "innovations" in self._tallies:
             codes = {remark.code for remark in findings}
             suspect = next((code for code in _SUSPECTS if code in codes), self.reference)
@@ -150,21 +190,40 @@ class RecordWatch:
         if not finite.any():
             return
         self._highest = max(self._highest, float(np.abs(hall[finite]).max()))
-        new = np.flatnonzero(hall != np.concatenate([[self._reading], hall[:-1]]))
-        goes_on = len(new) == 0 or new[0] > 0  # the first run goes on from the block before
-        begins = np.concatenate([[0], new]) if goes_on else new
-        ends = np.concatenate([begins[1:], [len(hall)]])
-        path = np.concatenate([[0.0], np.cumsum(rise)])
-        lengths, moved = ends - begins, path[ends] - path[begins]
-        if goes_on:
-            lengths[0] += self._run
-            moved[0] += self._moved
-        stuck = (lengths * self.sample_time >= STUCK_TIME_S) & (lengths > CLIPPED_RUN)
-        stuck &= np.abs(moved) > STUCK_SHARE * self._highest
+        begins, lengths, moved = self._probe.see(hall, rise)
+        stuck = self._lasting(lengths) & (np.abs(moved) > STUCK_SHARE * self._highest)
         self._add("stuck", time[begins[stuck]], float(np.sum(lengths[stuck])) * self.sample_time)
         self._stuck_at = max(self._stuck_at, float(np.abs(hall[begins[stuck]]).max(initial=0.0)))
-        self._reading = float(hall[-1])
-        self._run, self._moved = (0, 0.0) if stuck[-1] else (int(lengths[-1]), float(moved[-1]))
+        if stuck[-1]:
+            self._probe.forget()
+
+    def _watch_voltage(self, block: CoilBlock, clipped: BoolArray, rise: FloatArray, reading: FloatArray) -> BoolArray:
+        """Runs of one and the same voltage while the reference sees the field move otherwise than it says, as a mask.
+
+        Where the converter seems to clip, only those that say more than the field moves: a cut voltage says less.
+        """
+        none = np.zeros(len(block), dtype=np.bool_)
+        if self.scale is None:
+            return none
+        field = pd.Series(np.concatenate([[self._field], self.scale * reading])).ffill().to_numpy()
+        change = np.nan_to_num(np.diff(field))
+        self._field = float(field[-1])
+        self._largest = max(self._largest, float(np.nanmax(np.abs(field), initial=0.0)))
+        self._steps = max(self._steps, len(np.unique(block.voltage)))
+        begins, lengths, apart = self._coil.see(block.voltage, change - rise)
+        stuck = self._lasting(lengths) & (np.abs(apart) > STUCK_SHARE * self._largest)
+        stuck &= ~clipped[begins] | (apart * block.voltage[begins] < 0.0)
+        if self._steps < CLIPPED_STEPS or not stuck.any():
+            return none
+        self._add("stuck-voltage", block.time[begins[stuck]], float(np.sum(lengths[stuck])) * self.sample_time)
+        if stuck[-1]:
+            self._coil.forget()
+        ends = np.append(begins[1:], len(block))
+        return np.repeat(stuck, ends - begins)
+
+    def _lasting(self, lengths: IntArray) -> BoolArray:
+        """Which runs are longer than a living reading repeats."""
+        return (lengths * self.sample_time >= STUCK_TIME_S) & (lengths > CLIPPED_RUN)
 
     def _compare(self, rise: FloatArray, reading: FloatArray) -> None:
         """Sum up what coil and reference saw of the same changes."""
@@ -179,13 +238,17 @@ class RecordWatch:
         self._products += x @ x, x @ y, y @ y
 
     def _disagreement(self) -> list[Finding]:
-        """Whether coil and reference see the field move in opposite directions, or by different amounts."""
+        """Whether coil and reference see the field move in opposite directions."""
+        xx, xy, yy = self._products.tolist()
+        opposite = xy < 0.0 and xy**2 > AGREEMENT * xx * yy
+        return [finding("sign", of_hall=self.reference == "hall_T")] if opposite else []
+
+    def _gain_of_changes(self) -> list[Finding]:
+        """Whether coil and reference see the field move by different amounts."""
         xx, xy, yy = self._products.tolist()
         if xy**2 <= AGREEMENT * xx * yy:  # also where one of them saw no change at all
             return []
         of_hall = self.reference == "hall_T"
-        if xy < 0.0:
-            return [finding("sign", of_hall=of_hall)]
         slope = xy / xx * (self.scale or 0.0)
         if self.scale is None or abs(slope - 1.0) <= GAIN_TOLERANCE:
             return []
@@ -197,10 +260,10 @@ class RecordWatch:
         }
         return [finding("gain", words="gain_of_changes", size=slope - 1.0, **numbers)]
 
-    def _gain_finding(self, codes: set[str]) -> list[Finding]:
-        """Whether the innovations show that coil and Hall probe differ by a gain, where nothing else spoils them."""
+    def _gain_finding(self) -> list[Finding]:
+        """Whether the innovations show that coil and Hall probe differ by a gain."""
         result = self._gain.result()
-        if result is None or self.reference != "hall_T" or codes & {"stuck", "saturated", "clipped"}:
+        if result is None or self.reference != "hall_T":
             return []
         ratio, sigma = result
         expanded = 200.0 * sigma
@@ -214,10 +277,13 @@ class RecordWatch:
         return [finding("gain", size=ratio - 1.0, **numbers)]
 
 
-_TALLIED = ("gap", "clock", "clipped", "stuck", "range")
+_TALLIED = ("gap", "clock", "clipped", "stuck", "stuck-voltage", "range")
 """Codes of what is counted, in the order in which it is told."""
 
-_SUSPECTS = ("sign", "stuck", "saturated", "clipped", "gain", "gap", "clock", "range")
+_NO_GAIN = {"sign", "stuck", "saturated", "clipped", "stuck-voltage"}
+"""Codes of findings that make coil and reference differ as a wrong gain does."""
+
+_SUSPECTS = ("sign", "stuck", "saturated", "stuck-voltage", "clipped", "gain", "gap", "clock", "range")
 """Codes of findings that may cause large innovations; the first that applies is suspected."""
 
 

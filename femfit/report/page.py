@@ -111,7 +111,7 @@ class ReportContent:
     fit: FitResult | None = None
     study: ClosedLoopStudy | None = None
     no_study: str = ""  # Why the loop was not closed, as the error said
-    motion: OpenLoop | None = None  # As of :func:`femfit.simulation.supply.motion_at_supply`
+    motion: OpenLoop | None = None  # As of :func:`femfit.simulation.open_loop.motion_at_supply`
     heat: Temperatures | None = None  # As of :func:`femfit.heat.find_temperatures.temperatures_at_supply`
     # The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged
     field: FieldSample | None = None

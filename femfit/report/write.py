@@ -20,7 +20,7 @@ from femfit.model.json_file import read_model
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.bench_report import render_added, render_comparison, render_diagnosis
 from femfit.report.page import Place, ReportContent, picture_point, strongest_point, write_page
-from femfit.simulation.supply import motion_at_supply
+from femfit.simulation.open_loop import motion_at_supply
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
 if TYPE_CHECKING:

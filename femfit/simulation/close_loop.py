@@ -15,15 +15,15 @@ from femfit.core.text import counted, quoted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.simulation.adjust import adjusted, choose
-from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
+from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS, UNCERTAIN
 from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, ObserverName, design_loop
-from femfit.simulation.experiment import Experiment
+from femfit.simulation.experiment import CERTAIN, Experiment, LoopRuns
 from femfit.simulation.loop import LoopProgress
-from femfit.simulation.loop_runs import LoopRuns
 from femfit.simulation.margins import Margins
 from femfit.simulation.summary import Choice, LoopSummary, Spread
 from femfit.simulation.why_lost import why_lost
+from femfit.simulation.words import finding
 
 _MOST_STEPS = 2**48
 """Numbers in more than which no machine's addresses reach."""
@@ -220,6 +220,18 @@ def run_loops(
         raise too_long from error
     held, statistics = result.held, result.windows[0]
     quality, band = statistics.consistency(held)
+    tracking = _spread(statistics.tracking_rms_m[held])
+    findings = []
+    if held.any() and plant is None and loop.grows:
+        growth = loop.growth_per_s
+        numbers: dict[str, Any] = {
+            "growth_per_s": growth,
+            "tracking_rms_m": tracking.median,
+            "grown": growth * duration_s > CERTAIN,
+        }
+        findings.append(finding("limit-cycle", size=growth, **numbers))
+    if quality > UNCERTAIN:
+        findings.append(finding("innovations", size=quality, excess=quality))
     return LoopSummary(
         design=design,
         experiment=experiment,
@@ -230,11 +242,12 @@ def run_loops(
         first_loss_s=None if held.all() else float(np.nanmin(result.outcome_time_s)),
         last_loss_s=None if held.all() else float(np.nanmax(result.outcome_time_s)),
         estimate_rms_m=_spread(statistics.estimate_rms_m[held]),
-        tracking_rms_m=_spread(statistics.tracking_rms_m[held]),
+        tracking_rms_m=tracking,
         normalised_innovation_squared=quality if np.isfinite(quality) else None,
         innovation_band=band,
         cause=None if held.all() or not advised else why_lost(loop, result),
         result=result,
+        findings=tuple(findings),
     )
 
 

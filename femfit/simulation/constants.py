@@ -106,3 +106,7 @@ LEAST_SHARE = 1e-3
 
 EXACT_M = 1e-9
 """Numerical: an error below a nanometre is rounding: the estimate lies on the stop, as the body does."""
+
+UNCERTAIN = 2.0
+"""Conventional: squared innovations over what a filter expects from which its claimed errors are remarked on; they are
+too small by more than 40 % then, which no statistical scatter of hundreds of samples makes."""

@@ -1,19 +1,24 @@
-"""Several small experiments as one batch: what differs between them is an entry a run, not another loop."""
+"""Several small experiments as one batch: what differs between them is an entry a run, not another loop.
+
+One of them again on the same noise, as it was or with something taken away.
+"""
 
 from collections.abc import Iterable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, cast
 
 import numpy as np
 
-from femfit.core.errors import DomainError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.errors import DomainError, FilterError
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.estimate.constants import FIRST_DEVIATION_M
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import ControllerName, SplitController
 from femfit.simulation.design import LoopDesign, ObserverName
-from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
+from femfit.simulation.loop import ClosedLoop, LoopProgress, LoopResult, TimeSeries, run_loop, stage
 from femfit.simulation.observers import SplitObserver, distance_inverse
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
@@ -175,3 +180,67 @@ def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
     latest = np.maximum.accumulate(np.where(np.isnan(readings), 0, rows), axis=0)
     held = np.take_along_axis(distance.reshape(readings.shape), latest, axis=0)
     return np.where(np.isnan(series.distance_m), np.nan, held)
+
+
+CERTAIN = 30.0
+"""Derived: growth times duration from which a deviation of one rounding, 1e-13 of the range, has grown to the range."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopRuns:
+    """Everything that is needed to run a loop, and to run it again."""
+
+    design: LoopDesign
+    experiment: Experiment
+    random: np.random.Generator  # As it was before the first run; it is copied
+    runs: int
+    steps: int  # Of each run, as far as it is to be followed
+    path_steps: int  # That the reference is laid out for
+    supported_steps: int
+    plant: ActuatorModel | None  # What truly moves, where that is another model than the design's
+    progress: LoopProgress | None = None
+
+    def result(self, stage_name: str, random: np.random.Generator, **options: Any) -> LoopResult:
+        """Run them, which the progress is told by a name; options are those of run_experiments."""
+        (result,) = run_experiments(
+            self.design,
+            [self.experiment],
+            random,
+            runs=self.runs,
+            steps=self.steps,
+            supported_steps=self.supported_steps,
+            plant=self.plant,
+            path_steps=self.path_steps,
+            show=stage(self.progress, stage_name),
+            **options,
+        )
+        return result
+
+    def held(self, trial: str) -> BoolArray | None:
+        """Which runs are held this time, on the same noise; None where no such loop can be designed.
+
+        Parameters
+        ----------
+        trial : str
+            What is tried, as the progress says it.
+        """
+        try:
+            if self.plant is None and self.growth_per_s * self.steps * self.design.model.sample_time_s > CERTAIN:
+                # The linear loop tells already that this is no loop to advise, so that it need not be run
+                return np.zeros(self.runs, dtype=np.bool_)
+            return self.result(f"why runs are lost, {trial}", deepcopy(self.random), recorded=0).held
+        except (DomainError, FilterError):
+            return None
+
+    @cached_property
+    def growth_per_s(self) -> float:
+        """Rate at which a deviation grows in the linear loop; below zero where it is stable."""
+        return self.design.bench(self.experiment.observer).growth(self.design.controller(self.experiment.controller))
+
+    @property
+    def grows(self) -> bool:
+        """Whether a deviation grows within the runs; no where nothing tells."""
+        try:
+            return self.growth_per_s * self.path_steps * self.design.model.sample_time_s > 1.0
+        except (DomainError, FilterError):
+            return False

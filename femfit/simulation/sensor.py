@@ -212,7 +212,8 @@ def read_sensors(
         off = np.where(mine, errors.offset + np.multiply(errors.drift_per_s, time), 0.0)
         reading = convert(sensor, values[:, k] + off + errors.noise_scale * sensor.reading.noise * white)
         low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan
-        reading = np.where(mine & (lost < errors.dropout_probability), low, reading)
+        dropped = mine & (lost < errors.dropout_probability) & (sample >= 0)  # the support comes before the faults
+        reading = np.where(dropped, low, reading)
         stuck = mine & np.asarray(time >= errors.stuck_after_s) & np.isfinite(last[:, k])
         result[:, k] = np.where(stuck, last[:, k], reading)
     return result

@@ -29,9 +29,17 @@ from femfit.simulation.constants import SETTLING_PART, SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopProgress, LoopResult, Show, stage
-from femfit.simulation.loop_facts import consistency, design_data, judged_loop
+from femfit.simulation.loop_facts import (
+    FaultRow,
+    HoldRow,
+    SpectrumPair,
+    StepRow,
+    StepSeries,
+    consistency,
+    design_data,
+    judged_loop,
+)
 from femfit.simulation.sensor import amplitude_spectrum, span_of
-from femfit.simulation.study_rows import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.simulation.words import sentence
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")

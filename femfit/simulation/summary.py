@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
-from femfit.core.results import Printed
+from femfit.core.results import Finding, Printed
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.controllers import ControllerName
@@ -120,6 +120,7 @@ class LoopSummary(Printed):
     cause: Cause | None
     result: LoopResult
     choice: Choice | None = None
+    findings: tuple[Finding, ...] = ()  # What is remarked on the runs that were held
 
     @property
     def held(self) -> int:
@@ -149,13 +150,16 @@ class LoopSummary(Printed):
 
     def data(self) -> dict[str, Any]:
         """The numbers without the series, ready for JSON."""
-        shown = {name: value for name, value in vars(self).items() if name not in {"design", "result", "cause"}}
+        shown = {
+            name: value for name, value in vars(self).items() if name not in {"design", "result", "cause", "findings"}
+        }
         records = Experiment | Spread | ConsistencyBand | Choice
         numbers = {name: asdict(value) if isinstance(value, records) else value for name, value in shown.items()}
         return {
             "model": self.design.model.name,
             **json_ready(numbers),
             "cause": self.cause and self.cause.to_dict(),
+            "findings": [remark.as_dict() for remark in self.findings],
             "design": design_data(self.design, [self.loop]),
         }
 

@@ -9,6 +9,7 @@ the force at the driver's limits brings the body back.
 """
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
 from itertools import chain
 from typing import Any
@@ -24,9 +25,8 @@ from femfit.simulation.allocation import currents_for_force, force_range, limits
 from femfit.simulation.constants import NOISE_FILLS
 from femfit.simulation.controllers import Controller
 from femfit.simulation.design import CONTROLLERS
-from femfit.simulation.experiment import Experiment
+from femfit.simulation.experiment import Experiment, LoopRuns
 from femfit.simulation.loop import LoopResult
-from femfit.simulation.loop_runs import LoopRuns
 from femfit.simulation.state_feedback import StateFeedback
 from femfit.simulation.targets import blind
 from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, make_bench
@@ -103,7 +103,22 @@ def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:
         return Cause("estimate" if exact < 0.0 else "controller", {"growth_per_s": loop.growth_per_s})
     if gains := _other_gains(loop, holds):
         return replace(gains, short_of_room=short_of_room(loop))
-    return replace(hardware_limit(loop), in_vain=next(reversed(asked_for), ()))
+    limit = hardware_limit(loop)
+    known = replace(loop.experiment, observer="exact")
+    if (
+        limit.code == "authority"
+        and loop.experiment.observer != "exact"
+        and holds("with the exact state", experiment=known)
+    ):
+        limit = Cause("estimate-off", {**limit.numbers, "off_m": _first_errors(loop)})
+    return replace(limit, in_vain=next(reversed(asked_for), ()))
+
+
+def _first_errors(loop: LoopRuns) -> float:
+    """The largest error in m of the estimate in lost runs as the loop is closed."""
+    result = loop.result("why runs are lost, their estimates", deepcopy(loop.random))
+    first = np.abs(result.series.estimated_distance_m[0] - result.series.distance_m[0])
+    return float(np.nanmax(first[~result.held], initial=0.0))
 
 
 def _asked_for(loop: LoopRuns) -> dict[tuple[str, ...], dict[str, Any]]:

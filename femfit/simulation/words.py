@@ -13,4 +13,5 @@ def sensor_word(name: str) -> str:
     return "Hall" if name == HALL else name
 
 
-sentence = Words("femfit.simulation", degrees, isfinite, quoted, sensor_word, names=constants_of(constants)).sentence
+_words = Words("femfit.simulation", degrees, isfinite, quoted, sensor_word, names=constants_of(constants))
+sentence, finding = _words.sentence, _words.finding

@@ -10,7 +10,7 @@ import pytest
 from femfit.audit.audit_model import audit_model
 from femfit.audit.carried import carried_range
 from femfit.device.electrics import Circuit
-from femfit.device.mechanics import Mechanics
+from femfit.device.mechanics import Mechanics, Stop
 from femfit.fit.build import fit_model
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -120,6 +120,19 @@ def test_what_only_the_models_currents_end_is_not_said_of_the_supply(levitation_
     (held,) = (one for one in audit_model(weak).findings if one.code == "held_range")
     assert "where the model ends" in held.sentence
     assert "V" not in held.sentence
+
+
+def test_the_weight_of_a_standing_body_is_said_without_a_sign_and_its_stroke_ends_at_its_stops(levitation_model):
+    near, far = 0.02, 0.03
+    stops = {"near_stop": Stop(near, 0.0), "far_stop": Stop(far, 0.0)}
+    motion = replace(levitation_model.motion, gravity_m_s2=-levitation_model.motion.gravity_m_s2, **stops)
+    model = replace(levitation_model, motion=motion, reference_distances_m=())
+    findings = {one.code: one for one in audit_model(model).findings}
+    assert "-" not in findings["held_range"].sentence.split("weight of ")[1].split("N")[0]
+    free = {one.code: one for one in audit_model(levitation_model).findings}["time_constant"]
+    way = levitation_model.validity.distance_max_m - levitation_model.validity.distance_min_m
+    through = findings["time_constant"].numbers["through_stroke_s"] / free.numbers["through_stroke_s"]
+    assert through == pytest.approx(np.sqrt((far - near) / way))
 
 
 def test_a_coil_of_steel_alone_carries_its_body_under_either_sign_of_the_current(levitation_model):

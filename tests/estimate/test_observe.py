@@ -12,6 +12,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.found_noise import FoundNoise, NoiseEstimate, with_noise
 from femfit.estimate.process import FilterOutcome
+from femfit.estimate.seating import Seating
 from femfit.model.sensors import reading_of
 from femfit.model.validity import ProcessNoise
 from femfit.model.with_effects import with_effects
@@ -380,3 +381,8 @@ def test_a_sensor_with_an_error_is_followed_once_the_model_has_its_effect(log, n
     assert after < 0.5 * before
     for judged in seen[1].innovations:
         assert judged.mean_square == pytest.approx(1.0, abs=0.1)  # 4000 samples: 0.02
+
+
+def test_an_arrival_that_no_single_impact_explains_is_not_said_to_be_no_readings_of_the_body():
+    arrival = Seating("near", 0.1, np.nan, np.nan, -1.0, 0.0, followed=False)
+    assert "rebound within a few samples" in str(arrival)

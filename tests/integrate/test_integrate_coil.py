@@ -117,6 +117,27 @@ def test_the_current_over_a_ratio_ends_the_drift(ratio):
     assert result.offset_V == pytest.approx(2e-5, abs=5e-6)
 
 
+@pytest.mark.parametrize(
+    ("column", "spoiled"), [(None, ()), ("hall_T", ("stuck",)), ("coil_voltage_V", ("stuck-voltage",))]
+)
+def test_the_first_line_states_no_number_that_the_record_refutes(column, spoiled):
+    time, random = np.arange(0.0, 20.0, 1e-3), np.random.default_rng(3)
+    field = 0.5 - 0.5 * np.cos(2.0 * np.pi * time / 10.0)
+    rows = pd.DataFrame(
+        {
+            "time_s": time,
+            "coil_voltage_V": 0.06 * np.gradient(field, time) + random.normal(0.0, 8e-6, len(time)),
+            "hall_T": field + random.normal(0.0, 3e-5, len(time)),
+        }
+    )
+    if column is not None:
+        rows.loc[12_500:, column] = rows[column][12_500]
+    integral = integrate_coil(rows, coil_area_m2=0.06)
+    assert set(spoiled) <= set(integral.refuted_by)
+    assert bool(spoiled) == bool(integral.refuted_by) == ("+-" not in str(integral).splitlines()[0])
+    assert integral.to_dict()["end"]["refuted_by"] == list(integral.refuted_by)
+
+
 def test_without_a_plateau_ffa2_is_as_uncertain_as_the_plain_integral():
     plain = integrate_coil(GOOD, method="trapezoid", **AREA)
     found = integrate_coil(GOOD, method="ffa2", **AREA)

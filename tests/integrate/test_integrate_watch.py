@@ -45,6 +45,13 @@ def stuck(record):
     return changed(record, hall=hall)
 
 
+def stuck_on_the_ramp(record):
+    voltage = record.voltage.copy()
+    ramp = int(np.argmax(voltage > 0.5 * voltage.max()))
+    voltage[ramp:] = voltage[ramp]
+    return changed(record, voltage=voltage)
+
+
 def stumbling(record):
     time = record.time.copy()
     time[3000] = time[2999] + 0.1 * DT
@@ -63,6 +70,8 @@ def without_readings(record):
         (stumbling, 777, {"clock"}, "60.999"),
         (stuck, 777, {"stuck", "innovations"}, "stuck"),
         (stuck, 62_000, {"stuck", "innovations"}, "stuck"),
+        (stuck_on_the_ramp, 777, {"stuck-voltage", "innovations"}, "the coil's voltage, which stuck"),
+        (stuck_on_the_ramp, 62_000, {"stuck-voltage", "innovations"}, "the coil's voltage, which stuck"),
         (lambda record: changed(record, voltage=np.minimum(record.voltage, 0.0185)), 5000, {"clipped"}, "clipped"),
         (lambda one: changed(one, hall=np.minimum(one.hall, 0.5)), 777, {"saturated", "innovations"}, "saturated"),
         (lambda record: changed(record, voltage=-record.voltage), 5000, {"sign", "innovations"}, "sign"),
@@ -75,6 +84,13 @@ def test_each_fault_is_found_and_suspected_in_blocks_of_any_size(fault, block, c
     assert codes <= set(findings)
     assert codes or not findings
     assert words is None or words in findings.get("innovations", findings[min(codes)])
+
+
+@pytest.mark.parametrize(
+    "spoil", [stuck, stuck_on_the_ramp, lambda one: changed(one, voltage=one.voltage.clip(-1, 0.01))]
+)
+def test_no_area_is_proposed_where_something_else_makes_coil_and_probe_differ(spoil, stretch):
+    assert "gain" not in found(spoil(stretch))
 
 
 @pytest.mark.parametrize("block", [777, 62_000])

@@ -15,8 +15,8 @@ from femfit.report.field_cells import FieldSample
 from femfit.report.page import ReportContent
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
+from femfit.simulation.loop_facts import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.simulation.study import ClosedLoopStudy
-from femfit.simulation.study_rows import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 import femfit.simulation.design
-import femfit.simulation.loop_runs
+import femfit.simulation.experiment
 from femfit.core.errors import DomainError
 from femfit.simulation.adjust import choose
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
-from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_runs import LoopRuns
+from femfit.simulation.experiment import Experiment, LoopRuns
 from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.study import closed_loop_study
 
@@ -89,7 +88,7 @@ def test_a_loop_whose_linear_form_grows_is_not_simulated_as_a_remedy(growing, mo
     def never(*_, **__):
         raise AssertionError
 
-    monkeypatch.setattr(femfit.simulation.loop_runs, "run_experiments", never)
+    monkeypatch.setattr(femfit.simulation.experiment, "run_experiments", never)
     experiment = Experiment("backstepping", "ukf", growing.targets_m)
     # Long enough for a deviation of a rounding to grow to the whole range
     steps = int(40.0 / growing.bench("ukf").growth(growing.controller("backstepping")) / growing.model.sample_time_s)

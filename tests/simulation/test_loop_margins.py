@@ -10,9 +10,9 @@ from scipy.signal import ss2tf
 import femfit as ff
 from femfit.device.electrics import CurrentSensor
 from femfit.model.json_file import write_model
-from femfit.simulation.blind import blind_bound, zeros_of
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.linear_loop import LinearController, LinearPlant
+from femfit.simulation.loop_facts import blind_bound, zeros_of
 from femfit.simulation.margins import margins, worst_of
 from support.command import worked
 from support.readings import LASER_10_V

@@ -8,13 +8,12 @@ import pytest
 import femfit as ff
 from femfit.estimate.noise import ConsistencyBand, default_noise
 from femfit.model.validity import ProcessNoise
+from femfit.simulation import why_lost
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
-from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_facts import consistency, judged_loop
-from femfit.simulation.loop_runs import LoopRuns
-from femfit.simulation.study_rows import HoldRow
-from femfit.simulation.why_lost import bearable, hardware_limit, short_of_room
+from femfit.simulation.experiment import Experiment, LoopRuns
+from femfit.simulation.loop_facts import HoldRow, consistency, judged_loop
+from femfit.simulation.why_lost import Cause, bearable, hardware_limit, short_of_room
 from femfit.simulation.words import sentence
 from support.expected import unmentioned
 
@@ -142,6 +141,16 @@ def test_a_lost_loop_names_its_cause_with_its_numbers_and_never_what_is_done_alr
 
 def test_the_loop_itself_is_held(optical):
     assert run(optical).held == 2
+
+
+def test_an_authority_that_suffices_with_the_exact_state_is_not_the_cause(optical, monkeypatch):
+    """1.055 times the voltage that holds the body, and 0.1 V of noise: the exact state holds it."""
+    monkeypatch.setattr(why_lost, "hardware_limit", lambda loop: Cause("authority", bearable(loop) | {"room": None}))
+    loop = run(of_laser(0.1, 1.055 * 0.852)(optical, None))
+    first = np.abs(loop.result.series.estimated_distance_m[0] - loop.result.series.distance_m[0])
+    assert loop.cause.code == "estimate-off"
+    assert loop.cause.numbers["off_m"] >= first.max()
+    assert "with the exact state the same runs hold" in loop.advice
 
 
 @pytest.mark.nightly

@@ -8,9 +8,8 @@ import pytest
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.simulation.events import Event
-from femfit.simulation.open_loop import simulate
+from femfit.simulation.open_loop import motion_at_supply, simulate
 from femfit.simulation.profile import Profile
-from femfit.simulation.supply import motion_at_supply
 from femfit.simulation.switching import command_before, step_response, switchings
 from support.solenoids import NoField, solenoid
 

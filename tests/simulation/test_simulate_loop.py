@@ -11,6 +11,7 @@ from femfit.core.errors import DomainError, MissingPartError
 from femfit.model.json_file import write_model
 from femfit.model.validity import ValidityBox
 from femfit.simulation.close_loop import close_loop, run_loops
+from femfit.simulation.constants import UNCERTAIN
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopOutcome
@@ -142,6 +143,36 @@ def test_a_rare_loss_is_tried_on_the_runs_that_were_lost(levitation_model):
     loop = run_loops(design, experiment, np.random.default_rng(2), runs=20, duration_s=0.3)
     assert 0 < loop.held < 20
     assert loop.data()["cause"]["numbers"] == {"asked_for": ["dropouts"]}
+
+
+def test_no_run_is_lost_by_dropouts_before_its_loop_is_closed(levitation_model):
+    design = design_loop(replace(levitation_model, reference_distances_m=(0.030,)))
+    experiment = Experiment("pid", "ukf4", (0.030,), dropout_probability=1.0)
+    result = run_experiments(design, [experiment], np.random.default_rng(1), runs=4, steps=100, supported_steps=SUPPORT)
+    assert not result[0].held.any()
+    assert result[0].outcome_time_s.min() > 0.0
+
+
+def test_a_held_run_whose_filter_errs_far_more_than_it_expects_is_remarked_on(levitation_model):
+    options = {"targets_m": (0.022,), "runs": 4, "seconds": 0.3, "controller": "backstepping", "estimator": "ukf"}
+    good = close_loop(levitation_model, **options)
+    assert (good.held, good.findings) == (4, ())
+    drifting = close_loop(levitation_model, **options, drift_per_s=0.04)
+    assert drifting.held == 4
+    assert [finding["code"] for finding in drifting.data()["findings"]] == ["innovations"]
+    assert drifting.findings[0].size == drifting.normalised_innovation_squared > UNCERTAIN
+
+
+def test_a_body_held_in_a_limit_cycle_is_not_said_to_be_stable(optical):
+    options = {"runs": 2, "seconds": 0.3, "controller": "backstepping", "estimator": "ukf"}
+    stable, swinging = (close_loop(optical, **options, gains={"current": ohm}) for ohm in (8.7, 173.0))
+    assert (stable.held, stable.findings) == (2, ())
+    assert swinging.held == 2
+    assert [finding.code for finding in swinging.findings] == ["limit-cycle"]
+    assert swinging.findings[0].size == pytest.approx(
+        -swinging.data()["design"]["margins"][0]["slowest_pole_rad_s"], rel=1e-6
+    )
+    assert "unstable about its rest" in str(swinging).splitlines()[0]
 
 
 def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
