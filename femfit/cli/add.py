@@ -66,7 +66,7 @@ def add(
         after.
     """
     from femfit.cli.output import status
-    from femfit.identify.refit.add_effects import add_effects
+    from femfit.identify.add_effects import add_effects
     from femfit.model.json_file import read_model, write_model
     from femfit.report.bench_report import render_added
     from femfit.report.motion_figures import write_before_after

@@ -30,7 +30,7 @@ def compare(
     """
     from femfit.cli.output import status
     from femfit.fit.build import fit_model
-    from femfit.identify.comparison.compare import compare as compared
+    from femfit.identify.compare import compare as compared
     from femfit.model.json_file import read_model
     from femfit.report.bench_report import save_comparison_pictures
     from femfit.tables.sweep_table import read_sweep_table
@@ -50,7 +50,7 @@ def _field_scan(drawing: Path, data: Path, table_options: MeasurementOptions) ->
     """Compare a probe scan with the field of a drawing."""
     from femfit.cli.output import status
     from femfit.device.load import read_actuator
-    from femfit.identify.comparison.field_scan import compare_field_scan
+    from femfit.identify.field_scan import compare_field_scan
     from femfit.tables.field_scan import read_field_scan
 
     keywords = table_options.keywords

@@ -40,7 +40,7 @@ def diagnose(
     """
     from femfit.cli.output import status
     from femfit.identify.decision.diagnose import diagnose as diagnosed
-    from femfit.identify.experiments.suggest import suggest
+    from femfit.identify.suggest import suggest
     from femfit.model.json_file import read_model
     from femfit.report.bench_report import render_diagnosis
     from femfit.report.page import write_page

@@ -27,9 +27,9 @@ def suggest(
         for what it could never separate.
     """
     from femfit.cli.output import status
-    from femfit.identify.experiments.plan import PlanReport, examine_plan
-    from femfit.identify.experiments.suggest import Advice
-    from femfit.identify.experiments.suggest import suggest as advise
+    from femfit.identify.plan import PlanReport, examine_plan
+    from femfit.identify.suggest import Advice
+    from femfit.identify.suggest import suggest as advise
     from femfit.model.json_file import read_model
     from femfit.tables.measurement_file import read_bench_table
 

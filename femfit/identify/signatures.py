@@ -12,7 +12,7 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.friction import REST
 from femfit.identify.constants import ROUNDED
-from femfit.identify.readings.observations import Observations
+from femfit.identify.observations import Observations
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import CHANNELS
 

@@ -3,10 +3,16 @@
 In a template a paragraph is one printed line, however it is broken; ``>`` before it stands for two blanks each.
 """
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, ClassVar
 
+import numpy as np
+
+from femfit.core.results import Printed
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
 from femfit.core.words import Words, lines_of
+from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of
 from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
@@ -47,6 +53,31 @@ def sentence(template: str, macro: str, *facts: Any) -> str:
 
 
 finding = _WORDS.finding
+
+
+class Result(Printed):
+    """A result as words and as data: ``data`` names what programs read of a dataclass, all of it where it is empty."""
+
+    data: ClassVar[tuple[str, ...]] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return {name: plain(getattr(self, name)) for name in self.data or vars(self)}
+
+
+def plain(value: Any) -> Any:
+    """What JSON can hold of a value: records by their fields, an effect by its name and parameters."""
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if isinstance(value, AddedEffect):
+        return plain({"name": value.effect.name, "parameters": value.parameters, "ci95": value.ci95})
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def printed(template: str, **facts: Any) -> str:

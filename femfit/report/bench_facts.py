@@ -9,13 +9,12 @@ import numpy as np
 from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
 from femfit.effects.words import smallest_visible
-from femfit.identify.comparison.misfit import ErrorFall
+from femfit.identify.add_result import AddResult
 from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.experiments.suggest import Suggestion
-from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.settings import setting_cells
-from femfit.identify.refit.add_result import AddResult
+from femfit.identify.observations import Observations
+from femfit.identify.settings import setting_cells
+from femfit.identify.suggest import Suggestion
 from femfit.report.explained_figures import ranking_figure, waterfall_figure
 from femfit.report.misfit_figures import residual_maps_figure
 from femfit.report.style import NOTHING, Drawing
@@ -90,11 +89,6 @@ def _unlike(a: str, b: str) -> tuple[str, str]:
     first, second = a.split(" + "), b.split(" + ")
     differences = [name for name in first if name not in second], [name for name in second if name not in first]
     return " + ".join(differences[0]) or a, " + ".join(differences[1]) or b
-
-
-def rms_before_and_after(fall: ErrorFall) -> list[dict[str, float]]:
-    """The error of each channel before and after."""
-    return [{c.channel: c.rms_before for c in fall.channels}, {c.channel: c.rms_after for c in fall.channels}]
 
 
 def error_fall(

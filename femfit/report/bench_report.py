@@ -10,14 +10,14 @@ from typing import Any
 from femfit import __version__
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import titled, titles_of
-from femfit.identify.comparison.compare import Comparison
-from femfit.identify.comparison.misfit import ErrorFall, measured_curves
-from femfit.identify.decision.allowances import finer_model
+from femfit.identify.add_result import AddResult
+from femfit.identify.allowances import finer_model
+from femfit.identify.compare import Comparison
 from femfit.identify.decision.diagnosis import Diagnosis, certainty_sentence, verdict_sentence
-from femfit.identify.experiments.suggest import Suggestion
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.add_result import AddResult
+from femfit.identify.misfit import ErrorFall, measured_curves
+from femfit.identify.observations import Observations
 from femfit.identify.remainder.result import RemainderResult
+from femfit.identify.suggest import Suggestion
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.report.bench_facts import (
@@ -25,7 +25,6 @@ from femfit.report.bench_facts import (
     explained,
     measured_facts,
     next_facts,
-    rms_before_and_after,
 )
 from femfit.report.explained_figures import remainder_figure
 from femfit.report.misfit_figures import (
@@ -110,7 +109,8 @@ def render_diagnosis(
         sections.append("fall")
         after = observations.value - observations.predict(effects)
         steps = [" + ".join(effect.name for effect in diagnosis.missing)]
-        more, drawn = error_fall(observations, after, floor, steps, rms_before_and_after(diagnosis.error_fall), None)
+        errors = [diagnosis.error_fall.rms_before, diagnosis.error_fall.rms_after]
+        more, drawn = error_fall(observations, after, floor, steps, errors, None)
         facts |= more | {"quoted_source": shlex.quote(source)}
         figures |= drawn
     return titled(_render(facts, sections, figures), titles_of(observations.nominal.drawn))

@@ -9,7 +9,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import axis_scale
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnosis import ScoredEffect
-from femfit.identify.readings.observations import Observations
+from femfit.identify.observations import Observations
 from femfit.model.carried import Carried, Curve
 from femfit.report.style import (
     BLUE,

@@ -9,8 +9,8 @@ from scipy.stats import binned_statistic_2d
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import axis_scale
-from femfit.identify.comparison.misfit import MeasuredCurves
-from femfit.identify.readings.observations import Observations
+from femfit.identify.misfit import MeasuredCurves
+from femfit.identify.observations import Observations
 from femfit.report.style import (
     BLUE,
     CATEGORIES,

@@ -24,13 +24,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from femfit.cli.output import progress
 from femfit.core.numerics import FloatArray
 from femfit.effects.effect import AddedEffect, Calibration
+from femfit.identify.add_effects import add_effects
 from femfit.identify.decision.constants import IN_CLASS
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.experiments.plan import Experiment
-from femfit.identify.experiments.separation import assumed_noise, direct_reading, standard_errors
-from femfit.identify.experiments.suggest import suggest
-from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.plan import Experiment
+from femfit.identify.separation import assumed_noise, direct_reading, standard_errors
+from femfit.identify.suggest import suggest
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.model.with_effects import nominal_of

@@ -40,16 +40,16 @@ from femfit.core.errors import FemfitError
 from femfit.core.files import write_json
 from femfit.core.numerics import BoolArray, FloatArray, even_scale
 from femfit.effects.conditions import Conditions
-from femfit.identify.comparison.patterns import scaled_to_one
+from femfit.identify.add_effects import add_effects
+from femfit.identify.bench import placed
+from femfit.identify.checked_refit import beside_random
 from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.readings.bench import placed
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.add_effects import add_effects
-from femfit.identify.refit.checked_refit import beside_random
+from femfit.identify.observations import Observations
+from femfit.identify.patterns import scaled_to_one
 from femfit.identify.signatures import effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model

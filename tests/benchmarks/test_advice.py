@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from benchmarks.advice import Followed, _Bench, _measured_on, advice_lines
 
-from femfit.identify.experiments.plan import possible_experiments
-from femfit.identify.readings.bench import placed
+from femfit.identify.bench import placed
+from femfit.identify.plan import possible_experiments
 from femfit.tables.measurement_file import read_bench_table
 from femfit.trial.device import Conditions, true_readings
 from femfit.trial.hidden import HIDDEN_ERRORS

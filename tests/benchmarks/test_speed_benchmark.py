@@ -30,11 +30,11 @@ from femfit.field.currents import swept_currents
 from femfit.field.sweep import plan_sweep
 from femfit.field.sweep_task import MeshCache
 from femfit.field.tolerance import settings_for
+from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.diagnose import diagnose, diagnose_observations
 from femfit.identify.decision.naming import decide
 from femfit.identify.noise.components import simulated_noise
-from femfit.identify.readings.bench import placed
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name

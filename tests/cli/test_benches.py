@@ -11,9 +11,9 @@ import pytest
 from femfit.core.errors import UsageError
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.readings.bench import placed
 from femfit.model.json_file import read_model, write_model
 from femfit.model.with_effects import with_effects
 from femfit.tables.sweep_table import write_sweep_table

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from femfit.effects.catalogue import effect_by_name
+from femfit.identify.bench import placed
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.readings.bench import placed
 from femfit.identify.signatures import why_untestable
 from support.solenoids import solenoid
 from support.switching import logged, switched

@@ -12,9 +12,9 @@ import pytest
 from femfit.effects.effect import AddedEffect
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
+from femfit.identify.add_effects import add_effects
+from femfit.identify.bench import bench_observations
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.readings.bench import bench_observations
-from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.signatures import effect_columns
 from femfit.model.json_file import read_model, write_model
 from femfit.model.with_effects import with_effects

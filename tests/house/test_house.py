@@ -41,7 +41,7 @@ NO_DECISION = {
     "fit/coenergy_system.py": "what rounding leaves of a column, beside the solver",
     "fit/printed.py": "how many labels a sentence lists",
     "fit/result.py": "how finely a sentence's ranges are looked for",
-    "identify/comparison/misfit.py": "what a picture shows",
+    "identify/misfit.py": "what a picture shows",
     "identify/series/balances.py": "how many motions are kept for use again",
 }
 

@@ -11,15 +11,15 @@ from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.stages import changed_coenergy
+from femfit.identify import add_effects as add
+from femfit.identify import checked_refit as checked
+from femfit.identify.add_effects import add_effects
+from femfit.identify.bench import bench_observations, placed
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.filter_fall import _unread, filter_fall, less_likely, lost_runs
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import bench_observations, placed
-from femfit.identify.refit import add_effects as add
-from femfit.identify.refit import checked_refit as checked
-from femfit.identify.refit.add_effects import add_effects
-from femfit.identify.refit.filter_fall import _unread, filter_fall, less_likely, lost_runs
-from femfit.identify.refit.refit import refit, starting_point
+from femfit.identify.refit import refit, starting_point
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import coenergy_of, nominal_of, with_effects
 from femfit.report.motion_figures import write_before_after

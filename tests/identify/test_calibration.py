@@ -18,17 +18,17 @@ from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.field.sweep import run_sweep
+from femfit.identify.add_effects import whitening_beside
+from femfit.identify.bench import placed
 from femfit.identify.calibration import calibrate as calibration
 from femfit.identify.calibration.calibrate import _diagnosed, _moved, calibrate
 from femfit.identify.calibration.fit import Redrawn, estimate
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, remarks, verdict
-from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.effect_space import EffectSpace
+from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.noise.components import simulated_noise
-from femfit.identify.readings.bench import placed
-from femfit.identify.refit.add_effects import whitening_beside
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement_file import read_bench_table
 from support.actuators import GEOMETRY

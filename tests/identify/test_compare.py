@@ -11,15 +11,15 @@ from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.comparison.compare import compare
-from femfit.identify.comparison.lack_of_fit import LackOfFit, PatternSpace, where_it_fails
-from femfit.identify.comparison.misfit import measured_curves
-from femfit.identify.comparison.region import describe_region
+from femfit.identify.bench import bench_observations
+from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.lack_of_fit import LackOfFit, PatternSpace
+from femfit.identify.misfit import measured_curves
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import bench_observations
+from femfit.identify.where import describe_region, where_it_fails
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
 from femfit.model.validity import Misfit, ValidityBox

@@ -10,19 +10,19 @@ from femfit.core.errors import DomainError, FemfitError, ModelFileError, TableEr
 from femfit.core.text import amount
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.identify.comparison.compare import compare
-from femfit.identify.comparison.misfit import ChannelFall, ErrorFall
+from femfit.identify.add_effects import add_effects
+from femfit.identify.bench import bench_observations, placed
+from femfit.identify.compare import compare
 from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import considered_effects, detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import CleanCampaigns, certainty_sentence, verdict_sentence
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
-from femfit.identify.experiments.suggest import suggest
+from femfit.identify.misfit import ChannelFall, ErrorFall
 from femfit.identify.noise.components import estimate_noise, simulated_noise
-from femfit.identify.readings.bench import bench_observations, placed
-from femfit.identify.refit.add_effects import add_effects
-from femfit.identify.refit.refit import refit
+from femfit.identify.refit import refit
+from femfit.identify.suggest import suggest
 from femfit.model.json_file import write_model
 from femfit.model.validity import Misfit
 from support.campaign import LARGE, NOISE, campaign, hidden, ripple, rising, without

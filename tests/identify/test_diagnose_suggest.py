@@ -9,12 +9,12 @@ import pytest
 from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
+from femfit.identify.bench import bench_observations, conditions_of
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import certainty_sentence
-from femfit.identify.experiments.plan import examine_plan
-from femfit.identify.experiments.suggest import Advice, Suggestion, joined, suggest, suggest_measurements
-from femfit.identify.readings.bench import bench_observations, conditions_of
+from femfit.identify.plan import examine_plan
 from femfit.identify.signatures import why_untestable
+from femfit.identify.suggest import Advice, Suggestion, joined, suggest, suggest_measurements
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of
@@ -96,8 +96,8 @@ def test_advice_prints_the_best_measurements_and_counts_the_others():
 def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levitation_model, monkeypatch):
     table, diagnosis = confounded
     fits = diagnosis.explanations[:2]
-    monkeypatch.setattr("femfit.identify.experiments.suggest._left_together", lambda _: (*fits, *fits, fits[0]))
-    monkeypatch.setattr("femfit.identify.experiments.suggest.COMPARED", 2)
+    monkeypatch.setattr("femfit.identify.suggest._left_together", lambda _: (*fits, *fits, fits[0]))
+    monkeypatch.setattr("femfit.identify.suggest.COMPARED", 2)
     advice = suggest(levitation_model, table, diagnosis)
     assert len(advice.explanations) == 2
     assert advice.further == advice.to_dict()["further"] == 3

@@ -10,7 +10,7 @@ import pytest
 from femfit.core.errors import DomainError, TableError
 from femfit.device.load import read_actuator
 from femfit.field.problem import axial_field
-from femfit.identify.comparison.field_scan import compare_field_scan
+from femfit.identify.field_scan import compare_field_scan
 from femfit.tables.field_scan import FieldScan, read_field_scan
 from support.actuators import swept_at
 from support.command import femfit
@@ -88,7 +88,7 @@ def test_a_fit_that_leads_out_of_the_solved_field_explains_nothing(actuator, mon
             raise DomainError("outside")
         return on_axis(height)
 
-    monkeypatch.setattr("femfit.identify.comparison.field_scan.axial_field", lambda *_: solved)
+    monkeypatch.setattr("femfit.identify.field_scan.axial_field", lambda *_: solved)
     z, zero = np.linspace(5e-3, 20e-3, 16), np.zeros(16)
     field = on_axis(z + 1.5e-3) + 1e-5 * np.random.default_rng(0).standard_normal(16)
     found = compare_field_scan(actuator, FieldScan(zero + 20e-3, zero, zero, z, field))

@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.identify.comparison.compare import compare
+from femfit.identify.add_effects import add_effects
+from femfit.identify.bench import bench_observations, placed
+from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.experiments.plan import examine_plan
-from femfit.identify.experiments.suggest import suggest
-from femfit.identify.readings.bench import bench_observations, placed
-from femfit.identify.readings.impedance import away_from_bias
-from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.impedance import away_from_bias
+from femfit.identify.plan import examine_plan
+from femfit.identify.suggest import suggest
 from femfit.model.eddy_currents import EddyBias
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import campaign, hidden

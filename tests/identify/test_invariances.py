@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.identify.comparison.compare import compare
+from femfit.identify.add_effects import add_effects
+from femfit.identify.bench import placed
+from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.readings.bench import placed
-from femfit.identify.refit.add_effects import add_effects
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, campaign, hidden

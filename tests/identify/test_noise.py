@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
-from femfit.identify.comparison.compare import compare
+from femfit.identify.bench import bench_observations
+from femfit.identify.compare import compare
 from femfit.identify.constants import GUESS_WIDER
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.scatter import guessed_noise
 from femfit.identify.noise.whitening import Whitening, stops
-from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.settings import quantisation_step, repeat_cells
+from femfit.identify.settings import quantisation_step, repeat_cells
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.validity import ValidityBox

@@ -16,13 +16,13 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.record import converter_step, white_noise
-from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.add_effects import add_effects
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.refit.add_effects import add_effects
-from femfit.identify.series.balances import states_along
-from femfit.identify.series.noise import EddiesAlong, SensorNoise, induced_along, propagated, pull_of
+from femfit.identify.series.balances import EddiesAlong, induced_along, pull_of, states_along
+from femfit.identify.series.measured import SensorNoise, propagated
 from femfit.identify.series.observations import series_observations
 from femfit.identify.series.samples import between_samples, held_from, take_samples
 from femfit.identify.series.views import local_polynomials

@@ -10,12 +10,18 @@ import femfit as ff
 from femfit.core.errors import TableError
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.identify.add_effects import add_effects, whitening_beside
+from femfit.identify.bench import placed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import placed
-from femfit.identify.refit.add_effects import add_effects, whitening_beside
-from femfit.identify.remainder.evidence import Gram, complexity, evidence, posterior, sets_that_pay
-from femfit.identify.remainder.learn import Beside, columns_at, learn
+from femfit.identify.remainder.learn import (
+    Beside,
+    Penalised,
+    columns_at,
+    learn,
+    posterior,
+    sets_that_pay,
+)
 from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, NAME, parts_of
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.carried import Brake, Carried, Curve, FieldTerm, bounded_basis, carried_effect
@@ -209,32 +215,32 @@ def test_the_evidence_is_that_of_the_normal_distribution():
     y = columns[0] @ np.array([2.0, -1.0, 0.5]) + rng.normal(size=40)
     roots = {0: np.diag([1.0, 0.5, 2.0]), 1: np.eye(2)}
     covariance = np.eye(40) + sum(columns[k] @ root @ root.T @ columns[k].T for k, root in roots.items())
-    gram = Gram.of(columns, y)
+    readings = Penalised(y, columns)
     expected = 0.5 * (y @ y - y @ np.linalg.solve(covariance, y) - np.linalg.slogdet(covariance)[1])
-    assert evidence(gram, roots) == pytest.approx(expected)
-    assert complexity(gram, roots) == pytest.approx(np.linalg.slogdet(covariance)[1])
+    assert readings.evidence(roots) == pytest.approx(expected)
+    assert readings.having(roots).log_det == pytest.approx(np.linalg.slogdet(covariance)[1])
     prior = np.zeros((5, 5))
     prior[:3, :3], prior[3:, 3:] = roots[0] @ roots[0].T, np.eye(2)
     x = np.concatenate(columns, axis=1)
-    found = posterior(gram, roots, {})
-    np.testing.assert_allclose(np.concatenate([*found.mean.values()]), prior @ x.T @ np.linalg.solve(covariance, y))
-    np.testing.assert_allclose(found.covariance, np.linalg.inv(np.linalg.inv(prior) + x.T @ x))
+    mean, spread = posterior(readings, roots, {})
+    np.testing.assert_allclose(np.concatenate([*mean.values()]), prior @ x.T @ np.linalg.solve(covariance, y))
+    np.testing.assert_allclose(spread, np.linalg.inv(np.linalg.inv(prior) + x.T @ x))
 
 
 def test_a_part_that_must_not_be_negative_is_fitted_so():
     rng = np.random.default_rng(4)
     columns = [np.abs(rng.normal(size=(60, 3)))]
-    gram = Gram.of(columns, columns[0] @ np.array([1.0, -0.5, 2.0]) + 0.1 * rng.normal(size=60))
-    found = posterior(gram, {0: 10.0 * np.eye(3)}, {0: np.ones(3, bool)})
-    assert 0.0 <= found.mean[0].min() < 1e-12
-    assert found.mean[0][2] > 1.0
+    readings = Penalised(columns[0] @ np.array([1.0, -0.5, 2.0]) + 0.1 * rng.normal(size=60), columns)
+    mean, _ = posterior(readings, {0: 10.0 * np.eye(3)}, {0: np.ones(3, bool)})
+    assert 0.0 <= mean[0].min() < 1e-12
+    assert mean[0][2] > 1.0
 
 
 def test_noise_alone_pays_for_nothing():
     rng = np.random.default_rng(5)
     columns = [rng.normal(size=(300, 6)), rng.normal(size=(300, 2))]
     roots = [[np.eye(6), np.diag(np.arange(1.0, 7.0))], [np.eye(2)]]
-    assert sum(bool(sets_that_pay(Gram.of(columns, rng.normal(size=300)), roots)) for _ in range(200)) <= 4
+    assert sum(bool(sets_that_pay(Penalised(rng.normal(size=300), columns), roots)) for _ in range(200)) <= 4
 
 
 @pytest.mark.parametrize(("noise_N", "told"), [pytest.param(1e-3, True, marks=pytest.mark.nightly), (3e-3, False)])

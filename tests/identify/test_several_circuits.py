@@ -13,12 +13,12 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
 from femfit.fit.sensed_field import SensedRows, fit_sensed
-from femfit.identify.comparison.compare import compare
+from femfit.identify.add_effects import add_effects
+from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.experiments.suggest import suggest
-from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.series.observations import series_observations
 from femfit.identify.signatures import why_untestable
+from femfit.identify.suggest import suggest
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.json_file import read_model, write_model
 from femfit.model.readings import predict_readings

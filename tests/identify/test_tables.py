@@ -9,11 +9,11 @@ import pytest
 from femfit.core.errors import TableError
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
-from femfit.identify.comparison.compare import compare
+from femfit.identify.bench import bench_observations, conditions_of
+from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.experiments.plan import possible_experiments
-from femfit.identify.readings.bench import bench_observations, conditions_of
-from femfit.identify.readings.plausible import plausible_table, suspect_units
+from femfit.identify.plan import possible_experiments
+from femfit.identify.plausible import plausible_table, suspect_units
 from femfit.identify.signatures import why_untestable
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind

@@ -17,13 +17,13 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
+from femfit.identify.add_result import EffectSize
+from femfit.identify.bench import bench_observations, placed
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import CleanCampaigns
-from femfit.identify.experiments.plan import possible_experiments
-from femfit.identify.experiments.suggest import suggest
-from femfit.identify.readings.bench import bench_observations, placed
-from femfit.identify.refit.add_result import EffectSize
+from femfit.identify.plan import possible_experiments
 from femfit.identify.signatures import why_untestable
+from femfit.identify.suggest import suggest
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect

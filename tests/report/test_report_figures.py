@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.identify.comparison.misfit import MeasuredCurves
-from femfit.identify.readings.bench import placed
+from femfit.identify.bench import placed
+from femfit.identify.misfit import MeasuredCurves
 from femfit.model.bspline import TensorSpline
 from femfit.model.carried import (
     Brake,

@@ -14,9 +14,9 @@ from femfit.device.electrics import AccelerationSensor, CurrentSensor, PositionS
 from femfit.device.load import read_actuator, starter_text
 from femfit.device.mechanics import Stop
 from femfit.fit.build import fit_model
+from femfit.identify.add_effects import add_effects
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.experiments.suggest import Suggestion, suggest
-from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.suggest import Suggestion, suggest
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.bench_report import render_diagnosis
 from femfit.report.page import ReportContent, write_page

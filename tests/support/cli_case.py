@@ -9,7 +9,7 @@ from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.field.sweep import run_sweep
-from femfit.identify.readings.bench import conditions_of
+from femfit.identify.bench import conditions_of
 from femfit.model.json_file import write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of

@@ -23,19 +23,19 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.words import titled, titles_of
+from femfit.identify.allowances import beyond_noise
+from femfit.identify.bench import measurement_of
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, CalibrationResult, open_combinations, remarks, verdict
-from femfit.identify.comparison.lack_of_fit import pattern_space
-from femfit.identify.comparison.misfit import ErrorFall, error_fall
+from femfit.identify.checked_refit import unseen_error
 from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
 from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
-from femfit.identify.decision.allowances import beyond_noise
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis, verdict_sentence
-from femfit.identify.readings.bench import measurement_of
-from femfit.identify.refit.checked_refit import channel_rms, unseen_error
+from femfit.identify.lack_of_fit import pattern_space
+from femfit.identify.misfit import ErrorFall, error_fall
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
 
@@ -210,7 +210,7 @@ def _moved(source: Drawing, now: Estimate, share: float) -> tuple[Drawing, Float
 def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     whitening, fit = now.redrawn.whitening, now.fit
     observations, noise = whitening.observations, whitening.noise
-    before = channel_rms(first.whitening.observations, first.whitening.observations.residual)
+    before = first.whitening.observations.rms(first.whitening.observations.residual)
     after = observations.predict(now.beside)
     channels = error_fall(observations, observations.base, after, noise.known).channels
     fitted = ErrorFall(tuple(replace(fall, rms_before=before[fall.channel]) for fall in channels))

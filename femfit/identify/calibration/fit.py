@@ -23,15 +23,15 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
+from femfit.identify.add_effects import in_their_runs, whitening_beside
+from femfit.identify.bench import placed
 from femfit.identify.calibration.numbers import Choice, Drawing
-from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.constants import HELD
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide
+from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import placed
-from femfit.identify.refit.add_effects import in_their_runs, whitening_beside
-from femfit.identify.refit.refit import Refit, Start, refit, starting_point
+from femfit.identify.refit import Refit, Start, refit, starting_point
 from femfit.identify.signatures import columns_at, effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drawn_effect import POSSIBLE

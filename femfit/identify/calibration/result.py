@@ -12,19 +12,19 @@ from typing import Any, Self
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding
 from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
+from femfit.identify.allowances import allowed
 from femfit.identify.calibration.fit import Estimate
-from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.comparison.misfit import ErrorFall
 from femfit.identify.constants import ALIKE, IN_COMBINATION, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
-from femfit.identify.decision.allowances import allowed
+from femfit.identify.lack_of_fit import LackOfFit
+from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.whitening import NoiseModel
-from femfit.identify.readings.observations import Observations
-from femfit.identify.words import printed, sentence
+from femfit.identify.observations import Observations
+from femfit.identify.words import Result, plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
 from femfit.tables.sweep_table import SweepTable
@@ -87,7 +87,7 @@ class Combination:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CalibrationResult(Printed):
+class CalibrationResult(Result):
     """A drawing calibrated on measurements; printed, it is what ``femfit calibrate`` prints.
 
     Examples
@@ -98,6 +98,11 @@ class CalibrationResult(Printed):
     >>> [one.key for one in found.numbers]
     ['sensors.hall.z_mm']
     """
+
+    data = (
+        *("verdict", "beyond_noise", "sweeps", "settled", "remarks", "numbers", "covariance", "undetermined"),
+        *("lack_of_fit", "findings"),
+    )
 
     drawing: str  # Its text: that of the old one with other numbers
     table: SweepTable  # Its sweep
@@ -122,24 +127,10 @@ class CalibrationResult(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without drawing, table and models."""
-        names = ("verdict", "beyond_noise", "sweeps", "settled", "remarks")
-        return {name: getattr(self, name) for name in names} | {
-            "numbers": [vars(number) for number in self.numbers],
-            "covariance": self.covariance.tolist(),
-            "undetermined": [vars(combination) for combination in self.undetermined],
-            "beside": [
-                {
-                    "name": added.effect.name,
-                    "parameters": dict(added.parameters),
-                    "ci95": dict(added.ci95),
-                    "runs": added.runs,
-                }
-                for added in self.beside
-            ],
-            "error_on_runs_left_out": self.unseen and self.unseen.to_dict(),
-            "error_on_readings_fitted": self.fitted.to_dict(),
-            "lack_of_fit": vars(self.lack_of_fit),
-            "findings": [finding.as_dict() for finding in self.findings],
+        return super().to_dict() | {
+            "beside": [plain(added) | {"runs": added.runs} for added in self.beside],
+            "error_on_runs_left_out": plain(self.unseen),
+            "error_on_readings_fitted": plain(self.fitted),
         }
 
     def __str__(self) -> str:

@@ -19,14 +19,14 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.effect import Effect
-from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
+from femfit.identify.checked_refit import left_out_groups
 from femfit.identify.constants import CORRELATIONS, POWER
+from femfit.identify.lack_of_fit import PatternSpace, pattern_space
 from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.contrasts import rho_of
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.checked_refit import left_out_groups
-from femfit.identify.refit.refit import Refit, Start, bounded_amplitudes
+from femfit.identify.observations import Observations
+from femfit.identify.refit import Refit, Start, bounded_amplitudes
 from femfit.identify.signatures import CHANGES_NOTHING, EffectColumns, effect_columns, why_untestable
 from femfit.identify.words import finding
 

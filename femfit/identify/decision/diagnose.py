@@ -12,8 +12,7 @@ from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
-from femfit.identify.comparison.lack_of_fit import Where, where_it_fails
-from femfit.identify.comparison.misfit import error_fall
+from femfit.identify.bench import placed
 from femfit.identify.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.campaign import (
     Campaign,
@@ -29,10 +28,11 @@ from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedE
 from femfit.identify.decision.evidence import score_effects
 from femfit.identify.decision.naming import Decision, decide, dominant, look_alikes
 from femfit.identify.decision.search import Explanation
+from femfit.identify.misfit import error_fall
 from femfit.identify.noise.components import simulated_noise
-from femfit.identify.readings.bench import placed
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.refit import Refit, is_plausible
+from femfit.identify.observations import Observations
+from femfit.identify.refit import Refit, is_plausible
+from femfit.identify.where import Where, where_it_fails
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of

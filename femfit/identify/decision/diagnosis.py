@@ -12,23 +12,24 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from scipy import stats
 
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.lags import EDDY_CURRENT_LAG, slow_lag
 from femfit.effects.words import smallest_visible, titled, titles_of
-from femfit.identify.comparison.lack_of_fit import LackOfFit, Where
-from femfit.identify.comparison.misfit import ErrorFall
-from femfit.identify.decision.allowances import Allowed, allowed, finer_sweep
+from femfit.identify.allowances import Allowed, allowed, finer_sweep
 from femfit.identify.decision.constants import FALSE_NAMES
-from femfit.identify.readings.observations import Observations
+from femfit.identify.lack_of_fit import LackOfFit
+from femfit.identify.misfit import ErrorFall
+from femfit.identify.observations import Observations
 from femfit.identify.signatures import CHANGES_NOTHING
-from femfit.identify.words import printed, sentence
+from femfit.identify.where import Where
+from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 
 if TYPE_CHECKING:
     from femfit.identify.decision.campaign import Campaign
     from femfit.identify.decision.naming import Decision
-    from femfit.identify.refit.refit import Refit
+    from femfit.identify.refit import Refit
 
 Verdict = Literal["nothing_missing", "named", "form_insufficient", "unexplained", "compare_only"]
 
@@ -101,7 +102,7 @@ class CleanCampaigns:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Printed):
+class Diagnosis(Result):
     """The result of a diagnosis; printed, it is what ``femfit diagnose`` prints.
 
     Parameters
@@ -152,6 +153,12 @@ class Diagnosis(Printed):
     'named'
     """
 
+    data = (
+        *("verdict", "probability", "noise_floor", "detectable", "false_naming_rate", "p_value", "look_alikes"),
+        *("confident", "dimensions_suspected", "excluded", "missing", "dominant", "ranking", "where", "error_fall"),
+        *("lack_of_fit_before", "lack_of_fit_after", "findings"),
+    )
+
     verdict: Verdict
     missing: tuple[NamedEffect, ...]
     ranking: tuple[ScoredEffect, ...]
@@ -199,31 +206,8 @@ class Diagnosis(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        names = (
-            "verdict",
-            "probability",
-            "noise_floor",
-            "detectable",
-            "false_naming_rate",
-            "p_value",
-            "look_alikes",
-            "confident",
-            "dimensions_suspected",
-        )
-        return {
-            **{name: getattr(self, name) for name in names},
-            "excluded": list(self.excluded),
-            "missing": [effect.to_dict() for effect in self.missing],
-            "dominant": self.dominant and self.dominant.to_dict(),
-            "ranking": [vars(score) for score in self.ranking],
-            "where": vars(self.where),
-            "rms": {channel.channel: channel.rms_before for channel in self.error_fall.channels},
-            "error_fall": self.error_fall.to_dict(),
-            "clean_campaigns": self.clean and {**vars(self.clean), "bound": self.clean.bound},
-            "lack_of_fit_before": self.lack_of_fit_before and vars(self.lack_of_fit_before),
-            "lack_of_fit_after": self.lack_of_fit_after and vars(self.lack_of_fit_after),
-            "findings": [finding.as_dict() for finding in self.findings],
-        }
+        clean = self.clean and {**vars(self.clean), "bound": self.clean.bound}
+        return super().to_dict() | {"rms": self.error_fall.rms_before, "clean_campaigns": clean}
 
     def __str__(self) -> str:
         return titled(diagnosis_text(self), titles_of(self.observations.nominal.drawn))
@@ -246,8 +230,8 @@ def dimensions_unsuspected(diagnosis: Diagnosis) -> str:
 
 def _allowed_after(diagnosis: Diagnosis) -> Allowed:
     """What is granted of the errors with what is named."""
-    rms = {channel.channel: channel.rms_after for channel in diagnosis.error_fall.channels}
-    return allowed(diagnosis.observations, diagnosis.campaign.noise if diagnosis.campaign else None, rms)
+    noise = diagnosis.campaign.noise if diagnosis.campaign else None
+    return allowed(diagnosis.observations, noise, diagnosis.error_fall.rms_after)
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:

@@ -10,7 +10,6 @@ from numpy.polynomial.legendre import legvander
 
 from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.effects.effect import Effect
-from femfit.identify.comparison.patterns import scaled_to_one
 from femfit.identify.constants import FINER
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import (
@@ -21,8 +20,9 @@ from femfit.identify.decision.constants import (
     FORM_ELSEWHERE,
     SHARE_DEGREE,
 )
-from femfit.identify.readings.observations import Observations, WithoutCache, once_for_settings
-from femfit.identify.refit.refit import Start
+from femfit.identify.observations import Observations, WithoutCache, once_for_settings
+from femfit.identify.patterns import scaled_to_one
+from femfit.identify.refit import Start
 from femfit.identify.signatures import EffectColumns
 
 

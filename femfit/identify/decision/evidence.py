@@ -13,21 +13,21 @@ M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (200
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy import linalg
 
 from femfit.core.numerics import FloatArray, IntArray, ranked
-from femfit.identify.comparison.lack_of_fit import tail_probability
 from femfit.identify.constants import ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
 from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.decision.effect_space import EffectSpace
-from femfit.identify.readings.observations import WithoutCache
-from femfit.identify.refit.refit import bounded_amplitudes
+from femfit.identify.lack_of_fit import tail_probability
+from femfit.identify.observations import WithoutCache
+from femfit.identify.refit import bounded_amplitudes
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,31 @@ class Linear(WithoutCache):
         square = float(self.target @ self.target - along @ along)
         return np.asarray(triangle), np.asarray(along), square, 2.0 * float(np.log(np.diag(triangle)).sum())
 
+    @classmethod
+    def of(cls, target: FloatArray, columns: FloatArray, density: LogDensity) -> "Linear":
+        """Columns of one size, by which nothing is averaged."""
+        about = cls(target, columns, density, 0.0)
+        return replace(about, log_evidence=float(density(about.square, about.log_det)))
+
+    @property
+    def triangle(self) -> FloatArray:
+        """L of L L' = I + A'A, shape (k, k)."""
+        return self._solved[0]
+
     @property
     def square(self) -> float:
         """Y' C^-1 y."""
         return self._solved[2]
+
+    @property
+    def log_det(self) -> float:
+        """Log det C."""
+        return self._solved[3]
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """Their mean, in their sizes; shape (k,)."""
+        return np.asarray(linalg.solve_triangular(self.triangle, self._solved[1], trans=1, lower=True))
 
     def beside(self, columns: FloatArray) -> FloatArray:
         """L^-1 A'X for further columns X, shape (M, n): what of them the linear model may explain; shape (k, n)."""
@@ -103,8 +124,8 @@ def density_of(campaign: Campaign) -> LogDensity:
 
 def null(space: EffectSpace) -> Linear:
     """The readings without any effect."""
-    target, density = space.campaign.whitened_residual, density_of(space.campaign)
-    return Linear(target, np.zeros((len(target), 0)), density, float(density(float(target @ target), 0.0)))
+    target = space.campaign.whitened_residual
+    return Linear.of(target, np.zeros((len(target), 0)), density_of(space.campaign))
 
 
 def mean_of_logs(values: Sequence[float] | FloatArray) -> float:
@@ -187,7 +208,7 @@ def score_effects(campaign: Campaign) -> tuple[ScoredEffect, ...]:
 
     The p-value counts times the number of combinations of nonlinear parameters that were tried (Bonferroni).
     """
-    residual, degrees = campaign.whitened_residual, campaign.patterns.degrees_of_freedom
+    residual, degrees = campaign.whitened_residual, campaign.patterns.groups[-1].degrees_of_freedom
     best: dict[str, tuple[float, int]] = {}
     tries: dict[str, int] = {}
     for start in campaign.effects:

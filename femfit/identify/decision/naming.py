@@ -17,7 +17,6 @@ import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
 from femfit.core.numerics import FloatArray, Item, ranked
-from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign, explained_share
 from femfit.identify.decision.constants import (
@@ -36,7 +35,8 @@ from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import Linear, density_of
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
-from femfit.identify.refit.refit import Refit, Start, at_bounds, is_plausible, refit, starting_point
+from femfit.identify.lack_of_fit import LackOfFit, pattern_space
+from femfit.identify.refit import Refit, Start, at_bounds, is_plausible, refit, starting_point
 from femfit.identify.signatures import columns_at
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -165,12 +165,8 @@ def _spoils(campaign: Campaign, fit: Refit) -> bool:
     """Whether effects make a channel worse."""
     observations = campaign.observations
     after = observations.value - observations.predict(fit.effects)
-    for c, sigma in enumerate(campaign.noise.sigma):
-        here = observations.channel == c
-        was, now = (np.sqrt(np.mean(residual[here] ** 2)) for residual in (observations.residual, after))
-        if now > WITHIN_NOISE * max(was, sigma):
-            return True
-    return False
+    was, now = (np.sqrt(observations.mean_square(residual)) for residual in (observations.residual, after))
+    return bool(np.any(now > WITHIN_NOISE * np.maximum(was, campaign.noise.sigma)))
 
 
 def dominant(
@@ -246,18 +242,15 @@ def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
 
 def _as_its_own(campaign: Campaign) -> bool:
     """Whether no channel is missed by more than noise and twice its own table's misfit, and that is more than noise."""
-    observations, noise, beyond = campaign.observations, campaign.noise, False
-    for c, sigma in enumerate(noise.sigma):
-        here = observations.channel == c
-        missed = np.mean(observations.residual[here] ** 2)
-        uncertain = sigma**2 * BEYOND_NOISE * np.sqrt(2.0 / np.count_nonzero(here))
-        put_back = np.mean((observations.distance_slope[here] * noise.mount_m) ** 2)
-        misfit = OWN_MISFIT**2 * np.mean(observations.own_misfit[here] ** 2)
-        # Where mounts make more than the own misfit, a misfit that they could make is no sign of it
-        if missed > sigma**2 + uncertain + misfit + min(misfit, put_back):
-            return False
-        beyond = beyond or bool(missed > sigma**2 and misfit > uncertain)
-    return beyond
+    observations, noise = campaign.observations, campaign.noise
+    missed, variance = observations.mean_square(observations.residual), noise.sigma**2
+    uncertain = variance * BEYOND_NOISE * np.sqrt(2.0 / np.bincount(observations.channel))
+    put_back = observations.mean_square(observations.distance_slope * noise.mount_m)
+    misfit = OWN_MISFIT**2 * observations.mean_square(observations.own_misfit)
+    # Where mounts make more than the own misfit, a misfit that they could make is no sign of it
+    if np.any(missed > variance + uncertain + misfit + np.minimum(misfit, put_back)):
+        return False
+    return bool(np.any((missed > variance) & (misfit > uncertain)))
 
 
 def look_alikes(decision: Decision) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ from femfit.identify.decision.evidence import (
     sizes_of,
     with_unknown_cause,
 )
-from femfit.identify.refit.refit import Refit, Start, refit
+from femfit.identify.refit import Refit, Start, refit
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,8 +32,8 @@ from femfit.identify.noise.scatter import (
     repeated_readings,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns, sequence, setting_errors
-from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.settings import quantisation_step
+from femfit.identify.observations import Observations
+from femfit.identify.settings import quantisation_step
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:

@@ -20,7 +20,6 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
@@ -41,8 +40,9 @@ from femfit.identify.noise.whitening import (
     sequence,
     stops,
 )
-from femfit.identify.readings.observations import Observations, once_for_settings
-from femfit.identify.readings.settings import levels, quantisation_step, repeat_cells
+from femfit.identify.observations import Observations, once_for_settings
+from femfit.identify.patterns import drift_patterns, smooth_patterns
+from femfit.identify.settings import levels, quantisation_step, repeat_cells
 
 
 @dataclass(frozen=True, eq=False)

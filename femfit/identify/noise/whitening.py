@@ -18,11 +18,11 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.constants import SAME_SETTING
 from femfit.identify.noise.contrasts import Chain
-from femfit.identify.readings.observations import Observations, WithoutCache, once_for_settings
-from femfit.identify.readings.settings import levels, setting_cells
+from femfit.identify.observations import Observations, WithoutCache, once_for_settings
+from femfit.identify.patterns import own_misfit_columns
+from femfit.identify.settings import levels, setting_cells
 
 
 @once_for_settings

@@ -8,15 +8,15 @@ import numpy as np
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
+from femfit.identify.add_result import AddResult, EffectSize, fit_facts, largest_changes
+from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import guessed_noises
+from femfit.identify.filter_fall import filter_fall
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import placed
-from femfit.identify.refit.add_result import AddResult, EffectSize, fit_facts, largest_changes
-from femfit.identify.refit.filter_fall import filter_fall
-from femfit.identify.refit.refit import Start, fitted_together, refit
+from femfit.identify.refit import Start, fitted_together, refit
 from femfit.identify.remainder.constants import REFITTED, WORTH_A_REFIT
 from femfit.identify.remainder.learn import Learnt, learn_checked
-from femfit.identify.remainder.parts import NAME, added, effect_of
+from femfit.identify.remainder.parts import NAME, effect_of
 from femfit.identify.remainder.result import RemainderResult, refutation, short_law, words_of
 from femfit.identify.signatures import effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
@@ -60,7 +60,7 @@ def add_remainder(
     parts = tuple(component.kind for component in learnt.coefficients)
     laws = tuple(short_law(whitening, learnt, part) for part in learnt.coefficients)
     notes = {"law": "; ".join(f"{law.kind}: {law.text} ({law.share:.2f})" for law in laws)}
-    effects = (added(effect_of(learnt.coefficients, words_of(laws, parts), notes)),) if parts else ()
+    effects = (effect_of(learnt.coefficients, words_of(laws, parts), notes),) if parts else ()
     after = with_effects(model, (*model.effects, *effects))
     observations, stages = whitening.observations, [("model", ()), *([(NAME, effects)] if effects else [])]
     sizes: tuple[EffectSize, ...] = ()

@@ -1,20 +1,35 @@
-"""Learns a remainder from readings: the parts that pay, their coefficients, and the same without each run in turn."""
+"""Learns a remainder from readings: the parts that pay, their coefficients, and the same without each run in turn.
+
+Which parts a remainder has, and how large and how smooth each is, follows from the restricted likelihood of penalised
+splines. Whitened readings y = X beta + noise, with beta ~ N(0, t^2 K) in each part. K is the correlation of a smooth
+function, so that 1 / t^2 is the penalty on what is large or rough. With Phi = X t K^(1/2) of all parts together and the
+likelihood without any of them as the unit,
+
+    log p = (z'z - log det(I + Phi'Phi)) / 2,    z = (I + Phi'Phi)^(-1/2) Phi'y.
+
+Nothing beside the penalised coefficients is fitted, so that restricted likelihood and likelihood are one.
+
+References
+----------
+S. N. Wood, Journal of the Royal Statistical Society B 73 (2011) 3: smoothing by restricted likelihood.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import linalg, optimize
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect
+from femfit.identify.checked_refit import UnseenError, cross_validated
+from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.checked_refit import UnseenError, cross_validated
-from femfit.identify.remainder.constants import HALVINGS, POSSIBLE, PRICE, ROUNDS
-from femfit.identify.remainder.evidence import Gram, complexity, posterior, sets_that_pay
-from femfit.identify.remainder.parts import BRAKE, Part, added, effect_of, parts_of
+from femfit.identify.observations import Observations
+from femfit.identify.remainder.constants import BEGUN, HALVINGS, LEAST_SHARE, POSSIBLE, PRICE, ROUNDS, SIZES
+from femfit.identify.remainder.parts import BRAKE, Part, effect_of, parts_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +46,7 @@ class Learnt:
     @property
     def effects(self) -> tuple[AddedEffect, ...]:
         """The remainder as an effect, none where nothing pays."""
-        return (added(effect_of(self.coefficients)),) if self.coefficients else ()
+        return (effect_of(self.coefficients),) if self.coefficients else ()
 
     def own(self, part: Part) -> slice:
         """Where a part's coefficients stand among all."""
@@ -48,7 +63,7 @@ def columns_at(
 ) -> list[FloatArray]:
     """Change of every reading with each coefficient of each part, by differences; each of shape (M, count)."""
     here = dict(coefficients or {})
-    base = observations.predict([added(effect_of(here))]) if here else observations.base
+    base = observations.predict([effect_of(here)]) if here else observations.base
     result = []
     for part in parts:
         free = here.get(part, np.zeros(part.count))
@@ -56,7 +71,7 @@ def columns_at(
         for k in range(part.count):
             moved = free.copy()
             moved[k] += part.step
-            columns[:, k] = (observations.predict([added(effect_of({**here, part: moved}))]) - base) / part.step
+            columns[:, k] = (observations.predict([effect_of({**here, part: moved})]) - base) / part.step
         result.append(columns)
     return result
 
@@ -89,15 +104,15 @@ def learn(whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray
     Sets of parts are found to first order; where a part bends what it acts on, the likelihood at the fit counts
     (Laplace's).
     """
-    whitened = [whitening.full(block) for block in columns]
-    gram = Gram.of(whitened, whitening.full(whitening.observations.residual))
+    target = whitening.full(whitening.observations.residual)
+    readings = Penalised(target, [whitening.full(block) for block in columns])
     sets = [
         _fitted(whitening, [parts[k] for k in chosen], [columns[k] for k in chosen], [*chosen.values()])
-        for chosen in sets_that_pay(gram, [part.roots for part in parts])
+        for chosen in sets_that_pay(readings, [part.roots for part in parts])
     ]
     worth = [candidate.evidence - PRICE * len(candidate.coefficients) for candidate in sets]
     if max(worth, default=0.0) <= 0.0:
-        return Learnt({}, np.zeros((0, 0)), np.zeros((len(gram.target), 0)), 0.0)
+        return Learnt({}, np.zeros((0, 0)), np.zeros((len(target), 0)), 0.0)
     best = int(np.argmax(worth))
     near = (candidate for k, candidate in enumerate(sets) if k != best and worth[k] > worth[best] - POSSIBLE)
     return replace(
@@ -116,14 +131,13 @@ def _fitted(
         columns = columns_at(observations, parts, coefficients) if step else columns
         residual = _misfit(observations, coefficients)
         linear = residual + sum(block @ coefficients[part] for part, block in zip(parts, columns, strict=True))
-        gram = Gram.of([whitening.full(block) for block in columns], whitening.full(linear))
-        estimate = posterior(gram, chosen, not_negative)
-        wanted = {part: estimate.mean[k] for k, part in enumerate(parts)}
+        readings = Penalised(whitening.full(linear), [whitening.full(block) for block in columns])
+        mean, covariance = posterior(readings, chosen, not_negative)
+        wanted = {part: mean[k] for k, part in enumerate(parts)}
         coefficients = _stepped(whitening, roots, coefficients, wanted)
     fall = float(np.sum(whitening.full(observations.residual) ** 2)) - _cost(whitening, roots, coefficients)
-    return Learnt(
-        coefficients, estimate.covariance, np.concatenate(columns, axis=1), 0.5 * (fall - complexity(gram, chosen))
-    )
+    log_evidence = 0.5 * (fall - readings.having(chosen).log_det)
+    return Learnt(coefficients, covariance, np.concatenate(columns, axis=1), log_evidence)
 
 
 def _cost(whitening: Beside, roots: Sequence[FloatArray], coefficients: Mapping[Part, FloatArray]) -> float:
@@ -137,7 +151,7 @@ def _misfit(observations: Observations, coefficients: Mapping[Part, FloatArray])
     """Recorded less predicted with a remainder, shape (M,)."""
     if not any(np.any(free) for free in coefficients.values()):
         return observations.residual
-    return observations.value - observations.predict([added(effect_of(coefficients))])
+    return observations.value - observations.predict([effect_of(coefficients)])
 
 
 def _stepped(
@@ -205,3 +219,88 @@ def learn_checked(whitening: Whitening, named: FloatArray | None = None) -> Chec
         if not any(part.bends for part in learnt.coefficients):
             break
     return min(tried, key=lambda checked: checked.error.chi2)
+
+
+@dataclass(frozen=True, eq=False)
+class Penalised:
+    """Whitened readings, and the whitened columns of each part that they may have."""
+
+    target: FloatArray  # Shape (M,)
+    columns: Sequence[FloatArray]  # Each of shape (M, count)
+
+    def having(self, chosen: Mapping[int, FloatArray]) -> Linear:
+        """The readings with parts that are known to N(0, L L'), given the numbers and roots L of these."""
+        blocks = [self.columns[k] @ root for k, root in chosen.items()]
+        columns = np.concatenate([np.zeros((len(self.target), 0)), *blocks], axis=1)
+        return Linear.of(self.target, columns, LogDensity(len(self.target), np.inf))
+
+    def evidence(self, chosen: Mapping[int, FloatArray]) -> float:
+        """Log of the likelihood with parts over that without any."""
+        return self.having(chosen).log_evidence - self.having({}).log_evidence
+
+    def best_root(
+        self, number: int, chosen: Mapping[int, FloatArray], roots: Sequence[FloatArray]
+    ) -> tuple[FloatArray, float]:
+        """The root of largest likelihood of a part beside others, and the log of that over the one without the part."""
+        beside, block = self.having({k: root for k, root in chosen.items() if k != number}), self.columns[number]
+        explained = beside.beside(block)
+        gram, along = block.T @ block - explained.T @ explained, beside.along(block, explained)
+        best = np.zeros_like(gram), 0.0
+        for root in roots:
+            inner = root.T @ gram @ root
+            largest = float(np.linalg.eigvalsh(inner)[-1])
+            if not largest > 0.0:
+                continue
+            sizes = np.geomspace(0.1, 1e4, SIZES) / np.sqrt(largest)
+            gains = beside.with_more(inner, root.T @ along, sizes)[0] - beside.log_evidence
+            k = int(np.argmax(gains))
+            if gains[k] > best[1]:
+                best = sizes[k] * root, float(gains[k])
+        return best
+
+
+def sets_that_pay(readings: Penalised, roots: Sequence[Sequence[FloatArray]]) -> list[dict[int, FloatArray]]:
+    """Sets of parts, begun with each part that says much by itself, each part with the root of its prior covariance."""
+    alone = {k: readings.best_root(k, {}, of_part) for k, of_part in enumerate(roots)}
+    most = max((gain for _, gain in alone.values()), default=0.0)
+    if most < PRICE:
+        return []
+    begun = [k for k, (_, gain) in alone.items() if gain >= max(PRICE, BEGUN * most)]
+    sets = {frozenset(chosen): chosen for chosen in (_grown(readings, roots, {k: alone[k][0]}) for k in begun)}
+    return list(sets.values())
+
+
+def _grown(
+    readings: Penalised, roots: Sequence[Sequence[FloatArray]], first: Mapping[int, FloatArray]
+) -> dict[int, FloatArray]:
+    """Add the part that adds most evidence, size each anew beside the others, and drop what no longer pays."""
+    chosen, tried = dict(first), set(first)
+    while len(tried) < len(roots):
+        candidates = {k: readings.best_root(k, chosen, roots[k]) for k in range(len(roots)) if k not in tried}
+        best = max(candidates, key=lambda k: candidates[k][1])
+        if candidates[best][1] < max(PRICE, LEAST_SHARE * readings.evidence(chosen)):
+            break
+        tried.add(best)
+        chosen |= {best: candidates[best][0]}
+        for _ in range(2):
+            for k in tuple(chosen):
+                chosen[k], gain = readings.best_root(k, chosen, roots[k])
+                if gain < PRICE:
+                    del chosen[k]
+    return chosen
+
+
+def posterior(
+    readings: Penalised, chosen: Mapping[int, FloatArray], not_negative: Mapping[int, BoolArray]
+) -> tuple[dict[int, FloatArray], FloatArray]:
+    """Mean of the coefficients of each chosen part, some of them not negative, and the covariance of all together."""
+    linear, root = readings.having(chosen), linalg.block_diag(*chosen.values())
+    mean = root @ linear.amplitudes
+    bounded = np.concatenate([not_negative.get(k, np.zeros(r.shape[0], bool)) for k, r in chosen.items()])
+    if np.any(mean[bounded] < 0.0):
+        upper = linear.triangle.T @ np.linalg.inv(root)
+        solved = optimize.lsq_linear(upper, upper @ mean, bounds=(np.where(bounded, 0.0, -np.inf), np.inf))
+        mean = np.maximum(solved.x, np.where(bounded, 0.0, -np.inf))
+    ends = np.cumsum([r.shape[0] for r in chosen.values()])[:-1]
+    spread = root @ linalg.cho_solve((linear.triangle, True), root.T)
+    return dict(zip(chosen, np.split(mean, ends), strict=True)), spread

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.effects.effect import AddedEffect, Effect, EffectParameter
-from femfit.identify.readings.observations import Observations
+from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.identify.observations import Observations
 from femfit.identify.remainder.constants import (
     CURVE_CELLS,
     CURVE_SCALES,
@@ -149,8 +149,8 @@ class Part:
 
 def effect_of(
     coefficients: Mapping[Part, FloatArray], words: str = "", notes: Mapping[str, str] | None = None
-) -> Effect:
-    """The effect that parts with their coefficients are."""
+) -> AddedEffect:
+    """The whole of the effect that parts with their coefficients are."""
     of = {part.kind: (part, free) for part, free in coefficients.items()}
     terms = tuple(part.term(free) for kind, (part, free) in of.items() if kind in {COENERGY, HALL_FIELD})
     curves = {kind: part.curve(free) for kind, (part, free) in of.items() if kind not in {COENERGY, HALL_FIELD}}
@@ -165,12 +165,7 @@ def effect_of(
     )
     share = EffectParameter(**{**vars(_SHARE), "words": words})
     symptom = "The readings depart smoothly from the model, as no effect of the catalogue makes them."
-    return carried_effect(NAME, symptom, (share,), carried)
-
-
-def added(effect: Effect) -> AddedEffect:
-    """The whole of it."""
-    return AddedEffect(effect, {SHARE: 1.0})
+    return AddedEffect(carried_effect(NAME, symptom, (share,), carried), {SHARE: 1.0})
 
 
 def parts_of(observations: Observations) -> list[Part]:

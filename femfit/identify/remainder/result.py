@@ -17,15 +17,15 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions
 from femfit.effects.words import titled, titles_of
+from femfit.identify.add_result import AddResult
 from femfit.identify.constants import HELPS
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.add_result import AddResult
+from femfit.identify.observations import Observations
 from femfit.identify.remainder.constants import LEVELS, PER_FACTOR, SAID, UNMEASURED
 from femfit.identify.remainder.learn import Learnt
 from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, RESISTANCE, UNITS, WORDS, Part
 from femfit.identify.series.balances import FORCE_BALANCE
-from femfit.identify.words import printed, sentence
+from femfit.identify.words import plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 
@@ -250,17 +250,9 @@ class RemainderResult(AddResult):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
-        return super().to_dict() | {
-            "remainder": {
-                "parts": list(self.parts),
-                "alternatives": [list(kinds) for kinds in self.alternatives],
-                "laws": [vars(law) for law in self.laws],
-                "fall_unseen": self.fall_unseen,
-                "refutation": None if self.refutation is None else vars(self.refutation),
-                "named_instead": self.named_instead,
-            },
-            "beside": None if self.beside is None else self.beside.to_dict(),
-        }
+        names = ("parts", "alternatives", "laws", "fall_unseen", "refutation", "named_instead")
+        learnt = {name: plain(getattr(self, name)) for name in names}
+        return super().to_dict() | {"remainder": learnt, "beside": plain(self.beside)}
 
     def __str__(self) -> str:
         text = printed("remainder", r=self, words=WORDS, rms={}, magnitude={}, beyond={})

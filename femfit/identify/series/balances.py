@@ -10,13 +10,21 @@ over time, so that an unstable plant in a closed loop is no harder than a stable
 
 Every state of an effect (lag, hysteresis) has a rate that is affine in that state alone, z' = a - b z with a and b
 given by the motion, so that over a step of constant a and b it moves exactly to z exp(-b h) + a (1 - exp(-b h)) / b.
-Eddy currents of the drawing (:mod:`femfit.identify.series.noise`) act beside the recorded current.
+Eddy currents of the drawing act beside the recorded current. At given distances and currents the patterns' flux
+linkages beside a current of their own are b = C^T phi + lambda, and with A = C^T L C + Q
+
+    d(b + A e)/dt = -R e.
+
+Between two times b is taken as linear and A as constant, so that a step is exact however fast a pattern decays. A
+stretch begins at rest.
 """
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
+from scipy.linalg import lapack
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.sweep_columns import voltage_columns
@@ -26,13 +34,87 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
 from femfit.identify.series.constants import SLOWEST
-from femfit.identify.series.noise import EddiesAlong, induced_along, pull_of, recurrence
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, at_rest
-from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.readings import hall_seen
 from femfit.model.with_effects import eddy_with_sources
+
+
+@dataclass(frozen=True, eq=False)
+class EddiesAlong:
+    """The patterns' forms at N distances and their derivatives.
+
+    Currents (N, n) without a circuit are a column of zeros, which no pattern acts like.
+    """
+
+    eddy: EddyCurrents
+    distance: FloatArray
+    forms: EddyForms
+    rising: EddyForms
+
+    @classmethod
+    def at(cls, eddy: EddyCurrents, distance: FloatArray) -> Self:
+        """At distances (N,) in m."""
+        forms, rising = eddy.forms(distance, 0, 1)
+        return cls(eddy, distance, forms, rising)
+
+    def acting(self, current: FloatArray, induced: FloatArray) -> FloatArray:
+        """Currents (N, n) that act on the static field like these and induced ones (N, r) together."""
+        result = current.copy()
+        result[:, : len(self.eddy.circuits)] += (self.forms.coupling @ induced[..., None])[..., 0]
+        return result
+
+
+def induced_along(
+    along: EddiesAlong, time: FloatArray, first: BoolArray, flux_linkage: FloatArray, inductance: FloatArray
+) -> FloatArray:
+    """Currents (N, r) of the patterns at N times, where stretches begin ``first``.
+
+    Parameters
+    ----------
+    flux_linkage, inductance : array, shapes (N, n) and (N, n, n)
+        Of the circuits, without eddy currents.
+    """
+    forms, root, n = along.forms, 1.0 / np.sqrt(along.eddy.resistances_ohm), len(along.eddy.circuits)
+    turned = np.swapaxes(forms.coupling, -1, -2)
+    beside = root * ((turned @ flux_linkage[:, :n, None])[..., 0] + forms.flux_linkage)
+    matrix = root[:, None] * (turned @ inductance[:, :n, :n] @ forms.coupling + forms.inductance) * root
+    factors, gained = _steps(np.diff(time), 0.5 * (matrix[1:] + matrix[:-1]), -np.diff(beside, axis=0))
+    factors[first[1:]], gained[first[1:]] = 0.0, 0.0
+    linked = recurrence(factors, gained)
+    return np.asarray(root * np.linalg.solve(matrix, linked[..., None])[..., 0])
+
+
+def pull_of(along: EddiesAlong, flux_linkage: FloatArray, induced: FloatArray) -> FloatArray:
+    """What induced currents (N, r) add to the force beside the static one, at the currents that act together."""
+    rising, n = along.rising, len(along.eddy.circuits)
+    acting = (rising.coupling @ induced[..., None])[..., 0]
+    linkage = rising.flux_linkage + 0.5 * (rising.inductance @ induced[..., None])[..., 0]
+    return -np.asarray((flux_linkage[:, :n] * acting).sum(axis=-1) + (linkage * induced).sum(axis=-1))
+
+
+def recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
+    """x_k = K_k x_(k-1) + g_k from x_0 = 0: a triangular system of bandwidth 2 r, which LAPACK solves in one pass."""
+    steps, r = gained.shape
+    below = np.zeros((2 * r, steps + 1, r))  # Entry (d, j) stands d rows below the diagonal in column j
+    row, column = np.indices((r, r)).reshape(2, -1)
+    below[r + row - column, :-1, column] = -factors[:, row, column].T
+    right = np.concatenate([np.zeros(r), gained.ravel()])
+    solution, _ = lapack.dtbtrs(below.reshape(2 * r, -1), right[:, None], uplo="L", diag="U")
+    return np.asarray(solution).reshape(steps + 1, r)
+
+
+def _steps(step: FloatArray, matrix: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What is left of A e after each step in s, and of a flux linkage that grows evenly within it."""
+    delay, modes = np.linalg.eigh(matrix)
+    decay = np.maximum(np.maximum(step, 0.0)[:, None] / delay, SLOWEST)
+    turned = np.swapaxes(modes, -1, -2)
+    mean = -np.expm1(-decay) / decay
+    factors = (modes * np.exp(-decay)[:, None]) @ turned
+    return factors, (modes @ (mean[..., None] * (turned @ gained[..., None])))[..., 0]
+
 
 FORCE_BALANCE = "force_balance_N"
 

@@ -25,9 +25,9 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.estimate.record import with_distance
-from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
-from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
+from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
+from femfit.identify.patterns import smooth_patterns
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedPoints,
@@ -44,8 +44,8 @@ from femfit.identify.series.measured import (
     measure_sensors,
     sample_field,
     sensor_noise,
+    successive_scatter,
 )
-from femfit.identify.series.noise import successive_scatter
 from femfit.identify.series.samples import Samples, take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights

@@ -20,9 +20,9 @@ from femfit.estimate.record import white_noise
 from femfit.estimate.record_checks import suspect_settings
 from femfit.estimate.record_voltage import given_voltage
 from femfit.estimate.rests import Rest, Track, find_rests
-from femfit.identify.readings.plausible import at_ends_of_range, within_domain
-from femfit.identify.readings.settings import current_names, currents_in, leading_current
+from femfit.identify.plausible import at_ends_of_range, within_domain
 from femfit.identify.series.constants import EVEN, ON_STOP
+from femfit.identify.settings import current_names, currents_in, leading_current
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensed_effects import true_setting_of

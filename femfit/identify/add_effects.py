@@ -17,21 +17,16 @@ from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.decision.allowances import beyond_noise
+from femfit.identify.add_result import AddResult, effect_sizes, fit_facts, suspicious_values
+from femfit.identify.allowances import beyond_noise
+from femfit.identify.bench import measurement_of, placed
+from femfit.identify.checked_refit import Base, better_alone, checked_refit, with_tolerances
 from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.filter_fall import filter_fall
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import measurement_of, placed
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.add_result import AddResult, effect_sizes, fit_facts, suspicious_values
-from femfit.identify.refit.checked_refit import (
-    Base,
-    better_alone,
-    checked_refit,
-    with_tolerances,
-)
-from femfit.identify.refit.filter_fall import filter_fall
-from femfit.identify.refit.refit import Start, refit, starting_point
+from femfit.identify.observations import Observations
+from femfit.identify.refit import Start, refit, starting_point
 from femfit.identify.remainder.add import add_remainder, without_remainder
 from femfit.identify.remainder.parts import NAME as UNEXPLAINED
 from femfit.identify.remainder.result import RemainderResult
@@ -135,7 +130,6 @@ def add_effects(
     after = with_effects(_at_temperature(model, observations, temperatures), (*staying, *stay))
     fit, tolerances = fitted.fit, fitted.fit.effects[:beside]
     sizes, facts = effect_sizes(observations, fit), fit_facts(whitening, stages, fit.jacobian[:, ~fit.active])
-    rms = {channel.channel: channel.rms_after for channel in facts["fall"].channels}
     result = AddResult(
         model=after,
         added=fit.effects[beside:],
@@ -146,7 +140,7 @@ def add_effects(
         suspicious=suspicious_values(observations, fit, sizes, {added.effect.name for added in tolerances}),
         findings=(*observations.findings, *fitted.findings, *dropped, *guessed_noises(whitening.noise)),
         better_alone=better_alone(whitening, alone.fit, fit.start[:beside]),
-        beyond_noise=beyond_noise(observations, whitening.noise, rms),
+        beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),
         **facts,
     )
     if not isinstance(measured, TimeSeries):

@@ -30,7 +30,7 @@ from femfit.identify.constants import (
     WELL,
     WRONG_FACTOR,
 )
-from femfit.identify.readings.settings import current_names, currents_in, with_leading_current
+from femfit.identify.settings import current_names, currents_in, with_leading_current
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor

@@ -2,33 +2,27 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Literal, cast
 
 import numpy as np
 
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding
 from femfit.estimate.follow import OneFilter, followed
-from femfit.identify.comparison.lack_of_fit import (
-    LackOfFit,
-    ShapeMisfit,
-    Where,
-    pure_error_test,
-    shape_misfit,
-    where_it_fails,
-)
-from femfit.identify.comparison.misfit import MisfitMap, misfit_maps
+from femfit.identify.allowances import allowed, beyond_noise, finer_sweep
+from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import ROUNDING, WITHIN_NOISE
-from femfit.identify.decision.allowances import allowed, beyond_noise, finer_sweep
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit, times_own
+from femfit.identify.lack_of_fit import LackOfFit, ShapeMisfit, pure_error_test, shape_misfit
+from femfit.identify.misfit import MisfitMap, misfit_maps
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.readings.bench import measurement_of, placed
-from femfit.identify.readings.observations import Observations
-from femfit.identify.words import printed
+from femfit.identify.observations import Observations
+from femfit.identify.where import Where, where_it_fails
+from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement, TimeSeries
@@ -74,7 +68,7 @@ class ChannelMisfit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Printed):
+class Comparison(Result):
     """The result of a comparison; printed, it is what ``femfit compare`` prints.
 
     Parameters
@@ -107,6 +101,11 @@ class Comparison(Printed):
     ['force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V']
     """
 
+    data = (
+        *("verdict", "p_value", "mount_m", "mount_assumed", "beyond_noise", "where", "structure", "shape"),
+        *("channels", "maps", "findings", "filter"),
+    )
+
     verdict: CompareVerdict
     channels: tuple[ChannelMisfit, ...]
     where: Where
@@ -137,23 +136,10 @@ class Comparison(Printed):
 
         How many times the noise of one reading it is, of each.
         """
-        return beyond_noise(self.observations, self.noise, {channel.channel: channel.rms for channel in self.channels})
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        plain = ("verdict", "p_value", "mount_m", "mount_assumed", "beyond_noise")
-        nested = ("where", "structure", "shape")
-        return {
-            **{name: getattr(self, name) for name in plain},
-            **{name: getattr(self, name) and asdict(getattr(self, name)) for name in nested},
-            "channels": [asdict(channel) for channel in self.channels],
-            "maps": [plane.to_dict() for plane in self.maps],
-            "findings": [finding.as_dict() for finding in self.findings],
-            "filter": self.filter and self.filter.to_dict(),
-        }
+        return beyond_noise(self.observations, self.noise, self.observations.rms(self.observations.residual))
 
     def __str__(self) -> str:
-        rms = {channel.channel: channel.rms for channel in self.channels}
+        rms = self.observations.rms(self.observations.residual)
         scattered = [c for c in self.channels if c.noise_floor and c.rms > WITHIN_NOISE * c.noise_floor]
         return printed(
             "compare",
@@ -201,7 +187,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
             verdict = "wrong_shape" if decision.own_misfit else "agrees"
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     floor = {channel.channel: channel.noise_floor for channel in channels}
-    beyond = beyond_noise(observations, noise, {channel.channel: channel.rms for channel in channels})
+    beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
     agrees = Where("", (), "" if beyond else "The model explains these data within their noise.")
     return Comparison(
         verdict=cast("CompareVerdict", verdict),
@@ -230,7 +216,7 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         channel=name,
         readings=len(here),
         mean=float(residual.mean()),
-        rms=float(np.sqrt(np.mean(residual**2))),
+        rms=observations.rms(observations.residual)[name],
         largest=Extreme(
             float(residual[worst]),
             float(row["distance_m"]),
@@ -241,7 +227,7 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
         noise_readings=float(noise.repeats[c]) if noise and "repeats" in source else None,
-        model_misfit=float(np.sqrt(np.mean(observations.own_misfit[here] ** 2))),
+        model_misfit=observations.rms(observations.own_misfit)[name],
         lack_of_fit=pure_error_test(observations, noise, name) if noise and source else None,
         magnitude=observations.magnitude.get(name),
         noise_declared=observations.declared_noise.get(name) if observations.noise_source == "declared" else None,

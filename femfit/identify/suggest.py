@@ -1,24 +1,23 @@
 """The next measurement that separates what the data leave together.
 
 A measurement is tried as a further run beside the readings that are there: the readings that each explanation predicts
-at the old and the new settings are explained by each other one (:mod:`femfit.identify.experiments.separation`).
+at the old and the new settings are explained by each other one (:mod:`femfit.identify.separation`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.results import Printed
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.words import titled, titles_of
-from femfit.identify.decision.allowances import finer_model
+from femfit.identify.allowances import finer_model
+from femfit.identify.bench import bench_observations, measurement_of
 from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN, TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import (
@@ -27,8 +26,11 @@ from femfit.identify.decision.diagnosis import (
     dimensions_unsuspected,
     verdict_sentence,
 )
-from femfit.identify.experiments.plan import Experiment, possible_experiments
-from femfit.identify.experiments.separation import (
+from femfit.identify.noise.whitening import NoiseModel, Whitening
+from femfit.identify.plan import Experiment, possible_experiments
+from femfit.identify.plausible import plausible_table
+from femfit.identify.refit import Refit
+from femfit.identify.separation import (
     apart_by_direct_reading,
     needed_distance,
     noise_for,
@@ -37,12 +39,8 @@ from femfit.identify.experiments.separation import (
     separation,
     starting_points,
 )
-from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.readings.bench import bench_observations, measurement_of
-from femfit.identify.readings.plausible import plausible_table
-from femfit.identify.readings.settings import currents_in, with_currents
-from femfit.identify.refit.refit import Refit
-from femfit.identify.words import printed, sentence
+from femfit.identify.settings import currents_in, with_currents
+from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
@@ -50,8 +48,10 @@ from femfit.tables.measurement import CHANNELS, BenchTable, Measurement
 
 
 @dataclass(frozen=True)
-class Suggestion:
+class Suggestion(Result):
     """A measurement and what it would separate."""
+
+    data = ("text", "cost", "separates", "remains")
 
     text: str
     cost: float
@@ -61,13 +61,9 @@ class Suggestion:
     # The settings to be measured, or the direct reading
     experiment: Experiment | None = field(default=None, repr=False, compare=False)
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return {name: getattr(self, name) for name in ("text", "cost", "separates", "remains")}
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Advice(Printed):
+class Advice(Result):
     """What to measure next; printed, it is what ``femfit suggest`` prints."""
 
     explanations: tuple[str, ...]
@@ -84,10 +80,6 @@ class Advice(Printed):
     perhaps: tuple[tuple[str, str, str, float], ...] = ()
     remarks: tuple[str, ...] = ()  # On what the advice rests, where that is a guess
     titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return vars(self) | {"suggestions": [suggestion.to_dict() for suggestion in self.suggestions]}
 
     def __str__(self) -> str:
         readings = list(dict.fromkeys(text for _, _, text, _ in self.perhaps))[:SHOWN]

@@ -1,6 +1,7 @@
-"""Puts a misfit into one plain sentence: how large, of which sign, and in which part of the measured range.
+"""Where a model fails: the channel, what the misfit changes with, and one plain sentence.
 
-The part is the box of at most two thresholds that holds the largest share of the squared misfit beyond its share of the
+The sentence says how large the misfit is, of which sign, and in which part of the measured range. That
+part is the box of at most two thresholds that holds the largest share of the squared misfit beyond its share of the
 readings: a regression tree of depth two whose best leaf is described.
 
 References
@@ -16,6 +17,8 @@ import numpy as np
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.core.text import amount
 from femfit.identify.constants import (
+    BEYOND_NOISE,
+    COVARIATE_SHARE,
     LEAST_SCORE,
     LEFT_BY_SHARE,
     NEXT_TO_NOTHING,
@@ -25,9 +28,114 @@ from femfit.identify.constants import (
     SECOND_WORTH,
     THRESHOLDS,
 )
-from femfit.identify.readings.observations import Observations
+from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
+from femfit.identify.observations import Observations
+from femfit.identify.patterns import Patterns, smooth_patterns
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import CHANNEL_WORDS
+
+_ALIASES = {"elapsed": "order"}
+"""Clocks that mean the same to a reader."""
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the model fails."""
+
+    channel: str  # The measured channel with the largest misfit over its noise; empty where nothing fails
+    covariates: tuple[str, ...]  # Columns along which the misfit changes, the strongest first
+    sentence: str
+
+
+def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
+    """Find the channel with the largest misfit over its noise, its covariates, and a sentence.
+
+    Where mounts and noise could be what makes that channel the worst, it is the one with the most structure instead.
+
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs. The
+    covariates stand in the order in which they explain it; there are none where the misfit is the same everywhere.
+    """
+    patterns = smooth_patterns(observations)
+    columns, residual = whitening.full(patterns.columns), whitening.full(observations.residual)
+    smooth = structured_misfit(patterns, columns, residual)
+    counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
+    excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
+    clear = _clearly_worst(observations, whitening.noise)
+    worst = first_best((excess / counts).tolist()) if clear is None else clear
+    channel = observations.channels[worst]
+    clocked = {"order", "time_s"} & set(observations.given)
+    without = set[str]() if clocked else {"order", "elapsed"}  # The order of a file's rows is no time
+    covariates = _covariates(columns, patterns, worst, residual, smooth, without)
+    here, read = observations.of(channel), observations.residual
+    if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
+        # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
+        smooth = structured_misfit(patterns, whitening.serial(patterns.columns), whitening.serial(read))
+    return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
+
+
+def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
+    """The channel whose readings are farthest off, over their noise; None where noise and mounts may be why."""
+    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
+    square = observations.mean_square(observations.residual) / noise.sigma**2
+    mounts = observations.mean_square(observations.distance_slope * noise.mount_m) / noise.sigma**2
+    worst = first_best(square.tolist())
+    scatter = np.sqrt(2.0 * (1.0 + noise.rho[worst]) / (1.0 - noise.rho[worst]) / count[worst])
+    return worst if square[worst] > 1.0 + mounts[worst] + BEYOND_NOISE * scatter else None
+
+
+def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatArray) -> FloatArray:
+    """The smooth part, in the readings' units, of recorded minus predicted; columns and residual are whitened."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    amplitude = np.linalg.lstsq(columns / size, residual, rcond=1e-8)[0] / size
+    return np.asarray(patterns.columns @ amplitude)
+
+
+def _covariates(
+    columns: FloatArray,
+    patterns: Patterns,
+    channel: int,
+    residual: FloatArray,
+    smooth: FloatArray,
+    without: set[str],
+) -> tuple[str, ...]:
+    """Covariates in the order in which each adds most to what the ones before explain with their products.
+
+    The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise, mounts
+    and runs. The first alone follows the noise, the second alone is blind to what re-mounts look like as well.
+    """
+    here = np.flatnonzero(patterns.channel == channel)
+    rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
+    names = sorted(set().union(*(patterns.along[k] for k in here)) - without)
+    chosen: list[str] = []
+
+    def explained(among: list[str]) -> FloatArray:
+        inside = [k for k in here if patterns.along[k] <= frozenset(among)]
+        projection = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
+        return np.array([projection @ projection, max(_excess(columns[:, inside], residual), 0.0)])
+
+    total, reached = explained(names), explained([])
+    while len(chosen) < len(names):
+        gains = {name: explained([*chosen, name]) - reached for name in names if name not in chosen}
+        shares = {
+            name: float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
+            for name, gain in gains.items()
+        }
+        best = list(shares)[first_best(list(shares.values()))]
+        if shares[best] < COVARIATE_SHARE:
+            break
+        chosen.append(best)
+        reached = explained(chosen)
+    return tuple(dict.fromkeys(_ALIASES.get(name, name) for name in chosen))
+
+
+def _excess(columns: FloatArray, residual: FloatArray) -> float:
+    """Squared length of the whitened residual along whitened columns, less what noise gives."""
+    if not columns.shape[1]:
+        return 0.0
+    basis = orthonormal_basis(columns)
+    along = basis.T @ residual
+    return float(along @ along - basis.shape[1])
+
 
 _PLACES = {
     "distance_m": ("above {}", "below {}"),

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.stats import binomtest
 
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.core.results import Printed
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.follow import OneFilter, can_be_filtered, followed
 from femfit.estimate.noise import default_noise
+from femfit.identify.checked_refit import left_out_groups
 from femfit.identify.constants import (
     FILTER_BLOCK,
     FILTER_CHANCE,
@@ -29,9 +29,8 @@ from femfit.identify.constants import (
     FILTER_SAMPLES,
     FILTER_WORSE,
 )
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.checked_refit import left_out_groups
-from femfit.identify.words import sentence
+from femfit.identify.observations import Observations
+from femfit.identify.words import Result, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import TimeSeries
@@ -49,8 +48,10 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FilterFall(Printed):
+class FilterFall(Result):
     """The filter before and after, on runs left out."""
+
+    data = ("runs", "samples", "accepted", "less_likely", "unread")
 
     runs: int
     samples: int  # Of all these runs that the filter went through
@@ -78,15 +79,10 @@ class FilterFall(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {
-            "runs": self.runs,
-            "samples": self.samples,
-            "accepted": self.accepted,
-            "mean_square": {"before": self.mean_square[0], "after": self.mean_square[1]},
-            "less_likely": self.less_likely,
+        return super().to_dict() | {
+            "mean_square": dict(zip(("before", "after"), self.mean_square, strict=True)),
             "log_likelihood_gain": self.gain,
             "log_likelihood_gain_error": self.gain_error,
-            "unread": {name: vars(change) for name, change in self.unread.items()},
             "lost": {f"without_{name}" if name else "every_sensor": vars(change) for name, change in self.lost.items()},
         }
 

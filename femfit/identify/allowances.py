@@ -16,7 +16,7 @@ from femfit.fit.misfit import to_be_added
 from femfit.identify.constants import LEVEL, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
-from femfit.identify.readings.observations import Observations
+from femfit.identify.observations import Observations
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
@@ -54,10 +54,7 @@ class Allowed:
 
 def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> Allowed:
     """What a verdict on errors grants."""
-    own = {
-        name: float(np.sqrt(np.mean(observations.own_misfit[observations.of(name)] ** 2)))
-        for name in observations.channels
-    }
+    own = observations.rms(observations.own_misfit)
     beyond = beyond_noise(observations, noise, rms)
     facts = Allowed(
         rms=rms,
@@ -114,10 +111,9 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
 
 def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
     """Rms error that the noise makes in each channel, by what was declared and what the readings show of it."""
-    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
     columns, deviations = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
     settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
-    beside = np.bincount(observations.channel, settings + columns**2 @ deviations**2, len(noise.sigma)) / count
+    beside = observations.mean_square(np.sqrt(settings + columns**2 @ deviations**2))
     return np.asarray(np.sqrt(noise.sigma**2 + beside))
 
 

@@ -18,7 +18,7 @@ from numpy.polynomial.legendre import legvander
 
 from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
-from femfit.identify.readings.observations import Observations, once_for_settings
+from femfit.identify.observations import Observations, once_for_settings
 
 _MOTION = ("velocity_m_s", "current_rate_A_s")
 """Covariates that only a time series has."""

@@ -31,8 +31,8 @@ from femfit.identify.decision.constants import (
     VARIANTS,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.refit import Refit, Start, fitted_together, refit
+from femfit.identify.observations import Observations
+from femfit.identify.refit import Refit, Start, fitted_together, refit
 from femfit.identify.signatures import columns_at, effect_columns
 from femfit.tables.circuit_columns import parts_of
 

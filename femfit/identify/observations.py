@@ -157,6 +157,15 @@ class Observations:
         """Which readings belong to a channel."""
         return np.asarray(self.channel == self.channels.index(name))
 
+    def mean_square(self, x: FloatArray) -> FloatArray:
+        """Mean of squares of something at every reading, (M,), in each channel; shape (channels,)."""
+        count = np.maximum(np.bincount(self.channel, minlength=len(self.channels)), 1)
+        return np.asarray(np.bincount(self.channel, x**2, len(self.channels)) / count)
+
+    def rms(self, x: FloatArray) -> dict[str, float]:
+        """Its root by the channel's name."""
+        return dict(zip(self.channels, np.sqrt(self.mean_square(x)).tolist(), strict=True))
+
     @property
     def runs(self) -> int:
         """Number of runs."""

@@ -21,7 +21,7 @@ from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.identify.constants import AS_GOOD, MOST_EVALUATIONS, NEXT_TO_BOUND
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.observations import Observations
+from femfit.identify.observations import Observations
 from femfit.identify.signatures import EffectColumns, effect_columns
 
 

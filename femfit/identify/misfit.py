@@ -6,7 +6,7 @@ curves are what an engineer expects to see first: measured points on the model's
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import pandas as pd
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.readings.observations import Observations
+from femfit.identify.observations import Observations
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
@@ -59,28 +59,36 @@ class ErrorFall:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, channel by channel, with the errors over the noise."""
+        names = ("readings", "rms_before", "rms_after", "noise", "before_over_noise", "after_over_noise")
         return {
-            channel.channel: {
-                **{key: value for key, value in asdict(channel).items() if key not in {"channel", "magnitude"}},
-                **({"magnitude": channel.magnitude} if channel.magnitude else {}),
-                "before_over_noise": channel.before_over_noise,
-                "after_over_noise": channel.after_over_noise,
-            }
+            channel.channel: {name: getattr(channel, name) for name in names}
+            | ({"magnitude": channel.magnitude} if channel.magnitude else {})
             for channel in self.channels
         }
+
+    @property
+    def rms_before(self) -> dict[str, float]:
+        """The error before, by channel."""
+        return {channel.channel: channel.rms_before for channel in self.channels}
+
+    @property
+    def rms_after(self) -> dict[str, float]:
+        """The error after, by channel."""
+        return {channel.channel: channel.rms_after for channel in self.channels}
 
 
 def error_fall(
     observations: Observations, before: FloatArray, after: FloatArray, noise: Mapping[str, float]
 ) -> ErrorFall:
     """The fall of the error between two predictions of the same readings, both of shape (M,) and in their units."""
-    misfits = (observations.value - before, observations.value - after)
-    rows = []
-    for name in observations.channels:
-        rms = [float(np.sqrt(np.mean(misfit[observations.of(name)] ** 2))) for misfit in misfits]
-        count, magnitude = int(observations.of(name).sum()), observations.magnitude.get(name)
-        rows.append(ChannelFall(name, count, rms[0], rms[1], noise.get(name), magnitude))
-    return ErrorFall(tuple(rows))
+    first, last = (observations.rms(observations.value - prediction) for prediction in (before, after))
+    counts, magnitude = np.bincount(observations.channel, minlength=len(first)).tolist(), observations.magnitude
+    return ErrorFall(
+        tuple(
+            ChannelFall(name, count, first[name], last[name], noise.get(name), magnitude.get(name))
+            for name, count in zip(observations.channels, counts, strict=True)
+        )
+    )
 
 
 PLANE = ("distance_m", "current_A")
@@ -243,17 +251,11 @@ def _curves(
         i = np.stack([i if name == leading else np.full(i.shape, middle[name]) for name in names], axis=1)
     conditions = Conditions(
         nominal_of(model),
-        coil_temperature_C=_mean(observations, "coil_temperature_C"),
-        magnet_temperature_C=_mean(observations, "magnet_temperature_C"),
+        coil_temperature_C=float(observations.covariates["coil_temperature_C"].mean()),
+        magnet_temperature_C=float(observations.covariates["magnet_temperature_C"].mean()),
         frequency_Hz=grid["frequency_Hz"].ravel() if "frequency_Hz" in grid else np.nan,
     )
     readings = predict_readings(model, d, i, conditions, (*model.effects, *effects), observations.channels)
     if channel not in readings:
         return np.zeros((0, len(along[1])))
     return np.asarray(readings[channel]).reshape(len(over[1]), len(along[1]))
-
-
-def _mean(observations: Observations, name: str) -> float:
-    recorded = observations.covariates[name].to_numpy()
-    recorded = recorded[np.isfinite(recorded)]
-    return float(recorded.mean()) if len(recorded) else np.nan

@@ -24,8 +24,8 @@ from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
 from femfit.effects.words import describe
 from femfit.identify.constants import HARMS, HELPS, SETTLED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.refit import Refit, Start, refit, starting_point
+from femfit.identify.observations import Observations
+from femfit.identify.refit import Refit, Start, refit, starting_point
 from femfit.identify.signatures import effect_columns, why_untestable
 from femfit.identify.words import finding
 
@@ -74,7 +74,7 @@ def cross_validated(
         as_read[out], beside[out] = residual, beside_random(residual, whitening)
         white = whitening.full(residual)
         chi2 += float(white @ white)
-    return UnseenError(channel_rms(observations, as_read), channel_rms(observations, beside), chi2, effects)
+    return UnseenError(observations.rms(as_read), observations.rms(beside), chi2, effects)
 
 
 def left_out_groups(observations: Observations) -> IntArray:
@@ -93,11 +93,6 @@ def beside_random(residual: FloatArray, whitening: Whitening) -> FloatArray:
     white = whitening.serial(columns)
     size = np.linalg.solve(white.T @ white + np.eye(white.shape[1]), white.T @ whitening.serial(residual))
     return np.asarray(residual - columns @ size)
-
-
-def channel_rms(observations: Observations, residual: FloatArray) -> dict[str, float]:
-    """Root mean square of a residual, shape (M,), per channel."""
-    return {name: float(np.sqrt(np.mean(residual[observations.of(name)] ** 2))) for name in observations.channels}
 
 
 Base = Literal["auto", "always", "never"]

@@ -19,18 +19,11 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
-from femfit.identify.readings.averaged import averaged
-from femfit.identify.readings.impedance import away_from_bias, weighed_by_magnitude, with_bias
-from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
-from femfit.identify.readings.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
-from femfit.identify.readings.settings import (
-    current_names,
-    currents_in,
-    inductive,
-    with_currents,
-    without_bias,
-)
+from femfit.identify.impedance import away_from_bias, weighed_by_magnitude, with_bias
+from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
+from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
+from femfit.identify.settings import averaged, current_names, currents_in, inductive, with_currents, without_bias
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
@@ -256,17 +249,3 @@ def _residuals(model: ActuatorModel, table: BenchTable) -> dict[str, FloatArray]
     d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
     predicted = predict_readings(model, d, i, conditions, channels=table.channels)
     return {name: table.rows[name].to_numpy() - predicted[name] for name in table.channels if name in predicted}
-
-
-def suspicions(findings: tuple[Finding, ...]) -> list[str]:
-    """What a reader must know before any number, as lines: units and signs that are suspected."""
-    return [f"Check first: {finding}" for finding in findings if finding.code.startswith("suspected")]
-
-
-def notes(findings: tuple[Finding, ...]) -> list[str]:
-    """The other findings as lines, warnings first."""
-    remaining = [finding for finding in findings if not finding.code.startswith("suspected")]
-    return [
-        *(f"Warning: {finding}" for finding in remaining if finding.severity != "info"),
-        *(f"note: {finding}" for finding in remaining if finding.severity == "info"),
-    ]

@@ -8,18 +8,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from femfit.core.results import Printed
 from femfit.core.text import amount, amount_range, counted
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
-from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.bench import bench_observations
 from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
 from femfit.identify.decision.constants import (
@@ -35,26 +33,20 @@ from femfit.identify.decision.constants import (
     TIE,
     VISIBLE,
 )
-from femfit.identify.experiments.separation import (
-    assumed_noise,
-    pair_clauses,
-    planned_noise,
-    separation,
-    starting_points,
-)
+from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.refit import Start
+from femfit.identify.observations import Observations
+from femfit.identify.refit import Start
+from femfit.identify.separation import assumed_noise, pair_clauses, planned_noise, separation, starting_points
 from femfit.identify.signatures import why_untestable
-from femfit.identify.words import printed
+from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_bench_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PlanReport(Printed):
+class PlanReport(Result):
     """What a plan can show; printed, it is what ``femfit suggest --plan`` prints."""
 
     noise: dict[str, float]  # Standard deviation of one reading per channel, as assumed or declared
@@ -68,10 +60,6 @@ class PlanReport(Printed):
     smallest: dict[str, str]
     direct: dict[str, str]
     titles: dict[str, str]  # What texts call the numbers of the drawing
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return dict(vars(self))
 
     def __str__(self) -> str:
         read = dict.fromkeys(name for pair in self.together for name in pair if name in self.direct)

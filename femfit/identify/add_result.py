@@ -9,18 +9,17 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
-from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
-from femfit.identify.comparison.misfit import ErrorFall, error_fall
 from femfit.identify.constants import HARMS, LEAST_CHANGE
+from femfit.identify.filter_fall import FilterFall
+from femfit.identify.lack_of_fit import LackOfFit, pattern_space
+from femfit.identify.misfit import ErrorFall, error_fall
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.checked_refit import channel_rms
-from femfit.identify.refit.filter_fall import FilterFall
-from femfit.identify.refit.refit import Refit, at_bounds, is_plausible
-from femfit.identify.words import printed, sentence
+from femfit.identify.observations import Observations
+from femfit.identify.refit import Refit, at_bounds, is_plausible
+from femfit.identify.words import Result, plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 
 
@@ -130,7 +129,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AddResult(Printed):
+class AddResult(Result):
     """Effects added to a model; printed, it is what ``femfit add`` prints.
 
     Parameters
@@ -171,6 +170,11 @@ class AddResult(Printed):
     True
     """
 
+    data = (
+        *("added", "base", "kept", "left_out", "floor", "floor_source", "readings", "runs", "steps", "sizes"),
+        *("suspicious", "lack_of_fit_before", "lack_of_fit_after", "findings", "accepted", "beyond_noise", "filter"),
+    )
+
     model: ActuatorModel
     added: tuple[AddedEffect, ...]
     base: tuple[AddedEffect, ...]
@@ -200,33 +204,9 @@ class AddResult(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
-        names = ("kept", "left_out", "floor", "floor_source", "readings", "runs")
-        return {
-            **{
-                key: [
-                    {
-                        "name": added.effect.name,
-                        "parameters": dict(added.parameters),
-                        "ci95": {name: list(interval) for name, interval in added.ci95.items()},
-                    }
-                    for added in effects
-                ]
-                for key, effects in (("added", self.added), ("base", self.base))
-            },
-            **{name: getattr(self, name) for name in names},
-            "error_fall": self.fall.to_dict(),
-            "steps": [vars(step) for step in self.steps],
-            "sizes": [vars(size) for size in self.sizes],
-            "suspicious": list(self.suspicious),
-            "lack_of_fit_before": vars(self.lack_of_fit_before),
-            "lack_of_fit_after": vars(self.lack_of_fit_after),
-            "coil_temperature_C": self.model.coil_temperature_C,
-            "magnet_temperature_C": self.model.magnet_temperature_C,
-            "findings": [finding.as_dict() for finding in self.findings],
-            "accepted": self.accepted,
-            "beyond_noise": dict(self.beyond_noise),
-            "filter": self.filter and self.filter.to_dict(),
-        }
+        temperatures = ("coil_temperature_C", "magnet_temperature_C")
+        further = {"error_fall": plain(self.fall), **{name: getattr(self.model, name) for name in temperatures}}
+        return super().to_dict() | further
 
     @property
     def risen(self) -> tuple[str, ...]:
@@ -240,8 +220,8 @@ class AddResult(Printed):
         return sum(p.get("warmer_K", 0.0) + p.get("warming_K", 0.0) for p in parameters)
 
     def __str__(self) -> str:
-        rms = {channel.channel: channel.rms_after for channel in self.fall.channels}
-        facts = {"r": self, "rms": rms, "magnitude": self.observations.magnitude, "beyond": self.beyond_noise}
+        rms, magnitude = self.fall.rms_after, self.observations.magnitude
+        facts = {"r": self, "rms": rms, "magnitude": magnitude, "beyond": self.beyond_noise}
         return titled(printed("add", **facts), titles_of(self.observations.nominal.drawn))
 
 
@@ -263,9 +243,7 @@ def fit_facts(
         "fall": error_fall(observations, predictions[0], predictions[-1], noise.known),
         "floor": noise.known,
         "floor_source": noise.source,
-        "steps": tuple(
-            Step(text, channel_rms(observations, misfit)) for (text, _), misfit in zip(stages, misfits, strict=True)
-        ),
+        "steps": tuple(Step(text, observations.rms(misfit)) for (text, _), misfit in zip(stages, misfits, strict=True)),
         "lack_of_fit_before": patterns.test(whitening.full(misfits[0])),
         "lack_of_fit_after": patterns.test(whitening.full(misfits[-1]), fitted),
         "readings": len(observations.value),

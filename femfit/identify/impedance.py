@@ -30,7 +30,7 @@ from femfit.core.text import amount_range
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
-from femfit.identify.readings.observations import Observations
+from femfit.identify.observations import Observations
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.eddy_currents import EddyBias

@@ -12,18 +12,17 @@ has no minimum within it and tells nothing.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from femfit.core.errors import DomainError, TableError
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Printed
 from femfit.core.text import counted
 from femfit.device.parts import Actuator
 from femfit.field.problem import AxialField, axial_field
 from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
-from femfit.identify.words import printed
+from femfit.identify.words import Result, printed
 from femfit.tables.field_scan import FieldScan
 
 FitEnd = Literal["settled", "edge", "steps"]
@@ -34,7 +33,7 @@ _PARAMETERS = ("gain", "offset_T", "higher_m", "outer_m")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FieldScanComparison(Printed):
+class FieldScanComparison(Result):
     """A probe scan beside the solved field; printed, it is what ``femfit compare`` prints.
 
     Parameters
@@ -49,6 +48,8 @@ class FieldScanComparison(Printed):
         How the fit ended; where it did not settle, ``explained`` is empty.
     """
 
+    data = ("readings", "rms_T", "left_T", "fit_end", "explained", "predicted_T", "residual_T")
+
     scan: FieldScan
     predicted_T: FloatArray
     residual_T: FloatArray
@@ -61,17 +62,10 @@ class FieldScanComparison(Printed):
         """Root mean square of read minus solved."""
         return _rms(self.residual_T)
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return {
-            "readings": len(self.residual_T),
-            "rms_T": self.rms_T,
-            "left_T": self.left_T,
-            "fit_end": self.fit_end,
-            "explained": {name: list(pair) for name, pair in self.explained.items()},
-            "predicted_T": self.predicted_T.tolist(),
-            "residual_T": self.residual_T.tolist(),
-        }
+    @property
+    def readings(self) -> int:
+        """How many there are."""
+        return len(self.residual_T)
 
     def __str__(self) -> str:
         scan, worst = self.scan, int(np.argmax(np.abs(self.residual_T)))

@@ -1,1 +1,0 @@
-"""How far a model is from measurements, and where."""

@@ -1,1 +1,0 @@
-"""A model fitted again with an effect."""
