@@ -109,6 +109,8 @@ class Compilation:
     """
 
     def __init__(self, function: ca.Function) -> None:
+        if function.name() != "f":
+            raise ValueError(f"A function that is compiled must be named f; instead received {function.name()}.")
         self._function = function
         self._compiler: _Compiler | None = None
         self._lock = threading.Lock()

@@ -51,7 +51,12 @@ class Stop(Record):
 
     distance_m: float = key("the distance at which the body meets the stop", **LENGTH)
     restitution: float = key("the velocity after an impact over that before, 0 for no bounce", 0.0, ge=0, lt=1)
-    stiffness_N_per_m: float | None = key("the stop's stiffness, or leave it out for a rigid one", None, gt=0, le=1e9)
+    stiffness_N_per_m: float | None = key(
+        "the stop's stiffness in the open loop, or leave it out for a rigid one, as filters and closed loops hold all",
+        None,
+        gt=0,
+        le=1e9,
+    )
 
 
 @dataclass(frozen=True)

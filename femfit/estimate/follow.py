@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.consistency import Beside, Innovations, beside, innovations_of
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES, OBSERVED_SHARE
 from femfit.estimate.filter import Filter
-from femfit.estimate.fine_steps import in_fine_steps, stay, substeps
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.estimate.prepare import Prepared, prepare, recorded_sensors, with_recorded_sensors
@@ -214,10 +212,7 @@ def noise_of(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
 
 
 def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:
-    """The filter with steps of Runge and Kutta, since an estimate offline is not in a hurry.
-
-    One that does not read the recorded distance starts again from it where every stretch begins with one.
-    """
+    """The filter; one that does not read the recorded distance starts from it where every stretch begins with one."""
     kind, biased = FILTERS[name]
     chosen: Sequence[str] = ()
     if biased:
@@ -225,7 +220,7 @@ def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise
     model, box, distance = prepared.model, prepared.model.validity, prepared.recorded.get("distance_m")
     begins_there = distance is not None and np.isfinite(distance[prepared.log.begins]).all()
     known = begins_there and "distance_m" not in prepared.columns
-    built = kalman_filter(
+    return kalman_filter(
         model,
         kind,
         sensors=prepared.sensors,
@@ -233,15 +228,13 @@ def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise
         noise=noise,
         first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
     )
-    return replace(built, process=in_fine_steps(model, built.process))
 
 
 def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
     """The same filter of a body that stands still: the current flows as it does in a body that nothing moves."""
     if prepared.resting is None:
         return None
-    process, model = built.process, prepared.model
-    transition = partial(stay, model, substeps(model))
+    process = built.process.predicting(held=True)
     covariance = process.process_covariance.copy()
     covariance[:2, :2] = np.diag(np.square(prepared.resting))
-    return replace(built, process=replace(process.predicting(transition), process_covariance=covariance))
+    return replace(built, process=replace(process, process_covariance=covariance))

@@ -11,6 +11,7 @@ import pandas as pd
 from femfit.core.errors import FilterError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
+from femfit.core.text import amount
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, MOST_LEFT
 from femfit.estimate.find_noise import find_noise
 from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
@@ -172,6 +173,7 @@ def observe(
             *suspect_record(prepared.model, series),
             *prepared.findings,
             *_told_by_estimate(prepared, runs[0]),
+            *_soft_stops(prepared.model, runs[0]),
             *([NO_NOISE_FOUND] if find and shown is None else []),
         ),
         noise=shown,
@@ -221,4 +223,15 @@ def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
             + [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
         )
         findings.append(finding("outside-domain", outside=int(outside.sum()), samples=f"{samples}", ranges=ranges))
+    return findings
+
+
+def _soft_stops(model: ActuatorModel, run: OneFilter) -> list[Finding]:
+    """How far stops give way that the filter holds rigid: v sqrt(m / k) of an elastic stop and the fastest body."""
+    motion, speed = model.require_motion(), np.abs(run.replayed.mean[:, 1])
+    fastest, findings = float(np.nanmax(speed, initial=0.0)), []
+    for side, stop in (("near", motion.near_stop), ("far", motion.far_stop)):
+        if stop is not None and stop.stiffness_N_per_m is not None:
+            depth = fastest * (motion.mass_kg / stop.stiffness_N_per_m) ** 0.5
+            findings.append(finding("soft-stop", side=side, depth=amount(depth, "m"), speed=amount(fastest, "m/s")))
     return findings

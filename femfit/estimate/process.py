@@ -6,7 +6,7 @@ The state of a batch of filters, which one step hands to the next, and how a run
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
-from functools import cached_property, partial
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -53,11 +53,11 @@ class FilterProcess:
     eddies: int = 0  # States that are eddy currents
     graph: Any = None  # A :class:`femfit.estimate.process_graph.ProcessGraph` that moves all states and reads them
 
-    def predicting(self, transition: Transition) -> "FilterProcess":
-        """The same process with another transition of all states but those that are remembered."""
-        remembers = self.graph is not None and self.graph.samples
-        moved = partial(self.graph.with_samples, transition) if remembers else transition
-        return replace(self, transition=moved, transition_jacobian=None)
+    def predicting(self, **changes: Any) -> "FilterProcess":
+        """The same process whose states move as by its graph with other fields; it is read as before."""
+        graph = replace(self.graph, **changes)
+        slopes = None if self.transition_jacobian is None else graph.transition_jacobian
+        return replace(self, transition=graph.transition, transition_jacobian=slopes)
 
     @cached_property
     def has_graph(self) -> bool:

@@ -77,6 +77,7 @@ class ProcessGraph:
     model: ActuatorModel
     biases: tuple[str, ...]
     samples: tuple[SensorSamples, ...]
+    held: bool = False  # Whether the body stands still, whatever the forces say
 
     @property
     def base(self) -> int:
@@ -105,11 +106,27 @@ class ProcessGraph:
         stages = self.function("moved", self.moved).stages
         return sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
 
+    @cached_property
+    def steps(self) -> list[tuple[GraphFunction, Callable[[], GraphFunction]]]:
+        """The steps of a sample, of which the first remembers samples, and what makes the slopes of each."""
+        first = self._step_named("moved", self.moved)
+        later = self._step_named("moved on", self.moved_on) if self.samples else first
+        return [first, *[later] * (self.model.equations.steps - 1)]
+
+    def _step_named(self, name: str, make: Callable[[SX, SX], SX]) -> tuple[GraphFunction, Callable[[], GraphFunction]]:
+        def slope(x: SX, voltage: SX) -> SX:
+            return ca.vec(ca.jacobian(make(x, voltage), x))
+
+        return self.function(name, make), lambda: self.function(f"{name} slope", slope)
+
     def moved(self, x: SX, voltage: SX) -> SX:
-        """All states one sample later."""
-        model, end = self.model, self.model.order
-        after = model.equations.step_between_stops(x[:end], voltage, model.sample_time_s)
-        return ca.vertcat(after, *ca.vertsplit(x)[end : self.base], self.remembered(x))
+        """All states the first step of a sample later; so of that which remembers samples."""
+        return ca.vertcat(self.moved_on(x, voltage)[: self.base], self.remembered(x))
+
+    def moved_on(self, x: SX, voltage: SX) -> SX:
+        """All states a further step of the sample later."""
+        end = self.model.order
+        return ca.vertcat(self.model.equations.step_between_stops(x[:end], voltage, self.held), x[end:])
 
     def begun(self, first: SX) -> SX:
         """All states of a body that was at rest before, from its first states, of which the last may be left out."""
@@ -145,16 +162,20 @@ class ProcessGraph:
 
     def transition(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """States (N, n) one sample later."""
-        return self._values(self.function("moved", self.moved), states, inputs)
+        for step, _ in self.steps:
+            states = self._values(step, states, inputs)
+        return states
 
     def transition_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """Jacobians of :meth:`transition`, (N, n, n)."""
-        columns = self._values(self.function("moved slope", self.moved_slope), states, inputs)
-        return columns.reshape(len(states), self.order, self.order).swapaxes(1, 2)
-
-    def moved_slope(self, x: SX, voltage: SX) -> SX:
-        """Jacobian of :meth:`moved`, column after column."""
-        return ca.vec(ca.jacobian(self.moved(x, voltage), x))
+        result: FloatArray | None = None
+        for step, slope in self.steps:
+            columns = self._values(slope(), states, inputs)
+            slopes = columns.reshape(len(states), self.order, self.order).swapaxes(1, 2)
+            result = slopes if result is None else slopes @ result
+            states = self._values(step, states, inputs)
+        assert result is not None  # noqa: S101  a sample has a step
+        return result
 
     def measure(self, name: str, states: FloatArray) -> FloatArray:
         """Readings (N,) of a sensor in states (N, n)."""
@@ -171,14 +192,6 @@ class ProcessGraph:
     def reading_slope(self, name: str) -> GraphFunction:
         """Its gradient."""
         return self.function(("slope", name), lambda x, _: ca.gradient(self.read(x, name), x))
-
-    def with_samples(
-        self, transition: Callable[[FloatArray, FloatArray], FloatArray], states: FloatArray, inputs: FloatArray
-    ) -> FloatArray:
-        """All states (N, n) one sample later, the first ones by a transition of theirs."""
-        remembered = self._values(self.function("remembered", lambda x, _: self.remembered(x)), states)
-        moved = transition(states[:, : self.base], inputs)
-        return np.concatenate([moved.T, remembered.T]).T  # a state's values lie together
 
     def from_rest(self, first: FloatArray) -> FloatArray:
         """All states (N, n) of bodies that were at rest before, from their first ones (N, base)."""

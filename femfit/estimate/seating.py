@@ -34,7 +34,6 @@ from femfit.estimate.constants import (
     WORK_POINTS,
 )
 from femfit.estimate.filter import Filter
-from femfit.estimate.fine_steps import in_fine_steps
 from femfit.estimate.noise import consistency_band
 from femfit.estimate.prepare import Prepared
 from femfit.estimate.process import FilterOutcome, FilterState
@@ -188,7 +187,7 @@ def run_rivals(
     motion = model.require_motion()
     motion = replace(motion, near_stop=None) if outward < 0.0 else replace(motion, far_stop=None)
     without = replace(model, motion=motion)
-    free = replace(built, process=in_fine_steps(without, built.process))
+    free = replace(built, process=built.process.predicting(model=without))
     start, last = rows
     seats = np.concatenate([[start], candidates, [last + 1]])
     runs = len(seats)

@@ -103,13 +103,14 @@ class StepFunction:
         graph: ProcessGraph = filter_.process.graph
         outputs, n = filter_.process.outputs, graph.order
         m = len(outputs)
-        step = graph.function("moved", graph.moved).at_a_point
-        step_slope = graph.function("moved slope", graph.moved_slope).at_a_point
+        steps = [(step.at_a_point, slope().at_a_point) for step, slope in graph.steps]
         looks = [graph.reading(output.name).at_a_point for output in outputs]
         look_slopes = [graph.reading_slope(output.name).at_a_point for output in outputs]
         points = 1 if filter_.carries == "covariance" else 2 * n + 1
-        written = points * sum(function.n_instructions() for function in (step, *looks)) < MOST_WRITTEN
-        plain = all(function.is_a("SXFunction") for function in (step, step_slope, *looks, *look_slopes))
+        moves = [step for step, _ in steps]
+        written = points * sum(function.n_instructions() for function in (*moves, *looks)) < MOST_WRITTEN
+        functions = (*moves, *(slope for _, slope in steps), *looks, *look_slopes)
+        plain = all(function.is_a("SXFunction") for function in functions)
         symbol: Any = ca.SX if written and plain else ca.MX
         shapes = (("x", n), ("P", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
         x, matrix, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
@@ -120,6 +121,17 @@ class StepFunction:
         def slope(function: ca.Function, x: Any) -> Any:
             return ca.reshape(function(x, u), -1, n)
 
+        def moved(x: Any) -> Any:
+            for step, _ in steps:
+                x = step(x, u)
+            return x
+
+        def moved_slope(x: Any) -> Any:
+            result = symbol.eye(n)
+            for step, step_slope in steps:
+                result, x = slope(step_slope, x) @ result, step(x, u)
+            return result
+
         terms = Terms(
             product=ca.mtimes,
             turned=lambda a: a.T,
@@ -127,8 +139,8 @@ class StepFunction:
             total=ca.sum2,
             unit=symbol.eye(n),
             noise=ca.DM(filter_.process.process_covariance),
-            moved=lambda points, _: of_each(step, points),
-            moved_slope=lambda x, _: slope(step_slope, x),
+            moved=lambda points, _: ca.horzcat(*map(moved, ca.horzsplit(points))),
+            moved_slope=lambda x, _: moved_slope(x),
             read=[partial(of_each, look) for look in looks],
             read_slope=[partial(slope, look) for look in look_slopes],
         )
@@ -140,7 +152,7 @@ class StepFunction:
             seen.append(judged)
         parts = [covariance, _factor(covariance), mean, predicted, *(a for a, _ in seen), *(b for _, b in seen)]
         output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
-        function = ca.Function("step", given, [ca.cse(output) if symbol is ca.SX else output])
+        function = ca.Function("f", given, [ca.cse(output) if symbol is ca.SX else output])
         self.function = function
         self._call, self._order, self._sensors = Caller(function, Compilation(function)), n, m
         self._variances = np.array([output.variance for output in outputs])

@@ -1,14 +1,15 @@
-"""How far currents get within a step: the decay L w' = b - R (w - w_0), at any stiffness.
+"""How far currents get within a step: the decay L w' = b + c t - R (w - w_0), at any stiffness.
 
-w ends at w_0 + h f1(M) L^-1 b and has the mean w_0 + h f2(M) L^-1 b, with M = h L^-1 R, f1(z) = (1 - exp(-z)) / z and
-f2(z) = (1 - f1(z)) / z. Of one winding that is said as it stands. Of several, exp(-z) = sum c_k / (-z - t_k) + .. of
-Caratheodory and Fejer gives f1 by c_k / t_k and f2 by c_k / t_k^2 with the same poles t_k, so that only the linear
-systems (h R + t_k L) y = b are solved, which are regular for every positive R.
+w ends at w_0 + h (f1 L^-1 b + h f2 L^-1 c) and has the mean w_0 + h (f2 L^-1 b + h f3 L^-1 c); its integral's mean is
+h (w_0 / 2 + h f3 L^-1 b + ..). All are of M = h L^-1 R, with f1(z) = (1 - exp(-z)) / z, f2(z) = (1 - f1(z)) / z and
+f3(z) = (1/2 - f2(z)) / z. Of one winding that is said as it stands. Of several, exp(-z) = sum c_k / (-z - t_k) + .. of
+Caratheodory and Fejer gives f_n by c_k / t_k^n with the same poles t_k, so that only the linear systems
+(h R + t_k L) y = b are solved, which are regular for every positive R.
 
 References
 ----------
 L. N. Trefethen, J. A. C. Weideman and T. Schmelzer, BIT 46 (2006) 653, section 4: the approximation and its numbers.
-T. Schmelzer and L. N. Trefethen, Electronic Transactions on Numerical Analysis 29 (2007) 1: f1 and f2 with its poles.
+T. Schmelzer and L. N. Trefethen, Electronic Transactions on Numerical Analysis 29 (2007) 1: f_n with its poles.
 """
 
 from dataclasses import dataclass
@@ -24,9 +25,12 @@ from femfit.core.graph import settled
 ComplexExpressions: TypeAlias = NDArray[Any]
 """An array of :class:`Complex`."""
 
-LEAST_DECAY = 1e-6
-"""Numerical: smaller products of step and R/L, and those of a co-energy that is extended to a negative inductance, are
-taken as this: 5e-7 of the current's change, while f2 keeps ten digits."""
+FASTEST_GROWTH = 1.0
+"""Chosen: a current that iron lets grow within a step, where R is negative, grows by its exponential of this at most;
+a co-energy that is extended to a negative inductance would let it grow without end."""
+
+SERIES_TERMS = 14
+"""Derived: of f3 up to z = 1, where further ones are less than 1e-16 of it."""
 
 POLES = {
     4.827494174587326 + 1.1939879377093998j: -11.799390212515666 - 46.41166620881087j,
@@ -36,7 +40,8 @@ POLES = {
     -2.2359676498900862 + 11.109295737044016j: -0.06857151701061659 + 0.03841913873466452j,
     -6.998687356007474 + 13.995916098133264j: 0.0008184336485926534 - 0.0005813543348441404j,
 }
-"""Numerical: poles t_k with their residues c_k, one of each conjugate pair; f1 is off by 1.6e-10, f2 by 2.6e-9."""
+"""Numerical: poles t_k with their residues c_k, one of each conjugate pair; f1 is off by 1.6e-10, f2 by 2.6e-9
+and f3 by 1.8e-8, at z = -1 all by 1e-6."""
 
 
 def eliminated(matrix: SX, right: SX) -> SX:
@@ -45,20 +50,19 @@ def eliminated(matrix: SX, right: SX) -> SX:
     return ca.vertcat(*(ca.horzcat(*row) for row in solution))
 
 
-def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX, SX]:
-    """f1(M) L^-1 b and f2(M) L^-1 b of voltages b (m, k), each of their shape.
+def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX, SX, SX]:
+    """f1(M) L^-1 b, f2(M) L^-1 b and f3(M) L^-1 b of voltages b (m, k), each of their shape; of a symmetric R (m, m).
 
     The systems are solved by numbers that count as constant, and by one correction that is differentiated: of first
     derivatives exactly, at a fraction of what those of the elimination cost.
     """
     m, k = driving.shape
     if m == 1:
-        z = ca.fmax(step * resistances / inductance, LEAST_DECAY)
-        first = -ca.expm1(-z) / z
         rate = driving / inductance
-        return first * rate, (1.0 - first) / z * rate
-    totals = [SX.zeros(m, k), SX.zeros(m, k)]
-    own, right = step * ca.diag(resistances), [[Complex(x, SX(0.0)) for x in row] for row in _rows(driving)]
+        first, second, third = shares(ca.fmax(step * resistances / inductance, -FASTEST_GROWTH))
+        return first * rate, second * rate, third * rate
+    totals = SX.zeros(m, k), SX.zeros(m, k), SX.zeros(m, k)
+    own, right = step * resistances, [[Complex(x, SX(0.0)) for x in row] for row in _rows(driving)]
     for pole, residue in POLES.items():
         matrix = [
             [Complex(own[i, j] + pole.real * inductance[i, j], pole.imag * inductance[i, j]) for j in range(m)]
@@ -80,7 +84,19 @@ def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX,
                 for j in range(k):
                     total[i, j] += weight.real * (found[i][j].real + more[i][j].real)
                     total[i, j] -= weight.imag * (found[i][j].imag + more[i][j].imag)
-    return totals[0], totals[1]
+    return totals
+
+
+def shares(z: SX) -> tuple[SX, SX, SX]:
+    """f1, f2 and f3 of a number of either sign."""
+    near = ca.fabs(z) < 1.0
+    series, divisor = SX(1.0), ca.if_else(near, 1.0, z)
+    for k in range(SERIES_TERMS + 3, 3, -1):
+        series = 1.0 - z / k * series
+    first = -ca.expm1(-z) / divisor
+    third = ca.if_else(near, series / 6.0, (0.5 - (1.0 - first) / divisor) / divisor)
+    second = ca.if_else(near, 0.5 - z * third, (1.0 - first) / divisor)
+    return ca.if_else(near, 1.0 - z * second, first), second, third
 
 
 def _rows(matrix: SX) -> list[list[Any]]:

@@ -15,6 +15,8 @@ E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations 
 extrapolation of a method of first order, eqs. (9.2) and (9.10) with the harmonic sequence.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg import expm
 
@@ -29,6 +31,9 @@ change of speed, and two of half the length by a fifteenth of this."""
 LONGEST_STEP = 1.0
 """Derived: step of a Runge-Kutta method of fourth order over a decaying current's time constant; it is stable up to
 2.8, and off by 1/120 of the decay's fifth power at one."""
+
+ROUNDING = 1e-9
+"""Numerical: of a whole number of steps, which the last digit of an inductance must not make one more."""
 
 FLUX_STEPS, FLUX_CHANGE = 20, 1e-10
 """Numerical: Newton's method on a flux linkage that grows with the current ends within a handful of steps."""
@@ -160,6 +165,44 @@ def motion_steps(model: ActuatorModel) -> int:
     stiffness = stiffness + (at.motional_constant * answers).sum(axis=-1)
     rate = float(np.sqrt(stiffness.max() / motion.mass_kg))
     return max(1, int(np.ceil(model.sample_time_s * rate / LONGEST_MOTION)))
+
+
+def plant_steps(model: ActuatorModel, distances: Sequence[float]) -> int:
+    """Accurate steps in a sample: none is longer than the fastest coil's time constant, or too long for the motion.
+
+    With eddy currents, whose steps are exact for the fastest decay, the motion sets their length.
+
+    Parameters
+    ----------
+    distances : sequence of float
+        Where, in m.
+    """
+    if not model.windings.count:
+        return 1
+    if model.eddy is not None:
+        return motion_steps(model)
+    steps = model.sample_time_s / min(fastest_time_constant(model, distance) for distance in distances) / LONGEST_STEP
+    return max(1, int(np.ceil(steps * (1.0 - ROUNDING))))
+
+
+def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
+    """Smallest L/R over the currents of the validity domain in s: the least eigenvalue of R^-1 L of several windings.
+
+    Parameters
+    ----------
+    distance : float
+        In m.
+    """
+    windings = model.windings
+    _, currents = model.validity.grid(1, 5, several=3)
+    all_currents = np.zeros((len(currents), windings.count))
+    all_currents[:, : windings.circuits] = currents[:, : windings.circuits]
+    magnetic = windings.magnetics.state(np.full(len(currents), distance), all_currents)
+    inductance = magnetic.inductance + windings.series_H
+    if windings.count == 1:
+        return float(inductance.min() / windings.resistances_ohm[0])
+    root = np.sqrt(windings.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric
+    return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
 
 
 def half_way(state: FloatArray, step: float) -> FloatArray:

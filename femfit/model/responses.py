@@ -1,20 +1,22 @@
 """What a step's voltages make of the currents, as a table over the distance, where iron does not saturate.
 
-Of w' = r - L^-1 R (w - w_0) the step needs f1(M) L^-1 and f2(M) L^-1, see :mod:`femfit.model.decay`. Where L depends on
-the distance alone, both are smooth symmetric matrices of it: polynomials on cells that are halved until these hold to
-:data:`ERROR`. Beyond the table the matrices at its ends hold.
+Of w' = r - L^-1 R (w - w_0) the step needs f1(M) L^-1, f2(M) L^-1 and f3(M) L^-1, see :mod:`femfit.model.decay`. Where
+L depends on the distance alone, they are smooth symmetric matrices of it: polynomials on cells that are halved until
+these hold to :data:`ERROR`. Beyond the table the matrices at its ends hold.
 """
 
 from collections.abc import Callable
+from functools import cache
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 from numpy.polynomial import chebyshev
 
-from femfit.core.graph import row_of
+from femfit.core.graph import GraphFunction, building, row_of
 from femfit.core.numerics import FloatArray
 from femfit.model.bspline import polynomial
+from femfit.model.decay import shares
 
 DEGREE = 8
 """Measured: fewest operations for the error."""
@@ -29,7 +31,7 @@ keeps a tenth of what it is at the end, and places at which that is looked for."
 
 
 class ResponseTable:
-    """f1(M) L^-1 and f2(M) L^-1 over the distance, for one step.
+    """f1(M) L^-1, f2(M) L^-1 and f3(M) L^-1 over the distance, for one step.
 
     Parameters
     ----------
@@ -68,14 +70,14 @@ class ResponseTable:
         self._borders = np.array([low for low, _ in cells[1:]])
         self._ends, self._table = ends, np.stack([row for _, row in cells])
 
-    def at(self, distance: SX) -> tuple[SX, SX]:
-        """Both matrices at an expression's distance."""
+    def at(self, distance: SX) -> list[SX]:
+        """The three matrices at an expression's distance."""
         d = ca.fmin(ca.fmax(distance, self._ends[0]), self._ends[1])
         row = row_of(self._table, [self._borders], [d])
         x, value = (d - row[0]) * row[1], polynomial((DEGREE + 1,))
         entries = [value(coefficients, x) for coefficients in ca.vertsplit(row[2:], DEGREE + 1)]
-        size = len(entries) // 2
-        return self._square(entries[:size]), self._square(entries[size:])
+        size = len(entries) // 3
+        return [self._square(entries[first : first + size]) for first in (0, size, 2 * size)]
 
     def _square(self, entries: list[SX]) -> SX:
         result = SX.zeros(self._count, self._count)
@@ -99,13 +101,19 @@ def _ends(inductance: Callable[[FloatArray], FloatArray], domain: tuple[float, f
     return found[0], found[1]
 
 
+@cache
+def _shares_of() -> GraphFunction:
+    with building():
+        z = SX.sym("z")
+        return GraphFunction([z], ca.vertcat(*shares(z)))
+
+
 def _responses(inductance: FloatArray, resistances: FloatArray, step: float) -> FloatArray:
-    """Entries (N, m (m + 1)) of both matrices, each above its diagonal, row by row."""
+    """Entries (N, 3 m (m + 1) / 2) of the three matrices, each above its diagonal, row by row."""
     root = np.sqrt(resistances)
     times, modes = np.linalg.eigh(inductance / (root[:, None] * root))
     modes, z = modes / root[:, None], step / times
-    first = -np.expm1(-z) / z
-    shares = np.stack([first / times, (1.0 - first) / z / times], axis=1)
-    both = (modes[:, None] * shares[:, :, None]) @ np.swapaxes(modes, -1, -2)[:, None]
+    of_modes = np.moveaxis(_shares_of()(z.reshape(1, -1)).reshape(3, *z.shape), 0, 1) / times[:, None]
+    matrices = (modes[:, None] * of_modes[:, :, None]) @ np.swapaxes(modes, -1, -2)[:, None]
     rows, columns = np.triu_indices(len(resistances))
-    return both[..., rows, columns].reshape(len(inductance), -1)
+    return matrices[..., rows, columns].reshape(len(inductance), -1)

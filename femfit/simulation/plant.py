@@ -15,7 +15,6 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.estimate.fine_steps import substeps
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.contact import step_between_stops
 from femfit.model.drive import (
@@ -26,7 +25,7 @@ from femfit.model.drive import (
     voltage_limits,
     winding_voltage,
 )
-from femfit.model.dynamics import accurate_step, currents_by_voltages
+from femfit.model.dynamics import accurate_step, currents_by_voltages, plant_steps
 from femfit.model.magnetics import Magnetics
 
 
@@ -82,7 +81,7 @@ class Plant:
         model, box = self.model, self.model.validity
         if isinstance(model.magnetics, ScaledForce):  # whose scales are those of a batch
             model = replace(model, magnetics=model.magnetics.base)
-        return substeps(model, (box.distance_min_m, box.distance_max_m))
+        return plant_steps(model, (box.distance_min_m, box.distance_max_m))
 
     def start(self, state: FloatArray) -> FloatArray:
         """The first state from (distance, velocity, currents), shape (runs, 2 + n); all others are at rest."""

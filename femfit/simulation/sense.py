@@ -6,7 +6,7 @@ wrong model adds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from femfit.device.electrics import Circuit
 from femfit.estimate.constants import TEST_SAMPLES
 from femfit.estimate.error_bound import bound_along, without_stops
 from femfit.estimate.filter import Filter
-from femfit.estimate.fine_steps import in_fine_steps
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -150,7 +149,6 @@ def sense(
         raise UsageError("sense needs at least one run, and one of drive and voltage_V at most.")
     circuit, sensors = model.require_circuit(), names_or_kinds(model, sensors)
     built = kalman_filter(model, sensors=sensors)
-    built = replace(built, process=in_fine_steps(model, built.process))
     step, base = model.sample_time_s, _base(model, drive, circuit.voltage_max_V if voltage_V is None else voltage_V)
     end, command = float(base.time_s[-1]), _with_test(base, circuit, step, test_voltage_V, test_frequency_Hz)
     motion = simulate(model, drive=command, duration_s=end, sample_time_s=step)
@@ -161,7 +159,7 @@ def sense(
         states[:, k] = table[name]
     volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
     rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
-    free = in_fine_steps(without_stops(model), built.process)
+    free = built.process.predicting(model=without_stops(model))
     return Sensing(
         motion=motion,
         sensors=sensors,

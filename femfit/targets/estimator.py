@@ -90,6 +90,10 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
     first = [operating_distance(model), 0.0, *[0.0] * len(model.circuits)]
     functions = [python_source(name, function, arguments) for name, function, arguments in _functions(model, process)]
     listed = ", ".join(f"read_{k}" for k in range(len(names)))
+    if process.graph.samples:
+        functions.append("MOVED_ON = moved_on, moved_on_slope")
+    else:
+        functions.append("MOVED_ON = moved, moved_slope")
     functions.append(f"READ = [{listed}]\nREAD_SLOPES = [{listed.replace('read', 'read_slope')}]")
     lower, upper = process.lower, process.upper
     assert lower is not None  # noqa: S101  a levitation process has both
@@ -112,6 +116,7 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
         "upper": _plain(upper),
         "scaling": UnscentedFilter(process).scaling,
         "stops": f"({', '.join(map(_number, model.require_motion().ends))})",
+        "steps": model.equations.steps,
         "substeps": Plant(model).substeps,
         "plant_order": model.order,
         "plant_method": _RUNGE_KUTTA if model.eddy is None else _EXTRAPOLATED,
@@ -126,8 +131,9 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
     graph, made = process.graph, []
     with building():
         x, u = SX.sym("x", graph.order), SX.sym("u", len(model.circuits))
-        moved = graph.moved(x, u)
-        made += [("moved", moved), ("moved_slope", ca.vec(ca.jacobian(moved, x).T))]
+        for name, moved in (("moved", graph.moved(x, u)), ("moved_on", graph.moved_on(x, u))):
+            if name == "moved" or graph.samples:
+                made += [(name, moved), (f"{name}_slope", ca.vec(ca.jacobian(moved, x).T))]
         for k, output in enumerate(process.outputs):
             reading = graph.read(x, output.name)
             made += [(f"read_{k}", reading), (f"read_slope_{k}", ca.gradient(reading, x))]

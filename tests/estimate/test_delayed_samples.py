@@ -9,7 +9,6 @@ import femfit as ff
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.estimate.error_bound import bound_along, without_stops
-from femfit.estimate.fine_steps import in_fine_steps
 from femfit.model.sensors import sampled_readings, sensor_named
 from support.halves import cut_in_two
 from support.one_current import flat
@@ -32,7 +31,7 @@ def late(delay_s):
 
 def run_of(model, samples=200):
     """States and voltages of a body that goes to and fro, by the filter's own steps."""
-    process = in_fine_steps(model, ff.kalman_filter(model, sensors=("shunt",)).process)
+    process = ff.kalman_filter(model, sensors=("shunt",)).process
     time = STEP_S * np.arange(samples)
     volts = 10.0 + 6.0 * np.sin(700.0 * time)
     states = [np.array([2.5e-3, 0.0, 0.5])]
@@ -53,7 +52,7 @@ def test_predicted_readings_are_those_of_the_samples(name, delay):
     model = replace(model, other_sensors=tuple(replace(one, delay_s=delay * STEP_S) for one in model.other_sensors))
     states, volts = run_of(of())
     built = ff.kalman_filter(model, sensors=(name,))
-    process = in_fine_steps(model, built.process)
+    process = built.process
     at, found = built.start(states[0]).mean, []
     for k, u in enumerate(volts):
         at = at if k == 0 else process.transition(at, np.array([u]))
@@ -72,7 +71,6 @@ def test_a_filter_follows_a_body_by_a_late_laser_where_a_prompt_one_is_believed_
     errors = []
     for told in (model, late(0.0)):
         built = ff.kalman_filter(told, kind, sensors=("laser",))
-        built = replace(built, process=in_fine_steps(told, built.process))
         state, seen = built.start(states[0]), []
         for k, u in enumerate(volts):
             state = state if k == 0 else built.predict(state, u)
@@ -105,7 +103,7 @@ def test_a_pickup_coil_tells_the_distance_that_a_current_alone_tells_less_well()
 
 def arriving(model, current):
     """One step of a fast body beyond the near stop: as if there were none, and with it."""
-    fine, free = in_fine_steps(model, alone(model)), in_fine_steps(without_stops(model), alone(model))
+    fine, free = alone(model), alone(model).predicting(model=without_stops(model))
     circuits = len(model.circuits)
     state = np.array([[0.25e-3, -3.0, *(current,) * circuits]])
     volts = np.full((1, circuits) if circuits != 1 else 1, 0.5)
@@ -126,10 +124,10 @@ def linked(model, state):
 
 
 def test_a_stop_within_a_step_changes_the_flux_linkage_by_nothing_but_the_voltage():
-    model = replace(solenoid(), sample_time_s=2e-4)
+    model = replace(solenoid(), sample_time_s=1e-4)
     (beyond, kept) = arriving(model, 0.6)
     before, after = (linked(model, one) for one in (np.array([0.25e-3, -3.0, 0.6]), kept[0]))
-    least, most = ((0.5 - 20.0 * current) * 2e-4 for current in (0.6, kept[0, 2]))  # U - R i, which falls meanwhile
+    least, most = ((0.5 - 20.0 * current) * 1e-4 for current in (0.6, kept[0, 2]))  # U - R i, which falls meanwhile
     assert min(least, most) < after - before < max(least, most)
     assert abs(kept[0, 2] - beyond[0, 2]) > 0.01
 
@@ -139,7 +137,7 @@ def test_the_current_of_a_body_pressed_to_its_stop_rises_as_its_inductance_there
     """A light body that two amperes pull through a tenth of a millimetre in a sample, were there no stop."""
     light = Mechanics(0.5e-3, 0.0, near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
     model = replace(solenoid(light), sample_time_s=2e-4)
-    fine, free = in_fine_steps(model, alone(model)), in_fine_steps(without_stops(model), alone(model))
+    fine, free = alone(model), alone(model).predicting(model=without_stops(model))
     state, volts = np.array([[0.2e-3, velocity, 1.8]]), np.full(1, 40.0)
     assert free.transition(state, volts)[0, 0] < 0.0
     decay = np.exp(-20.0 * 2e-4 / inductance(0.2e-3))
@@ -154,8 +152,8 @@ def test_a_step_in_which_a_body_bounces_is_that_of_many_short_steps(away, veloci
     swinging = Mechanics(2.2e-3, 0.0, springs=(Spring(1600.0, 0.0, 1.3e-3),), near_stop=Stop(0.2e-3, 0.4))
     model, short = (replace(solenoid(swinging), sample_time_s=5e-5 / parts) for parts in (1, 200))
     state = short_state = np.array([[0.2e-3 + away, velocity, 0.1]])
-    moved = in_fine_steps(model, alone(model)).transition(state, np.zeros(1))[0]
-    shortly = in_fine_steps(short, alone(short))
+    moved = alone(model).transition(state, np.zeros(1))[0]
+    shortly = alone(short)
     for _ in range(200):
         short_state = shortly.transition(short_state, np.zeros(1))
     assert moved[0] - 0.2e-3 == pytest.approx(short_state[0, 0] - 0.2e-3, rel=0.01)
@@ -163,10 +161,12 @@ def test_a_step_in_which_a_body_bounces_is_that_of_many_short_steps(away, veloci
 
 
 def test_the_halves_of_a_coil_arrive_at_a_stop_as_the_whole_does():
-    model = replace(solenoid(), sample_time_s=2e-4)
+    model = replace(solenoid(), sample_time_s=1e-4)
     _, whole = arriving(model, 0.6)
     state = np.array([[0.25e-3, -3.0, 0.6, 0.6]])
-    halves = in_fine_steps(cut_in_two(model), alone(cut_in_two(model))).transition(state, np.full((1, 2), 0.25))
+    cut = cut_in_two(model)
+    assert model.equations.steps == cut.equations.steps
+    halves = alone(cut).transition(state, np.full((1, 2), 0.25))
     np.testing.assert_allclose(halves[0], whole[0, [0, 1, 2, 2]], rtol=1e-9)
 
 

@@ -13,6 +13,7 @@ from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalma
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.process import FilterOutcome, FilterProcess, Output
 from femfit.model.json_file import write_model
+from support.compiling import compile_at_once, needs_compiler
 from support.covariances import initial_covariance
 from support.halves import cut_in_two
 from support.readings import LASER
@@ -144,6 +145,20 @@ def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
     for voltage, hall in zip(record.voltage[:9, 0], record.hall[:9, 0], strict=True):
         state = filter_.step(state, voltage, np.array([hall]))
     assert np.isfinite(state.mean).all()
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_the_single_step_is_compiled_to_the_same_numbers(levitation_model, kind, monkeypatch, tmp_path):
+    readings = np.array([2.9])
+    start = kalman_filter(levitation_model, kind).start([0.022, 0.0, 0.32])
+    wanted = kalman_filter(levitation_model, kind).step(start, 0.86, readings)
+    libraries = compile_at_once(monkeypatch, tmp_path)
+    found = kalman_filter(levitation_model, kind).step(start, 0.86, readings)
+    assert libraries
+    assert all(libraries)
+    np.testing.assert_array_equal(found.mean, wanted.mean)
+    np.testing.assert_array_equal(found.covariance, wanted.covariance)
 
 
 def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(levitation_model, tmp_path):

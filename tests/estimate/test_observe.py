@@ -1,5 +1,6 @@
 """A record in pieces is the record one sample after the other, and what it shows of filter and log is said."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -45,7 +46,7 @@ def test_pieces_side_by_side_are_the_filter_sample_by_sample(seen, log):
     for k in range(1, 1200):  # four pieces
         state = one.built.step(state, record["voltage_V"][k - 1], [record["current_A"][k], record["distance_m"][k]])
         difference = (state.mean[0] - one.replayed.mean[k]) / np.sqrt(np.diagonal(state.covariance[0]))
-        assert np.abs(difference).max() < 5e-3  # starts join to 1e-3 of a deviation a turn
+        assert np.abs(difference).max() < 1e-8
     assert one.replayed.turns > 1
 
 
@@ -145,6 +146,17 @@ def test_a_rest_on_a_stop_is_recognised():
     found = ff.observe(model, series(np.zeros(steps), *readings.T), find=False)
     assert any(one.code == "at-stop" and "far stop" in str(one) for one in found.findings)
     assert found.filters[0].outcome is FilterOutcome.RUNNING
+
+
+def test_a_stop_that_gives_way_is_said_to_be_held_rigid_with_the_depth_of_the_open_loop():
+    base = solenoid()
+    soft = replace(base, motion=replace(base.motion, near_stop=replace(base.motion.near_stop, stiffness_N_per_m=2e5)))
+    loop = switched([0.0, 0.01], [0.0, 12.0], 0.06, model=soft)
+    depth = soft.motion.ends[0] - loop.table["distance_m"].min()
+    (told,) = [one for one in ff.observe(soft, logged([loop]), find=False).findings if one.code == "soft-stop"]
+    said = re.search(r"The near stop gives way, by at most ([0-9.]+) mm", told.text)
+    assert 0.3 < 1e3 * depth / float(said[1]) < 1.0  # a restitution of nought takes 1/e of an elastic stop's depth
+    assert "soft-stop" not in {one.code for one in ff.observe(base, logged([loop]), find=False).findings}
 
 
 def test_a_body_on_a_stop_at_the_end_of_the_domain_has_not_left_it():

@@ -10,12 +10,11 @@ from femfit.core.errors import DomainError, FilterError
 from femfit.device.electrics import CurrentSensor
 from femfit.estimate.direct import hall_inverse
 from femfit.estimate.error_bound import error_bound
-from femfit.estimate.fine_steps import fastest_time_constant
 from femfit.estimate.holding import bias_currents, holding_current, holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import unstable_pole
 from femfit.fit.build import fit_model
-from femfit.model.dynamics import exponential_step
+from femfit.model.dynamics import exponential_step, fastest_time_constant
 from femfit.simulation.allocation import current_ranges, currents_for_force
 from support.bearing import hall_field, table_of, table_with_hall
 from support.eddies import magnets_alone

@@ -14,7 +14,7 @@ from femfit.effects.catalogue import BUILT_IN
 from femfit.estimate.holding import holding_current
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise, default_noise
-from femfit.model.dynamics import currents_of_same_flux, extrapolated_step, runge_kutta_step
+from femfit.model.dynamics import currents_of_same_flux, exponential_step, extrapolated_step, runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import design_backstepping
@@ -322,3 +322,38 @@ def test_dry_friction_stops_a_sliding_body_and_does_not_throw_it_back(levitation
     assert state[0, 1] < 1e-5
     stopped = 0.02 + 0.05**2 * 4.35e-3 / (2.0 * 0.2)
     assert state[0, 0] == pytest.approx(stopped, abs=0.05 * 4.0 * model.sample_time_s)  # rounded near rest
+
+
+FEW = ["one circuit", "choke", "springs", "halves", "eddies", "halves with eddies"]
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_a_sample_takes_as_many_steps_as_it_needs_for_half_a_percent_of_its_change(model_kind, name):
+    """Against Runge and Kutta, at random states that stay within the domain.
+
+    Half the length is four times as good, but for eddy currents, whose table holds the inductance within a step. Dry
+    friction that turns round within a step is left out.
+    """
+    model = model_kind(name)
+    steps, box, last = model.equations.steps, model.validity, 2 + len(model.circuits)
+    states, volts = states_of(model, 200)
+    states[:, last:], volts = 0.0, voltage_of(model, volts)
+    wanted = runge_kutta_step(model, states, volts, model.sample_time_s, 400)
+    within = box.contains(wanted[:, 0], wanted[:, 2:last])
+    assert within.sum() > 50
+    changed = np.sqrt(np.square(wanted - states)[within, 1:last].mean(axis=0))
+    errors = []
+    for count in (steps, 2 * steps):
+        found = states
+        for _ in range(count):
+            found = exponential_step(model, found, volts, model.sample_time_s / count)
+        errors.append(np.sqrt(np.square(found - wanted)[within, 1:last].mean(axis=0)) / changed)
+    assert (errors[0] < 5.3e-3).all()
+    assert (errors[1] < np.maximum((0.35 if model.eddy is None else 0.6) * errors[0], 1e-6)).all()
+
+
+def test_a_sample_of_iron_that_saturates_takes_all_the_steps_and_one_that_leaves_the_model_takes_one(model_kind):
+    assert model_kind("solenoid").equations.steps == 4
+    assert model_kind("saturating").equations.steps == 4
+    assert replace(model_kind("solenoid"), sample_time_s=1e-5).equations.steps == 1
+    assert replace(model_kind("solenoid"), sample_time_s=10.0).equations.steps == 1

@@ -95,7 +95,8 @@ def test_runs_with_forces_of_their_own_step_as_each_alone_does(levitation_model,
         # The motional constant moves the inductance by 0.01 % for 1 % of force
         np.testing.assert_allclose(batch.magnetics.inductance(d, i), base.inductance(d, i), rtol=1e-2)
     if name == "eddy currents":  # the batch's own co-energy steps by eigenvalues
-        np.testing.assert_allclose(found, extrapolated_step(batch, state, volts[:, 0], model.sample_time_s), atol=1e-8)
+        # A table holds the inductance within a base step, which then changes with the way
+        np.testing.assert_allclose(found, extrapolated_step(batch, state, volts[:, 0], model.sample_time_s), atol=1e-7)
         np.testing.assert_array_equal(hall_voltage(batch, state), hall_voltage(model, state))
 
 

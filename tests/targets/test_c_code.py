@@ -1,5 +1,6 @@
 """The exported C follows a record as femfit's own filter does, keeps no NaN, and compiles without a warning."""
 
+import functools
 import shutil
 import subprocess
 from dataclasses import replace
@@ -7,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import femfit as ff
 from femfit.core.errors import UsageError
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.targets.c_code import export_c
@@ -104,6 +106,32 @@ def test_a_record_is_followed_as_by_femfit(levitation_model, tmp_path, kind):
     wanted = record_of(tmp_path / "record.csv", kalman_filter(model, kind, sensors=sensors), [0.022, 0.0, 0.4], 400)
     found = replayed(compiled(tmp_path / "c"), tmp_path / "record.csv")
     np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-13)
+
+
+@pytest.fixture(scope="module")
+def loop_record(levitation_model, tmp_path_factory):
+    """(seconds) -> the written record of a closed loop."""
+
+    @functools.cache
+    def written(seconds):
+        path = tmp_path_factory.mktemp("loop") / "record.csv"
+        ff.close_loop(levitation_model, runs=1, seconds=seconds, rng=3).write_csv(path)
+        return path
+
+    return written
+
+
+@pytest.mark.parametrize("seconds", [3.0, pytest.param(50.0, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_a_record_is_followed_as_by_observe(levitation_model, loop_record, tmp_path, kind, seconds):
+    """Up to 100,000 samples, which observe cuts into pieces; after 2.5 s both have forgotten how they began."""
+    observed = ff.observe(levitation_model, loop_record(seconds), filter=f"{kind}4", find=False).filters[0].replayed
+    wanted = np.stack([observed.mean, observed.deviation], axis=2).reshape(len(observed.mean), -1)
+    export_c(levitation_model, tmp_path / "c", kind=kind)
+    found = replayed(compiled(tmp_path / "c"), loop_record(seconds))
+    assert len(found) == round(seconds / levitation_model.sample_time_s)
+    error = np.abs(found - wanted) / np.abs(wanted).max(axis=0)
+    assert error[5000:].max() < 1e-12
 
 
 def test_single_precision_is_as_near_as_the_export_says(levitation_model, tmp_path):
