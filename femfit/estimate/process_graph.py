@@ -106,7 +106,7 @@ class ProcessGraph:
         stages = self.function("moved", self.moved).stages
         return sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
 
-    @cached_property
+    @property
     def steps(self) -> list[tuple[GraphFunction, Callable[[], GraphFunction]]]:
         """The steps of a sample, of which the first remembers samples, and what makes the slopes of each."""
         first = self._step_named("moved", self.moved)

@@ -1,5 +1,6 @@
 """A filter that breaks down is named, run by run, one alone as of many, and what none can take is refused."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -159,6 +160,15 @@ def test_the_single_step_is_compiled_to_the_same_numbers(levitation_model, kind,
     assert all(libraries)
     np.testing.assert_array_equal(found.mean, wanted.mean)
     np.testing.assert_array_equal(found.covariance, wanted.covariance)
+
+
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_a_filter_that_was_used_goes_to_another_process(levitation_model, kind):
+    filter_ = kalman_filter(levitation_model, kind)
+    state = filter_.start([0.022, 0.0, 0.32])
+    state = filter_.step(filter_.update(filter_.predict(state, 0.86), 2.9), 0.86, np.array([2.9]))
+    elsewhere = pickle.loads(pickle.dumps(filter_))  # noqa: S301  its own bytes
+    np.testing.assert_array_equal(elsewhere.predict(state, 0.9).mean, filter_.predict(state, 0.9).mean)
 
 
 def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(levitation_model, tmp_path):
