@@ -111,22 +111,16 @@ def add_effects(
     staying, refitted, new = _split(model, names, measured)
     whitening = whitening_beside(placed(with_effects(model, staying), measured))
     observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
-    for effect in wanted:
-        if reason := why_untestable(effect, observations):
-            raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     say("Fitting the effects")
-    start = in_their_runs(starting_point(observations, whitening, wanted), whitening, runs or {})
-    partial = [refit(observations, whitening, start[:k]).effects for k in range(len(refitted) + 1, len(start))]
+    start = in_their_runs(starting_point(whitening, wanted), whitening, runs or {})
+    partial = [refit(whitening, start[:k]).effects for k in range(len(refitted) + 1, len(start))]
     alone = checked_refit(whitening, start)
     say("Fitting the tolerances of the drawing beside them")
     fitted, dropped = with_tolerances(whitening, alone, base)
     beside = len(fitted.fit.effects) - len(start)
     stages = [("model", refitted), *zip([effect.name for effect in new], [*partial, alone.fit.effects], strict=False)]
     stages += [("tolerances" if beside else "refit", fitted.fit.effects)] if beside or not new else []
-    last = observations.runs - 1
-    stay = tuple(
-        replace(added, runs=None) for added in fitted.fit.effects if added.runs is None or added.runs[1] == last
-    )
+    stay = of_last_run(fitted.fit.effects, observations)
     after = with_effects(_at_temperature(model, observations, temperatures), (*staying, *stay))
     fit, tolerances = fitted.fit, fitted.fit.effects[:beside]
     sizes, facts = effect_sizes(observations, fit), fit_facts(whitening, stages, fit.jacobian[:, ~fit.active])
@@ -224,6 +218,12 @@ def _split(
     refitted = tuple(added for added, stay in zip(model.effects, stays, strict=True) if not stay)
     present = {added.effect.name for added in refitted}
     return staying, refitted, [effect for effect in wanted if effect.name not in present]
+
+
+def of_last_run(effects: Sequence[AddedEffect], observations: Observations) -> tuple[AddedEffect, ...]:
+    """Effects that act in the last run, as a model has them whatever the run."""
+    last = observations.runs - 1
+    return tuple(replace(added, runs=None) for added in effects if added.runs is None or added.runs[1] == last)
 
 
 def whitening_beside(observations: Observations) -> Whitening:

@@ -1,8 +1,7 @@
 """What adding effects to a model says: the new model, the effects' sizes, whether they are plausible, and the error."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,37 +41,34 @@ class EffectSize:
 
 def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ...]:
     """The largest change that each effect makes of each channel within the data, with its 95 % interval."""
-    weight = np.ones_like(observations.value) if observations.weight is None else observations.weight
-    base = observations.base / weight
     slopes = observations.slopes(fit.effects, [(k, p.name) for k, p in fit.free]) * [p.width for _, p in fit.free]
     result = list[EffectSize]()
     for k, added in enumerate(fit.effects):
         # What the predictions gain by the effect, the others in place
         change = observations.predict(fit.effects) - observations.predict(fit.effects[:k] + fit.effects[k + 1 :])
-        error = partial(_standard_error, slopes, fit, k)
-        result += largest_changes(added.effect.name, observations, change / weight, base, error, weight)
+        fitted = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
+        covariance = fit.covariance[np.ix_(fitted, fitted)]
+        result += largest_changes(added.effect.name, observations, change, slopes[:, fitted], covariance)
     return tuple(result)
 
 
 def largest_changes(
-    effect: str,
-    observations: Observations,
-    change: FloatArray,
-    base: FloatArray,
-    standard_error: Callable[[int], float],
-    weight: FloatArray,
+    effect: str, observations: Observations, change: FloatArray, slopes: FloatArray, covariance: FloatArray
 ) -> Iterator[EffectSize]:
-    """The largest change, (M,), of each channel within the data, with the interval by its standard error.
+    """The largest change, (M,), of each channel within the data, with its interval.
 
-    The standard error is that of a reading with its weight, by its number.
+    The interval follows from the change's slopes by what was fitted, (M, p), and the covariance of that, (p, p).
     """
+    weight = np.ones_like(change) if observations.weight is None else observations.weight
+    change, base = change / weight, observations.base / weight
     for c, channel in enumerate(observations.channels):
         here = np.flatnonzero(observations.channel == c)
         largest = float(np.abs(base[here]).max(initial=0.0))
         place = int(here[np.argmax(np.abs(change[here]))]) if len(here) else -1
         if place < 0 or abs(change[place]) < LEAST_CHANGE * largest:
             continue
-        half = stats.norm.isf(0.025) * standard_error(place) / weight[place]
+        variance = max(float(slopes[place] @ covariance @ slopes[place]), 0.0)
+        half = stats.norm.isf(0.025) * np.sqrt(variance) / weight[place]
         yield EffectSize(
             effect=effect,
             channel=channel,
@@ -82,13 +78,6 @@ def largest_changes(
             distance_m=float(observations.column("distance_m")[place]),
             current_A=float(observations.column("current_A")[place]),
         )
-
-
-def _standard_error(slopes: FloatArray, fit: Refit, k: int, reading: int) -> float:
-    """Standard error of the change that effect k makes at one reading, by slopes (M, p) over plausible ranges."""
-    free = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
-    slope = slopes[reading, free]
-    return float(np.sqrt(max(float(slope @ fit.covariance[np.ix_(free, free)] @ slope), 0.0)))
 
 
 def suspicious_values(
@@ -238,7 +227,7 @@ def fit_facts(
     observations, noise = whitening.observations, whitening.noise
     predictions = [observations.predict(effects) for _, effects in stages]
     misfits = [observations.value - prediction for prediction in predictions]
-    patterns = pattern_space(observations, whitening)
+    patterns = pattern_space(whitening)
     return {
         "fall": error_fall(observations, predictions[0], predictions[-1], noise.known),
         "floor": noise.known,

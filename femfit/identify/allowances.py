@@ -21,6 +21,7 @@ from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
 from femfit.model.network_magnetics import NetworkMagnetics
+from femfit.tables.measurement import OF_RUNS
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
         mount_m=noise.test_mount_m,
         stop_m=noise.stop_m if made.any() else 0.0,
         runs={
-            name: (float(offset), name in observations.declared_run)
+            name: (float(offset), OF_RUNS + name in observations.declared_noise)
             for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
             if offset > sigma
         },

@@ -29,7 +29,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
 from femfit.model.with_effects import nominal_of
 from femfit.tables.circuit_columns import parts_of
-from femfit.tables.measurement import OF_RUNS, BenchTable, Measurement, TimeSeries
+from femfit.tables.measurement import BenchTable, Measurement, TimeSeries
 from femfit.tables.measurement_checks import STILL_CURRENT
 from femfit.tables.measurement_file import read_measurement
 
@@ -94,7 +94,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         distance_slope=slope,
         distance_curvature=curvature,
         nominal=nominal,
-        declared_noise={name: sd for name, sd in (declared | dict(weighing.noise)).items() if name in channels},
+        declared_noise=declared | dict(weighing.noise),
         tolerance=stacked({name: values[None] for name, values in tolerance.items()})[:, 0],
         setting_columns=np.stack(uncertain, axis=1),
         findings=(
@@ -105,12 +105,10 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         ),
         present=tuple(added.effect.name for added in model.effects),
         noise_source=table.noise_source,
-        declared_distance_m=declared.get("distance_m"),
-        declared_run={name: declared[OF_RUNS + name] for name in channels if OF_RUNS + name in declared},
         magnitude=weighing.magnitude,
         weight=stacked(dict.fromkeys(channels, np.ones((1, len(d)))))[:, 0] if weighing.weight else None,
     )
-    return with_bias(observations, model, away.flux, i, current_names(model))
+    return with_bias(observations, model, away.flux)
 
 
 def _remarks(declared: Mapping[str, float], nominal: Nominal, channels: tuple[str, ...]) -> list[Finding]:

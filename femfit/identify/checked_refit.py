@@ -11,7 +11,7 @@ G. K. Robinson, Statistical Science 6 (1991) 15: best linear unbiased prediction
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -23,7 +23,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
 from femfit.effects.words import describe
 from femfit.identify.constants import HARMS, HELPS, SETTLED
-from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns
+from femfit.identify.noise.whitening import Whitening, random_columns
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, Start, refit, starting_point
 from femfit.identify.signatures import effect_columns, why_untestable
@@ -41,38 +41,28 @@ class UnseenError:
     effects: Mapping[int, tuple[AddedEffect, ...]]
 
 
-def unseen_error(
-    observations: Observations,
-    noise: NoiseModel,
-    start: Sequence[Start],
-    fixed: Mapping[str, Mapping[str, float]] | None = None,
-    prior_sd: Mapping[str, float] | None = None,
-    prior_mean: Mapping[str, float] | None = None,
-) -> UnseenError:
-    """Cross-validate effects over the runs of a campaign."""
+def unseen_error(whitening: Whitening, fit: Refit) -> UnseenError:
+    """Cross-validate the effects of a fit over the runs of a campaign."""
 
     def fitted(keep: BoolArray) -> tuple[AddedEffect, ...]:
-        readings = observations.select(keep)
-        whitening = Whitening.granting(readings, noise)
-        return refit(readings, whitening, start, fixed, prior_sd, prior_mean).effects
+        readings = whitening.observations.select(keep)
+        return refit(Whitening.granting(readings, whitening.noise), fit.restart).effects
 
-    return cross_validated(observations, noise, fitted)
+    return cross_validated(whitening, fitted)
 
 
-def cross_validated(
-    observations: Observations, noise: NoiseModel, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]
-) -> UnseenError:
+def cross_validated(whitening: Whitening, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]) -> UnseenError:
     """The error on each run by the effects that are fitted to the readings that stay, which have the shape (M,)."""
+    observations = whitening.observations
     group = left_out_groups(observations)
     beside, as_read = np.zeros(len(group)), np.zeros(len(group))
     chi2, effects = 0.0, {}
     for number in np.unique(group):
         out = group == number
         unseen, effects[int(number)] = observations.select(out), fitted(~out)
-        residual = unseen.value - unseen.predict(effects[int(number)])
-        whitening = Whitening(unseen, noise)
-        as_read[out], beside[out] = residual, beside_random(residual, whitening)
-        white = whitening.full(residual)
+        residual, alone = unseen.value - unseen.predict(effects[int(number)]), Whitening(unseen, whitening.noise)
+        as_read[out], beside[out] = residual, beside_random(residual, alone)
+        white = alone.full(residual)
         chi2 += float(white @ white)
     return UnseenError(observations.rms(as_read), observations.rms(beside), chi2, effects)
 
@@ -118,77 +108,72 @@ def with_tolerances(whitening: Whitening, alone: CheckedRefit, base: Base) -> tu
     dropped = [finding("tolerance-dropped", name=effect.name) for effect in testable if effect not in visible]
     if base == "never" or not visible:
         return alone, [] if base == "never" else dropped
-    start = [*starting_point(observations, whitening, visible, at_null=True), *_restart(alone.fit)]
-    together = checked_refit(whitening, start, {effect.name: TOLERANCE_SD for effect in visible})
+    drawn = [
+        replace(tolerance, amplitude=np.zeros(tolerance.count), prior_sd=TOLERANCE_SD)
+        for tolerance in starting_point(whitening, visible)
+    ]
+    together = checked_refit(whitening, [*drawn, *alone.fit.restart])
     helps = together.error.chi2 < alone.error.chi2 - HELPS
     limits = alone.error.rms_beside_random
     harms = any(rms > HARMS * limits[name] for name, rms in together.error.rms_beside_random.items())
     return together if base == "always" or (helps and not harms) else alone, dropped
 
 
-def checked_refit(
-    whitening: Whitening, start: Sequence[Start], prior_sd: Mapping[str, float] | None = None
-) -> CheckedRefit:
+def checked_refit(whitening: Whitening, start: Sequence[Start]) -> CheckedRefit:
     """A refit of what the data show: without amplitudes that they do not identify, and without extrapolated ends."""
-    observations = whitening.observations
-    fit = refit(observations, whitening, start, prior_sd=prior_sd)
-    fixed = _unsettled(observations, fit)
-    if fixed:
-        fit = refit(observations, whitening, _restart(fit), fixed=fixed, prior_sd=prior_sd)
-    identified = _identified(fit)
-    if any(start_kept.count < start_full.count for start_kept, start_full in zip(identified, fit.start, strict=True)):
-        fit = refit(observations, whitening, identified, fixed=fixed, prior_sd=prior_sd)
-    error = unseen_error(observations, whitening.noise, _restart(fit), fixed, prior_sd)
-    findings = tuple(finding("not-settled", name=name) for name in fixed)
-    return CheckedRefit(fit, error, findings)
+    fit = refit(whitening, start)
+    for values_of in (_unsettled, _unidentified):
+        held = values_of(whitening.observations, fit)
+        if any(held):
+            restart = zip(fit.restart, held, strict=True)
+            fit = refit(whitening, [replace(effect, held={**effect.held, **values}) for effect, values in restart])
+    slow = [
+        effect.name
+        for effect in fit.start
+        if any(p.name in effect.held for p in effect.columns.effect.parameters if p.nonlinear)
+    ]
+    findings = tuple(finding("not-settled", name=name) for name in slow)
+    return CheckedRefit(fit, unseen_error(whitening, fit), findings)
 
 
 def better_alone(whitening: Whitening, effects: Refit, beside: Sequence[Start]) -> str:
     """The tolerances that were fitted beside effects, in words, where they explain more by themselves than these do."""
     if not beside:
         return ""
-    observations = whitening.observations
-    prior = {tolerance.name: TOLERANCE_SD for tolerance in beside}
-    start = starting_point(observations, whitening, [tolerance.columns.effect for tolerance in beside])
-    fit = refit(observations, whitening, start, prior_sd=prior)
+    start = starting_point(whitening, [tolerance.columns.effect for tolerance in beside])
+    fit = refit(whitening, [replace(tolerance, prior_sd=TOLERANCE_SD) for tolerance in start])
     if fit.chi2 >= effects.chi2:
         return ""
-    return "; ".join(clause for effect in fit.effects for clause in describe(effect, observations.nominal))
+    nominal = whitening.observations.nominal
+    return "; ".join(clause for effect in fit.effects for clause in describe(effect, nominal))
 
 
-def _restart(fit: Refit) -> list[Start]:
-    """A fit as the start of another."""
-    return [start.continued(added) for start, added in zip(fit.start, fit.effects, strict=True)]
-
-
-def _unsettled(observations: Observations, fit: Refit) -> dict[str, dict[str, float]]:
-    """Time constants of changes of the circuit that are longer than the runs, with what they are held at instead.
+def _unsettled(observations: Observations, fit: Refit) -> list[dict[str, float]]:
+    """Of each effect time constants of the circuit that are longer than the runs, held at these.
 
     The new model runs with the end of such a change. A fit to its beginning says only its rate, and would put an end
     into the circuit that nobody has seen.
     """
     clock = observations.column("time_s" if "time_s" in observations.covariates else "order")
     longest = float(clock.max()) / SETTLED
-    result: dict[str, dict[str, float]] = {}
+    held: list[dict[str, float]] = [{} for _ in fit.effects]
     for k, p in fit.free:
         added = fit.effects[k]
         slow = p.nonlinear and p.name.endswith("_time") and added.parameters[p.name] > longest
         if slow and added.effect.circuit is not None:
-            result[added.effect.name] = {p.name: max(longest, p.lower)}
-    return result
+            held[k] = {p.name: max(longest, p.lower)}
+    return held
 
 
-def _identified(fit: Refit) -> list[Start]:
-    """A fit as the start of another, without the amplitudes that the data do not identify; one stays at least.
+def _unidentified(_: Observations, fit: Refit) -> list[dict[str, float]]:
+    """Of each effect the amplitudes that the data do not identify, held at their nulls; one stays free at least.
 
     Their interval holds the null and more than their plausible range.
     """
-    result = []
-    for start, added in zip(_restart(fit), fit.effects, strict=True):
-        keep = []
-        for k, p in enumerate(start.columns.amplitudes):
-            low, high = added.ci95.get(p.name, (np.nan, np.nan))
-            if not (low < p.null < high and high - low > p.plausible[1] - p.plausible[0]):
-                keep.append(k)
-        result.append(start.part(keep) if keep else start)
-    return result
+    held: list[dict[str, float]] = []
+    for start, added in zip(fit.start, fit.effects, strict=True):
+        free = [p for p in start.columns.amplitudes if p.name not in start.held]
+        limits = [(p, *added.ci95.get(p.name, (np.nan, np.nan))) for p in free]
+        vague = {p.name: p.null for p, low, high in limits if low < p.null < high and high - low > p.width}
+        held.append(vague if len(vague) < len(free) else {})
+    return held

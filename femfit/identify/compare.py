@@ -174,7 +174,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     model = model_of(model)
     data = measurement_of(data)
     observations = placed(model, data)
-    campaign = gather(observations, considered_effects((), observations.nominal.circuits, observations.nominal.drawn))
+    campaign = gather(observations, considered_effects((), observations.nominal))
     if isinstance(campaign, Finding):
         noise, findings = estimate_noise(observations), [campaign]
         whitening = Whitening(observations, noise or scatter_as_noise(observations))

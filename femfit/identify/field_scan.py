@@ -151,12 +151,10 @@ def _step(matrix: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatAr
     """The step of Gauss and Newton to the least squares of a linear model, and the standard errors there."""
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0.0] = 1.0
-    rows, sizes, columns = np.linalg.svd(matrix / scale, full_matrices=False)
-    keep = sizes > 1e-6 * sizes[0]
-    step = (columns[keep].T @ ((rows[:, keep].T @ residual) / sizes[keep])) / scale
-    unit = np.sqrt(np.sum((columns[keep] / sizes[keep, None]) ** 2, axis=0)) / scale
+    inverse = np.linalg.pinv(matrix / scale, rcond=1e-6)
     freedom = max(len(residual) - matrix.shape[1], 1)
-    return step, np.sqrt(residual @ residual / freedom) * unit
+    error = np.sqrt(residual @ residual / freedom) * np.linalg.norm(inverse, axis=1)
+    return inverse @ residual / scale, error / scale
 
 
 def _linearised(scan: FieldScan, solved: AxialField, value: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:

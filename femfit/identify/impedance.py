@@ -17,7 +17,7 @@ leaves of its error is up to 0.8 % of |Z|. Of any form may be the second order o
 differ, |L(d, i) - L(d, b)| / L, of the induced voltage.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -73,17 +73,13 @@ def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArr
     return AwayFromBias(apart / (BIAS_SHARE * largest), changed / np.maximum(*norms), np.abs(sizes[0]).max(axis=(1, 2)))
 
 
-def with_bias(
-    observations: Observations, model: ActuatorModel, away: FloatArray, currents: FloatArray, names: Sequence[str]
-) -> Observations:
+def with_bias(observations: Observations, model: ActuatorModel, away: FloatArray) -> Observations:
     """Impedances with what their distance from the bias may make of each, as columns of one standard deviation.
 
     Parameters
     ----------
     away : array, shape (N,)
         x of every row, as of :class:`AwayFromBias`.
-    currents : array, shape (N,) or (N, n)
-        Of every row in A.
     """
     eddy = model.without_effects.eddy
     bias = eddy.bias if eddy else None
@@ -102,28 +98,22 @@ def with_bias(
     beyond = np.unique(observations.row[observations.own_misfit > share * size])
     if not len(beyond):
         return observations
-    finding = _finding(observations, bias, beyond, currents.reshape(len(away), -1), names)
-    return replace(observations, findings=(*observations.findings, finding))
+    return replace(observations, findings=(*observations.findings, _finding(observations, bias, beyond)))
 
 
-def _finding(
-    observations: Observations, bias: EddyBias, rows: IntArray, currents: FloatArray, names: Sequence[str]
-) -> Finding:
-    held = bias.at(observations.covariates["distance_m"].to_numpy())
+def _finding(observations: Observations, bias: EddyBias, rows: IntArray) -> Finding:
+    held, names = bias.at(observations.covariates["distance_m"].to_numpy()), observations.currents
+    currents = observations.covariates[list(names)].to_numpy()
 
     def said(of: FloatArray) -> str:
         each = [amount_range(float(values.min()), float(values.max()), "A") for values in of[rows].T]
-        of_circuits = [f" in {name.removeprefix('current_').removesuffix('_A')}" for name in names] or [""]
+        of_circuits = [f" in {circuit}" if circuit else "" for _, circuit in map(parts_of, names)]
         return " and ".join(a + b for a, b in zip(each, of_circuits, strict=True))
 
     least = [float(f"{median:.3g}") for median in np.median(currents[rows], axis=0)]
-    facts: dict[str, Any] = {
-        "read": said(currents),
-        "held": said(held),
-        "asked": least[0] if len(least) == 1 else least,
-    }
-    facts |= {"asked": least[0] if len(least) == 1 else least, "materials": bias.materials}
-    return finding("eddy-bias", "current_A", float(len(rows)), rows=len(rows), **facts)
+    facts: dict[str, Any] = {"asked": least[0] if len(least) == 1 else least, "materials": bias.materials}
+    facts |= {"read": said(currents), "held": said(held), "rows": len(rows)}
+    return finding("eddy-bias", "current_A", float(len(rows)), **facts)
 
 
 @dataclass(frozen=True, eq=False)

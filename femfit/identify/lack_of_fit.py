@@ -112,9 +112,9 @@ def _beside(residual: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray
     return residual - basis @ (basis.T @ residual), basis
 
 
-def pattern_space(observations: Observations, whitening: Whitening) -> PatternSpace:
+def pattern_space(whitening: Whitening) -> PatternSpace:
     """The whitened smooth patterns of a campaign; without groups where every channel has too few readings."""
-    patterns = smooth_patterns(observations)
+    patterns = smooth_patterns(whitening.observations)
     columns, degrees = whitening.full(patterns.columns), whitening.noise.degrees_of_freedom
     everything = np.ones(len(patterns.channel), dtype=bool)
     of_channel = [patterns.channel == c for c in np.unique(patterns.channel)]

@@ -16,6 +16,7 @@ from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.observations import Observations
+from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
@@ -130,16 +131,12 @@ def misfit_maps(observations: Observations) -> tuple[MisfitMap, ...]:
 
 
 def _map(observations: Observations, channel: str, here: IntArray, along: tuple[str, ...]) -> MisfitMap:
-    coordinates = np.stack([observations.column(name)[here] for name in along])
+    coordinates = {name: observations.column(name)[here] for name in along}
+    codes = [_bins(x, keep=name in {"run", "mount", "branch"}) for name, x in coordinates.items()]
     residual = observations.residual[here]
-    codes = np.stack(
-        [_bins(x, keep=name in {"run", "mount", "branch"}) for name, x in zip(along, coordinates, strict=True)]
-    )
-    cell = np.unique(codes, axis=1, return_inverse=True)[1]
-    count = np.bincount(cell)
-    mean, rms = np.bincount(cell, residual) / count, np.sqrt(np.bincount(cell, residual**2) / count)
-    centres = {name: np.bincount(cell, x) / count for name, x in zip(along, coordinates, strict=True)}
-    return MisfitMap(channel, along, pd.DataFrame({**centres, "mean": mean, "rms": rms, "readings": count}))
+    rows = pd.DataFrame({**coordinates, "mean": residual, "rms": residual**2, "readings": 1})
+    cells = rows.groupby(codes).agg(dict.fromkeys([*along, "mean", "rms"], "mean") | {"readings": "sum"})
+    return MisfitMap(channel, along, cells.assign(rms=np.sqrt(cells["rms"])).reset_index(drop=True))
 
 
 def _bins(x: FloatArray, *, keep: bool) -> IntArray:
@@ -244,11 +241,10 @@ def _curves(
     """The channel over both settings at the mean of the recorded temperatures, between the branches."""
     grid = dict(zip((over[0], along[0]), np.meshgrid(over[1], along[1], indexing="ij"), strict=True))
     d = grid["distance_m"].ravel()
-    i = grid.get("current_A", np.full(d.shape, observations.covariates["current_A"].median())).ravel()
-    if len(observations.currents) > 1:  # the others at their middle
-        names, leading = observations.currents, observations.leading_current
-        middle = {name: float(np.median(observations.covariates[name])) for name in names}
-        i = np.stack([i if name == leading else np.full(i.shape, middle[name]) for name in names], axis=1)
+    settings = {name: np.full(d.shape, np.median(observations.covariates[name])) for name in observations.currents}
+    if "current_A" in grid:  # the currents of other circuits at their middle
+        settings[observations.leading_current] = grid["current_A"].ravel()
+    i = currents_in(model, pd.DataFrame(settings))
     conditions = Conditions(
         nominal_of(model),
         coil_temperature_C=float(observations.covariates["coil_temperature_C"].mean()),

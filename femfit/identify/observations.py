@@ -6,7 +6,7 @@ time series differ only in how this view is built.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -54,6 +54,8 @@ class Observations:
     # Change of that per metre: what a re-mount changes where the force grows steeply; shape (M,)
     distance_curvature: FloatArray
     nominal: Nominal
+    # Standard deviations as declared: of a channel's reading, as ``run.CHANNEL`` that by which all of its readings
+    # differ from run to run, and of the ``distance_m`` to which stage and body come back
     declared_noise: Mapping[str, float]
     # Standard misfit of the model to its own source, below which nothing is said to be missing; shape (M,)
     tolerance: FloatArray
@@ -67,9 +69,6 @@ class Observations:
     # Of impedances: what their distance from the bias of the model's eddy currents makes of each reading, by one
     # standard deviation; shape (M, k)
     bias_columns: FloatArray | None = None
-    declared_distance_m: float | None = None  # Standard deviation to which stage and body are said to come back
-    # Standard deviation by which all readings of a channel are said to differ from run to run
-    declared_run: Mapping[str, float] = field(default_factory=dict)
     # Of impedances: magnitude, in the channel's unit, at which readings and predictions are given; see ``Weighing``
     magnitude: Mapping[str, float] = field(default_factory=dict)
     weight: FloatArray | None = None  # What they were multiplied by for that, shape (M,); None where that is 1
@@ -173,19 +172,9 @@ class Observations:
 
     def select(self, keep: BoolArray) -> "Observations":
         """Those of the readings for which ``keep``, of shape (M,), is true; all settings stay."""
-        return replace(
-            self,
-            channel=self.channel[keep],
-            row=self.row[keep],
-            value=self.value[keep],
-            distance_slope=self.distance_slope[keep],
-            distance_curvature=self.distance_curvature[keep],
-            tolerance=self.tolerance[keep],
-            setting_columns=self.setting_columns[keep],
-            weight=None if self.weight is None else self.weight[keep],
-            bias_columns=None if self.bias_columns is None else self.bias_columns[keep],
-            prediction=_Kept(self.prediction, keep),
-        )
+        fields_of_readings = {name: getattr(self, name) for name in _OF_READINGS}
+        some = {name: values[keep] for name, values in fields_of_readings.items() if values is not None}
+        return replace(self, **some, prediction=partial(_kept, self.prediction, keep))
 
     def with_values(self, value: FloatArray) -> "Observations":
         """The same settings with other readings, of shape (M,)."""
@@ -194,6 +183,12 @@ class Observations:
         result.__dict__["of_settings"] = self.of_settings
         return result
 
+
+_OF_READINGS = (
+    *("channel", "row", "value", "distance_slope", "distance_curvature", "tolerance", "setting_columns", "weight"),
+    "bias_columns",
+)
+"""Fields of which each reading has an entry."""
 
 Result = TypeVar("Result")
 
@@ -237,15 +232,11 @@ class InTheirRuns:
         return result
 
 
-@dataclass(frozen=True, eq=False)
-class _Kept:
+def _kept(
+    prediction: Prediction, keep: BoolArray, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]
+) -> FloatArray:
     """Predictions of the readings that were kept."""
-
-    prediction: Prediction
-    keep: BoolArray
-
-    def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
-        return self.prediction(effects, parameters)[self.keep]
+    return prediction(effects, parameters)[keep]
 
 
 def model_tolerance(model: ActuatorModel) -> dict[str, float]:

@@ -12,6 +12,7 @@ alternatives.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -113,9 +114,8 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
     result = _tensor(x, y, DEGREE)
     for z, name in ((x, "distance_m"), (y, "current_A")):
-        finest = min(FINE_DEGREE, len(np.unique(np.round(z, 6))) - 1)
-        columns = legvander(z, max(finest, 0))
-        result += [(np.asarray(columns[:, k]), k, frozenset({name})) for k in range(DEGREE + 1, finest + 1)]
+        columns = _polynomials(z, FINE_DEGREE)
+        result += [(columns[:, k], k, frozenset({name})) for k in range(DEGREE + 1, columns.shape[1])]
     for name in observations.currents:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
         if name != observations.leading_current and np.ptp(z) > 0.0:
@@ -136,11 +136,10 @@ def _over_frequency(observations: Observations, here: IntArray, x: FloatArray, y
     if not observations.of_impedances:
         return []
     z, alone = scaled_to_one(observations.setting("frequency_Hz")[here]), frozenset({"frequency_Hz"})
-    finest = min(FINE_DEGREE, len(np.unique(np.round(z, 6))) - 1)
-    columns = legvander(z, max(finest, 0))
+    columns = _polynomials(z, FINE_DEGREE)
     return [
         (columns[:, k] * pattern, k + degree, names | alone)
-        for k in range(1, finest + 1)
+        for k in range(1, columns.shape[1])
         for pattern, degree, names in _tensor(x, y, max(DEGREE - k, 0))
     ]
 
@@ -175,18 +174,21 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
 
 
 def _tensor(x: FloatArray, y: FloatArray, degree: int) -> Labelled:
-    n_x = min(degree, len(np.unique(np.round(x, 6))) - 1)
-    n_y = min(degree, len(np.unique(np.round(y, 6))) - 1)
-    in_x, in_y = legvander(x, n_x), legvander(y, n_y)
-    pairs = sorted(((a, b) for a in range(n_x + 1) for b in range(n_y + 1) if a + b <= degree), key=sum)
-    names = ({"distance_m"}, {"current_A"})
+    return products(_polynomials(x, degree), _polynomials(y, degree), degree)
+
+
+def _polynomials(x: FloatArray, degree: int) -> FloatArray:
+    """Legendre polynomials up to a degree, as far as so many levels tell them apart; shape (n, degrees)."""
+    return np.asarray(legvander(x, min(degree, len(np.unique(np.round(x, 6))) - 1)))
+
+
+def products(in_x: FloatArray, in_y: FloatArray, degree: int) -> Labelled:
+    """Products of polynomials in distance and current up to a total degree."""
+    powers = product(range(in_x.shape[1]), range(in_y.shape[1]))
     return [
-        (
-            in_x[:, a] * in_y[:, b],
-            a + b,
-            frozenset().union(*(n for n, power in zip(names, (a, b), strict=True) if power)),
-        )
-        for a, b in pairs
+        (in_x[:, a] * in_y[:, b], a + b, frozenset(["distance_m"] * (a > 0) + ["current_A"] * (b > 0)))
+        for a, b in sorted(powers, key=sum)
+        if a + b <= degree
     ]
 
 

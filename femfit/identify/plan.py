@@ -13,12 +13,11 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.text import amount, amount_range, counted
-from femfit.effects.catalogue import all_effects
+from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
-from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
 from femfit.identify.decision.constants import (
     A_DECADE,
@@ -30,10 +29,8 @@ from femfit.identify.decision.constants import (
     IMPEDANCE_DISTANCES,
     NEAR_SHARE,
     SMALL,
-    TIE,
     VISIBLE,
 )
-from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start
@@ -71,24 +68,24 @@ def examine_plan(
 ) -> PlanReport:
     """Say what a planned bench campaign could not show or separate."""
     plan = read_bench_table(Path(plan), planned=True) if isinstance(plan, str | Path) else plan
-    effects = list(all_effects().values()) if effects is None else effects
     rows = plan.rows.assign(**dict.fromkeys(plan.channels, 0.0))
     observations = bench_observations(model, replace(plan, rows=rows))
     observations, nominal = observations.with_values(observations.base), observations.nominal
+    effects = list(device_effects(nominal.circuits).values()) if effects is None else effects
     noise = planned_noise(observations)
     whitening = Whitening.granting(observations, noise)
     invisible: dict[str, str] = {}
     families: dict[str, list[Start]] = {}
     for effect in effects:
         reason = why_untestable(effect, observations)
-        variants = [] if reason else [start for (start,) in starting_points([effect], observations, whitening)]
+        variants = [] if reason else [start for (start,) in starting_points([effect], whitening)]
         if any(_signals(start) for start in variants):
             families[effect.name] = variants
         else:
             invisible[effect.name] = reason or "its largest plausible size stays within the noise"
     starts = tuple(start for variants in families.values() for start in variants)
-    campaign = Campaign(observations, whitening, pattern_space(observations, whitening), starts, invisible)
-    detectable = detectable_magnitudes(campaign, LEVEL)
+    campaign = Campaign(whitening, starts, invisible)
+    detectable = detectable_magnitudes(campaign)
     small = {name: {p: SMALL * size for p, size in sizes.items()} for name, sizes in detectable.items()}
     return PlanReport(
         noise=noise.floor,
@@ -123,8 +120,7 @@ def _together(
     def could_be(effect: str, rival: str) -> bool:
         columns, rivals = families[effect][0].columns.columns, [[start] for start in families[rival]]
         return bool(signals[effect]) and all(
-            separation(campaign.observations, campaign.whitening, value * columns[:, k], rivals, TIE) is None
-            for value, k in signals[effect]
+            separation(campaign.whitening, value * columns[:, k], rivals) is None for value, k in signals[effect]
         )
 
     return tuple((a, b) for a, b in combinations(families, 2) if could_be(a, b) or could_be(b, a))
@@ -159,53 +155,34 @@ def possible_experiments(
     within_domain = f" from {amount_range(low, high, 'A')}, where the model holds," if held else ""
     usual = _grid(nominal, low, high)
     near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
-    result = [
-        _run(f"Measure the same range{within_domain} once more, on a new mount", usual, measured),
-        _run(
-            f"Add {counted(len(near), 'point')} at {_range(near)} over the same currents{within_domain.rstrip(',')}",
-            near,
-            measured,
-        ),
-    ]
+    points = f"{counted(len(near), 'point')} at {_range(near)}"
+    runs = {
+        f"Measure the same range{within_domain} once more, on a new mount": usual,
+        f"Add {points} over the same currents{within_domain.rstrip(',')}": near,
+    }
     if not ((branch > 0).any() and (branch < 0).any()):
-        result.append(_run("Measure with falling current as well", usual.assign(branch=-1.0), measured))
+        runs["Measure with falling current as well"] = usual.assign(branch=-1.0)
     # Currents of the other sign, and larger ones, as far as the validity domain has them
     within = near["current_A"].between(-nominal.current_max_A, -nominal.current_min_A)
     turned = near[within].assign(current_A=-near.loc[within, "current_A"])
     if (low >= 0.0 or high <= 0.0) and (turned["current_A"] != 0.0).any():
-        text = f"Reverse the current: {len(turned)} points at {_range(turned)}"
-        result.append(_run(text, turned, measured))
+        runs[f"Reverse the current: {len(turned)} points at {_range(turned)}"] = turned
     for bound, reached in ((nominal.current_max_A, high), (nominal.current_min_A, low)):
         if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
             larger = _grid(nominal, *sorted((0.7 * bound, bound)))
             larger = larger[larger["distance_m"] <= near["distance_m"].max()]
-            text = f"Go up to {bound:.3g} A: {len(larger)} points at {_range(larger)}"
-            result.append(_run(text, larger, measured))
-    result += [
-        _run(
-            f"Read the {CHANNEL_WORDS[name]} {_BY.get(name, '')}too, to "
-            f"{amount(assumed_noise(name, nominal), name)} rms, at {counted(len(near), 'point')} at {_range(near)}",
-            near,
-            (*measured, name),
-            CHANNEL_COST,
-        )
-        for name in CHANNELS
-        if name in available and name not in measured
-    ]
-    parts = {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}
-    result += [
-        _run(
-            f"Heat the {body} by {HEATED_K:.0f} K, record its temperature ({name}) and add "
-            f"{counted(len(near), 'point')}",
-            near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K}),
-            measured,
-            HEAT_COST,
-        )
-        for name, body in parts.items()
-        if body != "magnet" or nominal.has_magnet
-    ]
-    result += _direct(effects)
-    return sorted(result, key=lambda experiment: experiment.cost)
+            runs[f"Go up to {bound:.3g} A: {len(larger)} points at {_range(larger)}"] = larger
+    result = [_run(text, rows, measured) for text, rows in runs.items()]
+    for name in (name for name in CHANNELS if name in available and name not in measured):
+        noise = amount(assumed_noise(name, nominal), name)
+        text = f"Read the {CHANNEL_WORDS[name]} {_BY.get(name, '')}too, to {noise} rms, at {points}"
+        result.append(_run(text, near, (*measured, name), CHANNEL_COST))
+    for name, body in {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}.items():
+        if body != "magnet" or nominal.has_magnet:
+            text = f"Heat the {body} by {HEATED_K:.0f} K, record its temperature ({name}) and add "
+            warm = near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K})
+            result.append(_run(text + counted(len(near), "point"), warm, measured, HEAT_COST))
+    return sorted([*result, *_direct(effects)], key=lambda experiment: experiment.cost)
 
 
 def _direct(effects: Sequence[Effect]) -> list[Experiment]:
@@ -221,25 +198,21 @@ def _impedances(observations: Observations) -> list[Experiment]:
     nominal, measured = observations.nominal, observations.channels
     usual = observations.covariates[list(observations.settings)].drop_duplicates()
     places, f = usual.drop(columns="frequency_Hz").drop_duplicates(), usual["frequency_Hz"]
-    decades = {"Go down": (0.1 * f.min(), f.min()), "Go up": (f.max(), 10.0 * f.max())}
-    result = [_run("Measure the same range once more, on a new mount", _complete(usual), measured)]
-    for words, ends in decades.items():
-        rows = places.merge(pd.DataFrame({"frequency_Hz": np.geomspace(*ends, A_DECADE)}), how="cross")
-        far = amount(ends[words == "Go up"], "Hz")
-        result.append(
-            _run(f"{words} to {far}, at {A_DECADE} frequencies and the same settings", _complete(rows), measured)
-        )
     everywhere = np.linspace(nominal.distance_min_m, nominal.distance_max_m, IMPEDANCE_DISTANCES)
     at_one = usual[usual["distance_m"] == usual["distance_m"].iloc[0]].drop(columns="distance_m")
+    runs = {"Measure the same range once more, on a new mount": usual}
+    for words, ends, far in (("down", (0.1 * f.min(), f.min()), 0), ("up", (f.max(), 10.0 * f.max()), 1)):
+        decade = pd.DataFrame({"frequency_Hz": np.geomspace(*ends, A_DECADE)})
+        text = f"Go {words} to {amount(ends[far], 'Hz')}, at {A_DECADE} frequencies and the same settings"
+        runs[text] = places.merge(decade, how="cross")
     rows = pd.DataFrame({"distance_m": everywhere}).merge(at_one, how="cross")
-    result.append(
-        _run(f"Read impedances at {IMPEDANCE_DISTANCES} distances of the whole range", _complete(rows), measured)
-    )
+    runs[f"Read impedances at {IMPEDANCE_DISTANCES} distances of the whole range"] = rows
     warm = _complete(usual).assign(coil_temperature_C=REFERENCE_TEMPERATURE_C + HEATED_K)
     text = (
         f"Heat the winding by {HEATED_K:.0f} K, record its temperature (coil_temperature_C) and measure the same range"
     )
-    return [*result, _run(text, warm, measured, HEAT_COST)]
+    again = [_run(words, _complete(rows), measured) for words, rows in runs.items()]
+    return [*again, _run(text, warm, measured, HEAT_COST)]
 
 
 def _complete(rows: pd.DataFrame) -> pd.DataFrame:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy import optimize
 
 from femfit.core.numerics import BoolArray, FloatArray
@@ -151,10 +152,8 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     predicted = _predictor(model, table.channels)(
         rows["distance_m"].to_numpy()[placed], rows["current_A"].to_numpy()[placed]
     )
-    full = {name: np.full(len(rows), np.nan) for name in predicted}
-    for name, values in predicted.items():
-        full[name][placed] = values
-    return without_outliers(table, full)
+    full = pd.DataFrame(predicted, index=np.flatnonzero(placed)).reindex(range(len(rows)))
+    return without_outliers(table, {str(name): values.to_numpy() for name, values in full.items()})
 
 
 def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:

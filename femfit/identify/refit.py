@@ -9,7 +9,7 @@ M. A. Branch, T. F. Coleman and Y. Li, SIAM Journal on Scientific Computing 21 (
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
@@ -22,7 +22,7 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.identify.constants import AS_GOOD, MOST_EVALUATIONS, NEXT_TO_BOUND
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.signatures import EffectColumns, effect_columns
+from femfit.identify.signatures import EffectColumns, effect_columns, why_untestable
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +32,14 @@ class Start:
     columns: EffectColumns  # In the readings' units, at given nonlinear parameters
     whitened: FloatArray  # The same with the noise whitened; shape (M, k)
     amplitude: FloatArray  # Counted from null; shape (k,)
-    fall: float = 0.0  # By how much the amplitudes lower the weighted sum of squares to first order
+    held: Mapping[str, float] = field(default_factory=dict)  # Values of parameters that are not fitted
+    # What is known of its parameters beforehand: how far they are from their nulls, with this standard deviation
+    prior_mean: float = 0.0
+    prior_sd: float = np.inf
 
     @classmethod
-    def at_null(cls, columns: EffectColumns, whitening: Whitening) -> Self:
-        """The start without any of the effect."""
-        return cls(columns, whitening.full(columns.columns), np.zeros(len(columns.amplitudes)))
-
-    @classmethod
-    def all_at_null(cls, every: Sequence[EffectColumns], whitening: Whitening) -> tuple[Self, ...]:
-        """The starts of many effects, whitened at once, which is several times faster."""
+    def at_null(cls, every: Sequence[EffectColumns], whitening: Whitening) -> tuple[Self, ...]:
+        """The starts without any of some effects, whitened at once, which is several times faster."""
         if not every:
             return ()
         whitened = whitening.full(np.concatenate([variant.columns for variant in every], axis=1))
@@ -60,15 +58,6 @@ class Start:
         """Number of amplitudes."""
         return len(self.columns.amplitudes)
 
-    def part(self, picked: Sequence[int]) -> "Start":
-        """The start with some of its amplitudes alone."""
-        columns = replace(
-            self.columns,
-            amplitudes=tuple(self.columns.amplitudes[k] for k in picked),
-            columns=self.columns.columns[:, picked],
-        )
-        return replace(self, columns=columns, whitened=self.whitened[:, picked], amplitude=self.amplitude[picked])
-
     def continued(self, added: AddedEffect) -> "Start":
         """The start at the parameters where a fit ended."""
         nonlinear = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
@@ -76,14 +65,14 @@ class Start:
         return replace(self, columns=replace(self.columns, shape=nonlinear), amplitude=amplitude)
 
 
-def starting_point(
-    observations: Observations, whitening: Whitening, effects: Sequence[Effect], at_null: bool = False
-) -> list[Start]:
+def starting_point(whitening: Whitening, effects: Sequence[Effect]) -> list[Start]:
     """Amplitudes of effects to first order, bounded, with the nonlinear parameters that fit best."""
-    target = whitening.full(observations.residual)
+    target = whitening.residual
     chosen: list[Start] = []
     for effect in effects:
-        variants = [Start.at_null(variant, whitening) for variant in effect_columns(effect, observations)]
+        if reason := why_untestable(effect, whitening.observations):
+            raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
+        variants = Start.at_null(effect_columns(effect, whitening.observations), whitening)
         if not variants:
             raise TableError(
                 f"Effect {effect.name} changes no reading at these settings, so it cannot be fitted to them. "
@@ -91,7 +80,7 @@ def starting_point(
             )
         tries = [fitted_together(target, [*chosen, variant]) for variant in variants]
         chosen = tries[first_best([fall for _, fall in tries])][0]
-    return [replace(start, amplitude=np.zeros(start.count)) for start in chosen] if at_null else chosen
+    return chosen
 
 
 def fitted_together(target: FloatArray, starts: Sequence[Start]) -> tuple[list[Start], float]:
@@ -178,6 +167,16 @@ class Refit:
         """Names of the effects."""
         return tuple(added.effect.name for added in self.effects)
 
+    @property
+    def restart(self) -> list[Start]:
+        """The fit as the start of another."""
+        return [start.continued(added) for start, added in zip(self.start, self.effects, strict=True)]
+
+
+def plausible(added: AddedEffect) -> bool:
+    """Whether every fitted parameter of an effect may be as large as it usually is."""
+    return all(is_plausible(added, p) for p in added.effect.parameters)
+
 
 def is_plausible(added: AddedEffect, parameter: EffectParameter) -> bool:
     """Whether a fitted parameter, or part of its interval, lies in its plausible range.
@@ -191,38 +190,25 @@ def is_plausible(added: AddedEffect, parameter: EffectParameter) -> bool:
     return low <= parameter.plausible[1] and high >= parameter.plausible[0]
 
 
-def refit(
-    observations: Observations,
-    whitening: Whitening,
-    start: Sequence[Start],
-    fixed: Mapping[str, Mapping[str, float]] | None = None,
-    prior_sd: Mapping[str, float] | None = None,
-    prior_mean: Mapping[str, float] | None = None,
-) -> Refit:
-    """Fit effects within their bounds, all parameters that these readings see.
-
-    ``prior_sd`` has, per effect, the standard deviation that its parameters are known to have beforehand, about their
-    nulls or as far from these as ``prior_mean`` says.
-    """
-    fixed, prior_sd, prior_mean = fixed or {}, prior_sd or {}, prior_mean or {}
-    initial = [effect.columns.parameters(effect.amplitude) for effect in start]
+def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
+    """Fit effects within their bounds, all parameters that these readings see and that are not held."""
+    observations = whitening.observations
     free = tuple(
         (k, p)
         for k, effect in enumerate(start)
         for p in (*effect.columns.amplitudes, *_seen_nonlinear(effect, observations))
-        if p.name not in fixed.get(effect.name, {})
+        if p.name not in effect.held
     )
+    initial = []
     for k, effect in enumerate(start):  # nonlinear parameters that nothing depends on stand where they usually are
-        initial[k] |= fixed.get(effect.name, {})
-        moved_names = {p.name for number, p in free if number == k} | set(fixed.get(effect.name, {}))
-        initial[k] |= {
-            p.name: p.null for p in effect.columns.effect.parameters if p.nonlinear and p.name not in moved_names
-        }
+        moved = {p.name for number, p in free if number == k}
+        usual = {p.name: p.null for p in effect.columns.effect.parameters if p.nonlinear and p.name not in moved}
+        initial.append(effect.columns.parameters(effect.amplitude) | usual | dict(effect.held))
     width = np.array([p.plausible[1] - p.plausible[0] for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width
-    expected = np.array([p.null + prior_mean.get(start[k].name, 0.0) for k, p in free]) / width
-    root = width / np.array([prior_sd.get(start[k].name, np.inf) for k, _ in free])
+    expected = np.array([p.null + start[k].prior_mean for k, p in free]) / width
+    root = width / np.array([start[k].prior_sd for k, _ in free])
     x0 = np.clip(np.array([initial[k][p.name] for k, p in free]) / width, low, high)
 
     def effects_at(x: FloatArray) -> tuple[AddedEffect, ...]:
@@ -293,7 +279,7 @@ def _at_bounds(
 def _seen_nonlinear(start: Start, observations: Observations) -> list[EffectParameter]:
     """The nonlinear parameters that change what the effect's amplitudes do to these readings."""
     columns = start.columns
-    some = np.array([0.1 * p.width for p in columns.amplitudes])
+    some = np.array([0.0 if p.name in start.held else 0.1 * p.width for p in columns.amplitudes])
     values = columns.parameters(np.where(some <= columns.bounds[1], some, -some))
     nonlinear = [p for p in columns.effect.parameters if p.nonlinear]
     for p in nonlinear:  # where a parameter usually stands it may have no slope

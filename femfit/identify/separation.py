@@ -47,20 +47,15 @@ def needed_distance(tie: float = TIE) -> float:
 
 
 def separation(
-    observations: Observations,
-    whitening: Whitening,
-    change: FloatArray,
-    rivals: Sequence[Sequence[Start]],
-    tie: float = TIE,
-    more_parameters: float = 0.0,
+    whitening: Whitening, change: FloatArray, rivals: Sequence[Sequence[Start]], more_parameters: float = 0.0
 ) -> float | None:
     """How far the best refit of rivals stays from what an explanation changes; None where that is less than needed.
 
     The change has the shape (M,) and the readings' units.
     """
-    needed = needed_distance(tie + max(more_parameters, 0.0) * np.log(len(change)))
-    observations = observations.with_values(observations.base + change)
-    target = whitening.full(observations.residual)
+    needed = needed_distance(TIE + max(more_parameters, 0.0) * np.log(len(change)))
+    whitening = whitening.with_values(whitening.observations.base + change)
+    target = whitening.residual
     total = float(target @ target)
     least, begun = total, None
     for starts in rivals:
@@ -70,7 +65,7 @@ def separation(
     least = max(least, 0.0)
     # No refit where the first order leaves less than needed already, nor where no nonlinear parameter makes up for it
     if begun is not None and np.sqrt(least) >= needed and least <= LARGEST_BENDING**2 * total:
-        least = max(min(refit(observations, whitening, begun).chi2, least), 0.0)
+        least = max(min(refit(whitening, begun).chi2, least), 0.0)
     apart = float(np.sqrt(least))
     return None if apart < needed * (1.0 - ROUNDING) else apart
 
@@ -85,19 +80,16 @@ def parameters_of(effects: Sequence[AddedEffect]) -> float:
 
 
 def starting_points(
-    effects: Sequence[Effect],
-    observations: Observations,
-    whitening: Whitening,
-    fitted: Sequence[AddedEffect] = (),
+    effects: Sequence[Effect], whitening: Whitening, fitted: Sequence[AddedEffect] = ()
 ) -> list[list[Start]]:
     """Where refits of effects begin: at trial nonlinear parameters, and where they were fitted before."""
-    variants: list[list[Start]] = []
+    observations, variants = whitening.observations, list[Sequence[Start]]()
     for k, effect in enumerate(effects):
         columns = effect_columns(effect, observations)
         if fitted:
             columns = [*columns_at(fitted[k], observations), *columns]
         if columns:
-            variants.append([Start.at_null(variant, whitening) for variant in columns])
+            variants.append(Start.at_null(columns, whitening))
     return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
 
 
@@ -154,25 +146,26 @@ def planned_noise(observations: Observations) -> NoiseModel:
 
 def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
     """An estimated noise model, with what is assumed for channels that were never measured."""
+    assumed = planned_noise(replace(observations, declared_noise={}))
+    test_run = np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma)
     numbers = {name: k for k, name in enumerate(noise.channels)}
-    picked = [numbers.get(name) for name in observations.channels]
-    guessed = np.array([assumed_noise(name, observations.nominal) for name in observations.channels])
+    measured = np.array([name in numbers for name in observations.channels])
+    place = [numbers.get(name, 0) for name in observations.channels]
 
-    def pick(values: FloatArray, missing: FloatArray) -> FloatArray:
-        return np.array([m if k is None else values[k] for k, m in zip(picked, missing, strict=True)])
+    def filled(values: FloatArray, missing: FloatArray) -> FloatArray:
+        return np.where(measured, values[place], missing)
 
-    zeros, run = np.zeros(len(picked)), PRIOR_RUN * guessed
     return replace(
         noise,
         channels=observations.channels,
-        sigma=pick(noise.sigma, guessed),
-        rho=pick(noise.rho, zeros),
-        run=pick(noise.run, run),
-        repeats=pick(noise.repeats, zeros),
-        degrees_of_freedom=pick(noise.degrees_of_freedom, zeros),
+        sigma=filled(noise.sigma, assumed.sigma),
+        rho=filled(noise.rho, assumed.rho),
+        run=filled(noise.run, assumed.run),
+        repeats=filled(noise.repeats, assumed.repeats),
+        degrees_of_freedom=filled(noise.degrees_of_freedom, assumed.degrees_of_freedom),
         mount_m=noise.mount_m or PRIOR_MOUNT_M,
         test_mount_m=noise.test_mount_m or PRIOR_MOUNT_M,
-        test_run=pick(np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma), run),
+        test_run=filled(test_run, assumed.run),
     )
 
 

@@ -232,11 +232,12 @@ def averaged(
     for name, values in residual.items():  # the model's own bend within a stretch is no misfit
         mean = pd.Series(values).groupby(number).mean()[kept].to_numpy()
         rows[name] = rows[name] - at_means[name] + mean
-    noise = {name: noise_of_means(values, number, count * kept) for name, values in residual.items()}
-    for name, sigma in noise.items():  # halves may round to the same
+    known = {}
+    for name, values in residual.items():  # halves may round to the same
+        sigma = noise_of_means(values, number, count * kept)
         step = quantisation_step(table.rows[name].to_numpy())
-        noise[name] = max(sigma, step / np.sqrt(12.0 * usual)) if sigma > 0.0 or step > 0.0 else float("nan")
-    known = {name: sigma for name, sigma in noise.items() if np.isfinite(sigma)}
+        if np.isfinite(sigma) and max(sigma, step) > 0.0:
+            known[name] = max(sigma, float(step / np.sqrt(12.0 * usual)))
     told = finding(
         "averaged",
         rows=len(table.rows),
@@ -284,12 +285,10 @@ def noise_of_means(residual: FloatArray, number: IntArray, count: IntArray) -> f
     NaN for fewer than twelve stretches. Those with a ``count`` of 0 are left out.
     """
     place, size = pd.Series(number).groupby(number).cumcount().to_numpy(), np.bincount(number)[number]
-    halves = [np.where(place < size // 2, 1.0, 0.0), np.where(place >= size - size // 2, 1.0, 0.0)]
-    sums = [np.bincount(number, half * np.nan_to_num(residual)) for half in halves]
-    there = [np.bincount(number, half * np.isfinite(residual)) for half in halves]
-    shown = (there[0] > 0) & (there[1] > 0) & (count > 0)
+    halves = place < size // 2, place >= size - size // 2
+    first, last = (pd.Series(residual).where(half).groupby(number).mean().to_numpy() for half in halves)
+    shown = np.isfinite(last - first) & (count > 0)
     if np.count_nonzero(shown) < LEAST_REPEATS:
         return float("nan")
-    difference = sums[1][shown] / there[1][shown] - sums[0][shown] / there[0][shown]
     length = count[shown] / np.median(np.repeat(count[shown], count[shown]))
-    return 0.5 * float(np.median(np.abs(difference) * np.sqrt(length))) / NORMAL_MEDIAN
+    return 0.5 * float(np.median(np.abs(last - first)[shown] * np.sqrt(length))) / NORMAL_MEDIAN

@@ -16,7 +16,6 @@ from femfit.identify.observations import Observations
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import CHANNELS
 
-_NO_MAGNET = "the drawing has no magnet"
 CHANGES_NOTHING = "it changes no reading at these settings"
 """Why an effect cannot be tested that would be seen at other settings."""
 
@@ -24,26 +23,36 @@ _MAGNET_UNKNOWN = (
     "whether there is a magnet is unknown: the model has no drawing and was fitted to no current of zero (fit it with "
     "--actuator)"
 )
-_PARTS: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
-    "iron": (lambda nominal: nominal.has_iron, "the drawing has no iron"),
-    "spring": (lambda nominal: nominal.springs is not None, "the drawing has no spring"),
-    "voltage driver": (lambda nominal: nominal.voltage_driver, "a current amplifier feeds the winding"),
-    "stop": (lambda nominal: math.isfinite(min(map(abs, nominal.stops_m))), "the drawing has no stop"),
-    "no spring": (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
+_APART = "the co-energy of iron that several circuits saturate does not set the magnets' part apart"
+_NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
+
+_Checks = tuple[tuple[Callable[[Nominal], bool], str], ...]
+"""What must hold of a device, one after the other, and what is said where it does not."""
+
+_PARTS: Mapping[str, _Checks] = {
+    "magnet": (
+        (lambda nominal: nominal.magnets_apart, _APART),
+        (lambda nominal: nominal.magnet_known, _MAGNET_UNKNOWN),
+        (lambda nominal: nominal.has_magnet or not nominal.magnet_drawn, "the drawing has no magnet"),
+        (lambda nominal: nominal.has_magnet, _NO_MAGNET_SEEN),
+    ),
+    "iron": ((lambda nominal: nominal.has_iron, "the drawing has no iron"),),
+    "spring": ((lambda nominal: nominal.springs is not None, "the drawing has no spring"),),
+    "voltage driver": ((lambda nominal: nominal.voltage_driver, "a current amplifier feeds the winding"),),
+    "stop": ((lambda nominal: math.isfinite(min(map(abs, nominal.stops_m))), "the drawing has no stop"),),
+    "no spring": (
+        (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
+    ),
 }
-"""Of what an effect may need in the device: whether it is there, and what is said where it is not."""
+"""What an effect may need in the device."""
 
 _CIRCUIT = "current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm"
 _CALLED = {REST: "a rest on a stop"}
-_MEASURED_ON: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
-    **dict.fromkeys(_CIRCUIT, (lambda nominal: nominal.peak_current_A > 0.0, "the drawing has no coil")),
-    "hall_V": (lambda nominal: not math.isnan(nominal.hall_quiescent_V), "the model has no Hall element"),
+_MEASURED_ON: Mapping[str, _Checks] = {
+    **dict.fromkeys(_CIRCUIT, ((lambda nominal: nominal.peak_current_A > 0.0, "the drawing has no coil"),)),
+    "hall_V": ((lambda nominal: not math.isnan(nominal.hall_quiescent_V), "the model has no Hall element"),),
 }
-"""Of a channel: whether the device has what it is measured on, and what is said where it has not."""
-
-_ALWAYS: tuple[Callable[[Nominal], bool], str] = (lambda _: True, "")
-
-_NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
+"""What a channel is measured on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +89,10 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     why = next(filter(None, (_not_in_device(need, nominal) for need in effect.needs)), "")
     if why:
         return why
-    columns = [need for need in effect.needs if need != "magnet" and need not in _PARTS]
+    columns = [need for need in effect.needs if need not in _PARTS]
     # The balances of a record show what moves a body as a force sensor would, but nothing of a sensor that is not there
-    there = _read if effect.acts_on == ("sensor",) else _given
-    lacking = (need for need in columns if not any(there(name, observations) for name in need.split("|")))
+    read = effect.acts_on == ("sensor",)
+    lacking = (need for need in columns if not any(_given(name, observations, read) for name in need.split("|")))
     for need in lacking:
         names = [_CALLED.get(name, name) for name in need.replace("~", "").split("|")]
         return f"these data lack {'a varying ' if need.startswith('~') else ''}{' or '.join(names)}"
@@ -92,34 +101,22 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
 
 def _not_in_device(need: str, nominal: Nominal) -> str:
     """Why the device cannot have what an effect needs, whatever is measured; empty where it can."""
-    if need == "magnet" and not nominal.magnets_apart:
-        return "the co-energy of iron that several circuits saturate does not set the magnets' part apart"
-    if need == "magnet":
-        if not nominal.magnet_known:
-            return _MAGNET_UNKNOWN
-        if nominal.has_magnet:
-            return ""
-        return _NO_MAGNET if nominal.magnet_drawn else _NO_MAGNET_SEEN
     reasons = []
     for name in need.split("|"):
-        there, why = _PARTS.get(name) or _MEASURED_ON.get(name.lstrip("~")) or _ALWAYS
-        reasons.append("" if there(nominal) else why)
+        checks = _PARTS.get(name) or _MEASURED_ON.get(name.lstrip("~")) or ()
+        reasons.append(next((why for holds, why in checks if not holds(nominal)), ""))
     return reasons[0] if all(reasons) else ""
 
 
-def _given(name: str, observations: Observations) -> bool:
-    column = name.lstrip("~")
+def _given(name: str, observations: Observations, read: bool) -> bool:
+    """Whether a setting was given, and varies where it must; or a channel, by its sensor where it must be read."""
+    column, of_circuits = name.lstrip("~"), {parts_of(channel)[0] for channel in observations.channels}
+    if read and name in CHANNELS:
+        return name in of_circuits
     if column in observations.covariates and name.startswith("~"):
         values = observations.covariates[column].to_numpy()
         return bool(np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values))
-    of_circuits = (parts_of(name_of_channel)[0] for name_of_channel in observations.channels)
     return column in observations.given or column in of_circuits
-
-
-def _read(name: str, observations: Observations) -> bool:
-    """Whether a sensor's own channel is among the readings, or a setting was given."""
-    of_circuits = {parts_of(channel)[0] for channel in observations.channels}
-    return name in of_circuits if name in CHANNELS else _given(name, observations)
 
 
 def effect_columns(effect: Effect, observations: Observations) -> list[EffectColumns]:

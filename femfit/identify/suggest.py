@@ -16,16 +16,11 @@ from femfit.core.errors import TableError
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.words import titled, titles_of
-from femfit.identify.allowances import finer_model
+from femfit.identify.allowances import finer_sweep
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN, TIE
+from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN
 from femfit.identify.decision.diagnose import diagnose as diagnosed
-from femfit.identify.decision.diagnosis import (
-    Diagnosis,
-    certainty_sentence,
-    dimensions_unsuspected,
-    verdict_sentence,
-)
+from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.plan import Experiment, possible_experiments
 from femfit.identify.plausible import plausible_table
@@ -133,27 +128,17 @@ def suggest(
 
 
 def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, say: Callable[[str], None]) -> Advice:
-    every = _left_together(diagnosis)
-    explanations, unlisted = every[:COMPARED], max(0, len(every) - COMPARED)
-    names = tuple(" + ".join(fit.names) for fit in explanations)
-    if diagnosis.campaign is None or len(explanations) < 2:
+    every, nominal = _left_together(diagnosis), diagnosis.observations.nominal
+    names = tuple(" + ".join(fit.names) for fit in every)
+    if diagnosis.campaign is None or len(every) < 2:
+        sure = diagnosis.confident and not diagnosis.excluded
         most = diagnosis.dominant.tie if diagnosis.dominant else ()
-        unsure = (
-            []
-            if diagnosis.confident and not diagnosis.excluded
-            else [*(effect.name for effect in diagnosis.missing), *most]
-        )
-        return Advice(
-            names, isolating=_isolating(unsure, diagnosis.observations.nominal), note=_nothing_to_separate(diagnosis)
-        )
-    of_one = (
-        not diagnosis.observations.nominal.circuits or diagnosis.observations.of_impedances
-    )  # as trials are, but for these
+        unsure = [] if sure else [*(effect.name for effect in diagnosis.missing), *most]
+        return Advice(names, isolating=_isolating(unsure, nominal), note=_nothing_to_separate(diagnosis))
+    of_one = not nominal.circuits or diagnosis.observations.of_impedances  # as trials are, but for these
     if not isinstance(measured, BenchTable) or not of_one:
-        used = [name for fit in every for name in fit.names]
-        return Advice(
-            tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used, diagnosis.observations.nominal)
-        )
+        return Advice(names, isolating=_isolating([name for fit in every for name in fit.names], nominal))
+    explanations, unlisted = every[:COMPARED], max(0, len(every) - COMPARED)
     say("Trying measurements")
     noise = diagnosis.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations)
@@ -171,7 +156,7 @@ def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, s
             hints.append((*_pair(a, b), text, round(farthest, 1)))
     perhaps = tuple(hint for hint in hints if hint[3] >= HINTS)
     never = tuple(hint[:2] for hint in hints if hint[3] < HINTS)
-    return Advice(names, tuple(suggestions), never, further=unlisted, perhaps=perhaps)
+    return Advice(names[:COMPARED], tuple(suggestions), never, further=unlisted, perhaps=perhaps)
 
 
 def _pair(a: Refit, b: Refit) -> tuple[str, str]:
@@ -190,15 +175,7 @@ def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str],
 
 
 def _nothing_to_separate(diagnosis: Diagnosis) -> str:
-    return sentence(
-        "advice",
-        "nothing",
-        diagnosis,
-        verdict_sentence(diagnosis),
-        certainty_sentence(diagnosis) if diagnosis.missing else "",
-        dimensions_unsuspected(diagnosis),
-        finer_model(diagnosis.model),
-    )
+    return sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
 
 
 def suggest_measurements(
@@ -239,10 +216,10 @@ def _joint_distances(
     whitening = Whitening.granting(observations, noise_for(noise, observations))
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
-        starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)
+        starts = starting_points([added.effect for added in rival.effects], whitening, rival.effects)
         change = observations.predict(truth.effects) - observations.base
         more = parameters_of(truth.effects) - parameters_of(rival.effects)
-        return separation(observations, whitening, change, starts, TIE, more)
+        return separation(whitening, change, starts, more)
 
     result: list[float | None] = []
     for a, b in pairs:

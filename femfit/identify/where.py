@@ -11,11 +11,11 @@ L. Breiman, J. H. Friedman, R. A. Olshen and C. J. Stone, Classification and Reg
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, first_best
-from femfit.core.text import amount
 from femfit.identify.constants import (
     BEYOND_NOISE,
     COVARIATE_SHARE,
@@ -31,8 +31,8 @@ from femfit.identify.constants import (
 from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import Patterns, smooth_patterns
+from femfit.identify.words import sentence
 from femfit.tables.circuit_columns import parts_of
-from femfit.tables.measurement import CHANNEL_WORDS
 
 _ALIASES = {"elapsed": "order"}
 """Clocks that mean the same to a reader."""
@@ -137,19 +137,11 @@ def _excess(columns: FloatArray, residual: FloatArray) -> float:
     return float(along @ along - basis.shape[1])
 
 
-_PLACES = {
-    "distance_m": ("above {}", "below {}"),
-    "current_A": ("above {}", "below {}"),
-    "frequency_Hz": ("above {}", "below {}"),
-    "coil_temperature_C": ("with the coil above {}", "with the coil below {}"),
-    "magnet_temperature_C": ("with the magnet above {}", "with the magnet below {}"),
-    "order": ("after {} of a run", "before {} of a run"),
-}
-_CHANGES = {
-    "coil_temperature_C": "the coil's temperature",
-    "magnet_temperature_C": "the magnet's temperature",
-    "order": "time",
-}
+_PLACES = ("distance_m", "current_A", "frequency_Hz", "coil_temperature_C", "magnet_temperature_C", "order")
+"""Covariates that a threshold is sought along, those of several circuits by their quantity."""
+
+_CHANGING = ("coil_temperature_C", "magnet_temperature_C", "order")
+"""Those of them with which a misfit is said to change where it has no threshold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +153,32 @@ class _Half:
     above: bool
     inside: BoolArray
 
-    def words(self) -> str:
-        digits = len(f"{abs(self.value):.2e}".split("e")[0].rstrip("0").replace(".", ""))  # 20 mm, not 20.0 mm
-        shown = f"reading {self.value:.0f}" if self.name == "order" else amount(self.value, self.name, digits)
-        quantity, circuit = parts_of(self.name)
-        return _PLACES[quantity][0 if self.above else 1].format(shown) + (f" in {circuit}" if circuit else "")
+    @property
+    def digits(self) -> int:
+        """How many the threshold has, at most three: 20 mm, not 20.0 mm."""
+        return len(f"{abs(self.value):.2e}".split("e")[0].rstrip("0").replace(".", ""))
+
+    @property
+    def parts(self) -> tuple[str, str]:
+        """The covariate without its circuit, and the circuit of one of several currents."""
+        return parts_of(self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Size:
+    """How large a misfit is: a share of the prediction where that describes it better than a constant, else in SI."""
+
+    relative: bool
+    size: float  # In per cent, more is larger in magnitude; in SI, with its sign
+    alike: bool  # Whether it is the same in small readings
+    halves: Sequence[_Half] = ()  # The part of the range where it is
+
+    @classmethod
+    def of(cls, s: FloatArray, base: FloatArray, halves: Sequence[_Half] = ()) -> Self:
+        """Of a misfit at readings with a prediction."""
+        relative = _is_relative(s, base)
+        size = _share if relative else _constant
+        return cls(relative, size(s, base), _same_in_small_readings(size, s, base), halves)
 
 
 def describe_region(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
@@ -174,12 +187,12 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     The structured part of recorded minus predicted, of shape (M,), says where. The readings themselves say how much;
     the structured part lacks what a re-mount could have done.
     """
-    here, subject = observations.of(channel), f"Measured {CHANNEL_WORDS[channel]}"
+    here = observations.of(channel)
     # A relative misfit refers to the prediction, of a Hall output without its quiescent voltage
     quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
     misfit, base = observations.residual[here], (observations.base - quiescent)[here]
     if np.sum(misfit**2) <= NOTHING**2 * np.sum(base**2):
-        return f"{subject} is as predicted."
+        return sentence("where", "region", {"channel": channel, "first": None})
     leading = observations.leading_current
     values = {
         leading if name == "current_A" else name: observations.column(name)[here]
@@ -203,35 +216,29 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
     both = not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2)
 
-    def described(halves: Sequence[_Half], sign: float, some: str) -> str:
+    def described(halves: Sequence[_Half], sign: float) -> _Size:
         rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
-        size = _share if _is_relative(misfit[rows], base[rows]) else _constant
-        alike = _same_in_small_readings(size, misfit[rows], base[rows])
-        place = " and ".join(half.words() for half in halves)
-        place = place or ("on average" if not alike else some if both else "everywhere")
-        return f"{_size(misfit[rows], base[rows], observations, channel)} {place}"
+        return _Size.of(misfit[rows], base[rows], halves)
 
-    text = f"{subject} is {described(halves, sign, 'in some readings')}"
+    ratio, opposed, rising = None if branch is not None or len(np.unique(sides)) < 2 else 1.0, None, False
     if branch is not None:
         inside = _inside(halves, len(s))
         here, there = inside & scope, inside & ~scope & (branch != 0.0)
         if here.any() and there.any():
             ratio = float(np.mean(misfit[there])) / (float(np.mean(misfit[here])) or 1e-300)
-            name, rival = ("rising", "falling") if np.all(branch[here] > 0.0) else ("falling", "rising")
-            opposed = _size(misfit[there], base[there], observations, channel)
-            clause = (
-                f", on the {name} branch only"
-                if ratio > -0.3
-                else f" on the {name} branch, {opposed} on the {rival} one"
-            )
-            text += ", in both branches" if ratio > 0.5 else clause
-    elif len(np.unique(sides)) > 1:
-        text += ", in both branches"
-    if both:
-        text += f", and {described(_region(values, s, scope, -sign), -sign, 'in others')}"
+            opposed, rising = _Size.of(misfit[there], base[there]), bool(np.all(branch[here] > 0.0))
     named = {half.name for half in halves}
-    changing = [words for name, words in _CHANGES.items() if name in values and name not in named and not share]
-    return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
+    facts = {
+        "channel": channel,
+        "magnitude": observations.magnitude.get(channel),
+        "first": described(halves, sign),
+        "second": described(_region(values, s, scope, -sign), -sign) if both else None,
+        "ratio": ratio,
+        "opposed": opposed,
+        "rising": rising,
+        "changing": [name for name in _CHANGING if name in values and name not in named and not share],
+    }
+    return sentence("where", "region", facts)
 
 
 def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, sign: float) -> list[_Half]:
@@ -300,15 +307,3 @@ def _is_relative(s: FloatArray, base: FloatArray) -> bool:
     share, constant = _share(s, base), _constant(s, base)
     nearer = np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2)
     return bool(_has_one_sign(base) and abs(share) < 1.0 and nearer)
-
-
-def _size(s: FloatArray, base: FloatArray, observations: Observations, channel: str) -> str:
-    """In per cent of the prediction where that describes it better than a constant, else in SI.
-
-    In per cent, high means larger in magnitude; in SI, larger with its sign.
-    """
-    share, constant = _share(s, base), _constant(s, base)
-    if _is_relative(s, base):
-        of = " (of its difference from the quiescent voltage)" if channel == "hall_V" else ""
-        return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}{of}"
-    return f"{observations.amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"

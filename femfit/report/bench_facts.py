@@ -64,10 +64,10 @@ def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, 
     decision, nominal = diagnosis.decision, diagnosis.observations.nominal
     effects = device_effects(nominal.circuits, nominal.drawn)
     nearest = None
-    best = decision.refitted[0] if decision is not None and decision.refitted else None
-    if best is not None and best.fit is not None and diagnosis.campaign is not None:
-        free = best.fit.jacobian[:, ~best.fit.active]
-        excess = diagnosis.campaign.patterns.excess(best.fit.whitened_residual, free)
+    best = next(iter(decision.fits.values()), None) if decision else None
+    if best is not None and diagnosis.campaign is not None:
+        free = best.jacobian[:, ~best.active]
+        excess = diagnosis.campaign.patterns.excess(best.whitened_residual, free)
         share = 1.0 - excess / diagnosis.excess if diagnosis.excess > 0.0 else 0.0
         nearest = (best.names, float(np.clip(share, 0.0, 1.0)))
     suggestions = []

@@ -115,7 +115,7 @@ def make_problem(model: ActuatorModel, observations: Observations) -> Problem | 
         return None
     sigma, nominal = noise.sigma[observations.channel], observations.nominal
     columns, names = [], []
-    for effect in considered_effects((), nominal.circuits, nominal.drawn):
+    for effect in considered_effects((), nominal):
         changes = [] if why_untestable(effect, observations) else effect_columns(effect, observations)
         usual = {p.name: p.null for p in effect.parameters if p.nonlinear}
         for change in ([change for change in changes if dict(change.shape) == usual] or changes)[:1]:

@@ -200,7 +200,7 @@ def test_a_thousand_rows_with_all_effects_and_twenty_numbers(levitation_model):
     model = replace(levitation_model, drawn=tuple(drawn(k) for k in range(20)))
     hidden = [added("core_saturation", mmf_loss_6=0.02)]
     observations = placed(model, campaign(model, 1, hidden, distances=15, currents=11))
-    effects = considered_effects((), (), observations.nominal.drawn)
+    effects = considered_effects((), observations.nominal)
     result, whole = seconds(lambda: diagnose_observations(model, observations), 3)
     assert result.missing[0].name == "core_saturation"
     gathered, rng = gather(observations, effects), np.random.default_rng(1)

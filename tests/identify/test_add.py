@@ -160,12 +160,12 @@ def test_a_constant_that_nothing_depends_on_is_not_suspicious(strong_pot):
 def test_an_amplitude_that_the_data_do_not_identify_is_left_out_with_its_constant(levitation_model):
     observations = bench_observations(levitation_model, warming(levitation_model, 47, 25.0, 1e-9))
     whitening = Whitening(observations, estimate_noise(observations))
-    fit = refit(observations, whitening, starting_point(observations, whitening, [effect_by_name("coil_temperature")]))
+    fit = refit(whitening, starting_point(whitening, [effect_by_name("coil_temperature")]))
     (added,) = fit.effects
     wide = replace(added, ci95=dict(added.ci95) | {"warming_K": (-300.0, 200.0)})
-    (start,) = checked._identified(replace(fit, effects=(wide,)))
-    assert [p.name for p in start.columns.amplitudes] == ["warmer_K"]
-    (again,) = refit(observations, whitening, [start]).effects
+    (held,) = checked._unidentified(observations, replace(fit, effects=(wide,)))
+    assert held == {"warming_K": 0.0}
+    (again,) = refit(whitening, [replace(fit.restart[0], held=held)]).effects
     assert again.parameters["warmer_K"] == pytest.approx(25.0, abs=0.5)
     assert (again.parameters["warming_K"], again.parameters["warming_time"]) == (0.0, 100.0)
 
@@ -175,10 +175,10 @@ def test_the_base_is_not_used_where_a_channel_would_be_worse(monkeypatch, levita
     table = campaign(levitation_model, 48, [STRONG_MAGNET, HALL], runs=3)
     fitted = checked.checked_refit
 
-    def worse(whitening, start, prior_sd=None):
-        found = fitted(whitening, start, prior_sd)
+    def worse(whitening, start):
+        found = fitted(whitening, start)
         rms = dict(found.error.rms_beside_random)
-        rms["hall_V"] = (hall if prior_sd else 1.0) * 3e-3
+        rms["hall_V"] = (hall if any(np.isfinite(effect.prior_sd) for effect in start) else 1.0) * 3e-3
         return replace(found, error=replace(found.error, rms_beside_random=rms))
 
     for module in (add, checked):

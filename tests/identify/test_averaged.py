@@ -79,7 +79,7 @@ def test_a_converter_coarser_than_the_noise_and_what_was_declared_are_no_trouble
     coarse = replace(table, rows=table.rows.assign(force_N=np.round(table.rows["force_N"] / step) * step))
     observations = placed(levitation_model, replace(coarse, declared_noise={"force_N": 1e-3, "distance_m": 1e-5}))
     assert observations.declared_noise["force_N"] >= step / np.sqrt(12.0 * 7.0) * 0.99
-    assert observations.declared_distance_m == 1e-5
+    assert observations.declared_noise["distance_m"] == 1e-5
     assert "that was declared" in str(next(f for f in observations.findings if f.code == "averaged"))
     assert ff.compare(levitation_model, coarse).verdict == "agrees"
 

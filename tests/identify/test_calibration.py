@@ -98,7 +98,7 @@ def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
 def test_a_number_of_the_drawing_is_the_same_in_every_run(found, bench):
     """What begins at a run is a magnet that was weakened, and no length."""
     observations = placed(found.model.without_effects, read_bench_table(bench))
-    space = EffectSpace(gather(observations, considered_effects(drawn=observations.nominal.drawn)))
+    space = EffectSpace(gather(observations, considered_effects((), observations.nominal)))
     drawn = {effect.name for effect in observations.nominal.drawn}
     assert {HEIGHT, IRON} <= drawn & set(space.variants)
     assert "remanence" in space.run_by_run
@@ -175,14 +175,13 @@ def test_a_step_that_makes_the_misfit_larger_is_taken_back_and_halved(monkeypatc
 def test_noise_is_said_only_within_1_2_times_the_noise(found, bench):
     """Else what re-mounts or runs take is said, or that the model misses the readings."""
     whitening = whitening_beside(placed(found.model, read_bench_table(bench)))
-    observations = whitening.observations
     quiet = replace(whitening.noise, mount_m=0.0, run=np.zeros(3))
     remounts, runs = replace(quiet, mount_m=5e-6, test_mount_m=6e-6), replace(quiet, run=2.0 * quiet.sigma)
     two = replace(remounts, test_mount_m=1.0)  # Student's quantile of one difference: more than the stroke
 
     def said(noise, times, p_value=0.5):
         rms = {name: times * sd for name, sd in noise.known.items()}
-        return verdict(observations, noise, LackOfFit(1.0, 10, p_value), rms)
+        return verdict(replace(whitening, noise=noise), LackOfFit(1.0, 10, p_value), rms)
 
     assert "not noise" in said(quiet, 1.1, p_value=1e-9)
     assert said(quiet, 1.19).__contains__("(p")

@@ -13,7 +13,6 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import bench_observations, placed
 from femfit.identify.compare import compare
-from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import considered_effects, detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import CleanCampaigns, certainty_sentence, verdict_sentence
@@ -335,7 +334,7 @@ def clean_decision(device):
         if seed not in found:
             clean = gathered(device, seed)
             assert decide(clean).own_misfit
-            found[seed] = detectable_magnitudes(clean, LEVEL)
+            found[seed] = detectable_magnitudes(clean)
         return found[seed]
 
     return of
@@ -389,7 +388,7 @@ def normal(y, *blocks):
 def linear(y, columns, density):
     result = Linear(y, columns, density, 0.0)
     triangle = np.linalg.slogdet(np.eye(READINGS) + columns @ columns.T)[1]
-    return Linear(y, columns, density, float(density(result.square, triangle)))
+    return Linear(y, columns, density, float(density(result.solved.square, triangle)))
 
 
 def test_the_evidence_is_the_density_of_the_readings(drawn):
@@ -400,8 +399,7 @@ def test_the_evidence_is_the_density_of_the_readings(drawn):
 def test_further_columns_at_a_fit_change_it_as_all_columns_together_do(drawn):
     y, columns, more = drawn
     one = linear(y, columns, LogDensity(READINGS, np.inf))
-    beside = one.beside(more)
-    gram, along = more.T @ more - beside.T @ beside, one.along(more, beside)
+    gram, along = one.products(more)
     sizes = np.array([0.1, 1.0, 7.0])
     together = [normal(y, columns, size * more) for size in sizes]
     np.testing.assert_allclose(one.with_more(gram, along, sizes)[0], together, rtol=1e-11)

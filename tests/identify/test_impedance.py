@@ -121,7 +121,7 @@ def test_the_own_error_may_ripple_from_setting_to_setting(levitation_model, tmp_
     ripple = observations.tolerance * rng.normal(size=setting.max() + 1)[setting]
     found = gather(observations.with_values(observations.value + ripple), [])
     # 150 settings of each channel: no more than independent ones make; smooth patterns alone leave hundreds of it
-    assert np.mean(found.whitened_residual**2) < 1.0
+    assert np.mean(found.whitening.residual**2) < 1.0
 
 
 def test_a_declared_share_is_the_noise_of_both_channels(levitation_model, tmp_path):

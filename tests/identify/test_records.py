@@ -92,7 +92,7 @@ def test_many_clean_runs_together_show_no_structure_in_any_channel(model, loops)
     observations = series_observations(model, recorded(loops, seed=2, runs=range(1, 13)))
     noise = estimate_noise(observations)
     whitening = Whitening(observations, noise)
-    test = pattern_space(observations, whitening).test(whitening.full(observations.residual))
+    test = pattern_space(whitening).test(whitening.residual)
     assert test.p_value > 0.01
 
 

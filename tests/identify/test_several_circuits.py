@@ -16,6 +16,7 @@ from femfit.fit.sensed_field import SensedRows, fit_sensed
 from femfit.identify.add_effects import add_effects
 from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.plan import examine_plan
 from femfit.identify.series.observations import series_observations
 from femfit.identify.signatures import why_untestable
 from femfit.identify.suggest import suggest
@@ -104,6 +105,12 @@ def test_turns_and_remanence_scale_the_sources_of_the_one_coenergy(bearing):
     read = predict_readings(changed, d, i, Conditions(nominal_of(bearing)))
     np.testing.assert_allclose(read["force_N"], changed.magnetics.force(d, i), rtol=1e-12)
     np.testing.assert_allclose(read["flux_linkage_upper_Wb"], changed.magnetics.flux_linkage(d, i)[:, 1], rtol=1e-12)
+
+
+def test_a_plan_for_several_circuits_looks_at_what_these_can_have(bearing, tmp_path):
+    report = examine_plan(bearing, read_measurement(bench(bearing, tmp_path / "plan.csv")))
+    assert {"turns:lower", "turns:upper"} <= report.detectable.keys()
+    assert set(report.detectable) | set(report.invisible) <= set(device_effects(bearing.circuit_names))
 
 
 def test_an_effect_of_one_current_is_refused(bearing):

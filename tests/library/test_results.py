@@ -121,7 +121,7 @@ def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
     assert group.basis.nbytes > 0
     assert "basis" not in vars(unpickled(group))
     np.testing.assert_array_equal(unpickled(group).basis, group.basis)
-    assert found.decision.refitted
+    assert found.decision.fits
 
 
 def test_what_comes_back_predicts_steps_and_explains_as_before(results):

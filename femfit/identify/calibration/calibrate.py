@@ -23,6 +23,7 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.words import titled, titles_of
+from femfit.identify.add_effects import of_last_run
 from femfit.identify.allowances import beyond_noise
 from femfit.identify.bench import measurement_of
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
@@ -216,18 +217,12 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     fitted = ErrorFall(tuple(replace(fall, rms_before=before[fall.channel]) for fall in channels))
     unseen = None
     if observations.runs > 1:  # numbers and effects fitted to the other runs, about the calibrated drawing
-        start = [begin.continued(added) for begin, added in zip(fit.start, fit.effects, strict=True)]
-        left_out = unseen_error(observations, noise, start, None, now.prior_sd, now.prior_mean).rms
+        left_out = unseen_error(whitening, fit).rms
         unseen = ErrorFall(tuple(replace(fall, rms_after=left_out[fall.channel]) for fall in fitted.channels))
-    printed = [channel for fall in (fitted, unseen) if fall for channel in fall.channels]
-    rms = {
-        name: max(channel.rms_after for channel in printed if channel.channel == name) for name in observations.channels
-    }
-    test = pattern_space(observations, whitening).test(
-        whitening.full(observations.value - after), fit.jacobian[:, ~fit.active]
-    )
-    last = observations.runs - 1
-    stay = tuple(replace(added, runs=None) for added in now.beside if added.runs is None or added.runs[1] == last)
+    printed = [fall.rms_after for fall in (fitted, unseen) if fall]
+    rms = {name: max(each[name] for each in printed) for name in observations.channels}
+    residual = whitening.full(observations.value - after)
+    test = pattern_space(whitening).test(residual, fit.jacobian[:, ~fit.active])
     sds = (np.sqrt(np.diag(covariance)).tolist() for covariance in (now.error, now.covariance))
     numbers = tuple(
         replace(CalibratedNumber.of(*values), held=held, by_data=by_data)
@@ -239,7 +234,7 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     return CalibrationResult(
         drawing=now.redrawn.drawing.text,
         table=now.redrawn.table,
-        model=with_effects(now.redrawn.model, stay),
+        model=with_effects(now.redrawn.model, of_last_run(now.beside, observations)),
         model_as_drawn=first.model,
         numbers=numbers,
         covariance=now.error,
@@ -249,7 +244,7 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
         undetermined=undetermined,
         lack_of_fit=test,
         beyond_noise=beyond_noise(observations, noise, rms),
-        verdict=verdict(observations, noise, test, rms),
+        verdict=verdict(whitening, test, rms),
         sweeps=now.redrawn.sweeps,
         settled=now.step <= SETTLED,
         remarks=remarks(now, numbers, undetermined),

@@ -29,9 +29,8 @@ from femfit.identify.calibration.numbers import Choice, Drawing
 from femfit.identify.constants import HELD
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide
-from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.refit import Refit, Start, refit, starting_point
+from femfit.identify.refit import Refit, refit, starting_point
 from femfit.identify.signatures import columns_at, effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drawn_effect import POSSIBLE
@@ -90,8 +89,6 @@ class Estimate:
     choice: Choice
     values: FloatArray  # Of the numbers in the drawing, shape (n,)
     fit: Refit  # The numbers' effects first
-    prior_sd: dict[str, float]  # Of each number's effect, in the unit of its amplitude, after its tolerance
-    prior_mean: dict[str, float]
     beside: tuple[AddedEffect, ...]  # The effects beside, fitted to the drawing without a change of its numbers
 
     @cached_property
@@ -197,7 +194,7 @@ class Estimate:
 def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
     """Fit numbers within their tolerances, and the effects beside them, about the drawing as it was swept."""
     whitening, n = redrawn.whitening, len(choice.numbers)
-    observations, effects = whitening.observations, []
+    effects = []
     for number in choice.numbers:
         effect = redrawn.effect_of(number)
         if effect is None:
@@ -206,25 +203,17 @@ def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
             )
         effects.append(effect)
     effects += [effect_by_name(name) for name in choice.beside]
-    for effect in effects:
-        if reason := why_untestable(effect, observations):
-            raise TableError(f"{effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     # At the drawing: of numbers that cannot be told apart the best without their tolerances may be anywhere
-    start = [
-        Start.at_null(first.columns, whitening) if k < n else first
-        for k, first in enumerate(starting_point(observations, whitening, effects))
-    ]
+    start = starting_point(whitening, effects)
+    for k, (number, value) in enumerate(zip(choice.numbers, values.tolist(), strict=True)):
+        per, none = number.per(value), np.zeros(start[k].count)
+        mean, sd = (number.value - value) / per, number.deviation / per
+        start[k] = replace(start[k], amplitude=none, prior_mean=mean, prior_sd=sd)
     start = in_their_runs(start, whitening, {name: runs for name, runs in choice.beside.items() if runs})
-    scaled = [
-        (number, number.per(float(value)), float(value)) for number, value in zip(choice.numbers, values, strict=True)
-    ]
-    sd = {number.name: number.deviation / per for number, per, _ in scaled}
-    mean = {number.name: (number.value - value) / per for number, per, value in scaled}
-    fit = refit(observations, whitening, start, prior_sd=sd, prior_mean=mean)
-    begin = [first.continued(added) for first, added in zip(start[n:], fit.effects[n:], strict=True)]
-    alone = refit(observations, whitening, begin).effects if begin else ()
+    fit = refit(whitening, start)
+    alone = refit(whitening, fit.restart[n:]).effects if start[n:] else ()
     beside = tuple(replace(added, ci95=free.ci95) for added, free in zip(alone, fit.effects[n:], strict=True))
-    return Estimate(redrawn, choice, values, fit, sd, mean, beside)
+    return Estimate(redrawn, choice, values, fit, beside)
 
 
 def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
@@ -235,21 +224,15 @@ def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
     tolerance and each effect by its plausible range.
     """
     observations = placed(with_effects(now.redrawn.model, now.beside), measured)
-    nominal, fitted = observations.nominal, now.fit.effects
-    campaign = gather(
-        observations, considered_effects([added.effect.name for added in fitted], nominal.circuits, nominal.drawn)
-    )
+    fitted = now.fit.effects
+    campaign = gather(observations, considered_effects(now.fit.names, observations.nominal))
     if isinstance(campaign, Finding):
         return None
     free = [
-        columns.columns * [now.prior_sd.get(added.effect.name, p.width) for p in columns.amplitudes]
-        for added in fitted
+        columns.columns * [start.prior_sd if np.isfinite(start.prior_sd) else p.width for p in columns.amplitudes]
+        for added, start in zip(fitted, now.fit.start, strict=True)
         for columns in columns_at(added, now.redrawn.whitening.observations)
     ]
     own_misfit = campaign.whitening.misfit
     misfit = np.concatenate([*([] if own_misfit is None else [own_misfit]), *free], axis=1)
-    whitening = replace(campaign.whitening, misfit=misfit)
-    starts = tuple(Start.at_null(first.columns, whitening) for first in campaign.effects)
-    return decide(
-        replace(campaign, whitening=whitening, patterns=pattern_space(observations, whitening), effects=starts)
-    )
+    return decide(campaign.by(replace(campaign.whitening, misfit=misfit)))

@@ -22,8 +22,7 @@ from femfit.identify.calibration.fit import Estimate
 from femfit.identify.constants import ALIKE, IN_COMBINATION, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall
-from femfit.identify.noise.whitening import NoiseModel
-from femfit.identify.observations import Observations
+from femfit.identify.noise.whitening import Whitening
 from femfit.identify.words import Result, plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
@@ -154,14 +153,9 @@ def heading(result: CalibrationResult, drawing: str, data: Sequence[str]) -> str
     return end.join(lines).replace("±", "+-")
 
 
-def verdict(
-    observations: Observations,
-    noise: NoiseModel,
-    test: LackOfFit,
-    rms: Mapping[str, float],
-) -> str:
+def verdict(whitening: Whitening, test: LackOfFit, rms: Mapping[str, float]) -> str:
     """What is left, in one sentence that the printed errors do not contradict."""
-    facts = allowed(observations, noise, rms)
+    facts, noise = allowed(whitening.observations, whitening.noise, rms), whitening.noise
     more = any(rms[name] > WITHIN_NOISE * sd for name, sd in noise.known.items() if name not in facts.beyond)
     return sentence("calibration", "verdict", facts, test.p_value, more)
 

@@ -10,7 +10,9 @@ M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-valida
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -18,9 +20,10 @@ from scipy import stats
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
+from femfit.effects.conditions import Nominal
 from femfit.effects.effect import Effect
 from femfit.identify.checked_refit import left_out_groups
-from femfit.identify.constants import CORRELATIONS, POWER
+from femfit.identify.constants import CORRELATIONS, LEVEL, POWER
 from femfit.identify.lack_of_fit import PatternSpace, pattern_space
 from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.contrasts import rho_of
@@ -35,41 +38,46 @@ from femfit.identify.words import finding
 class Campaign:
     """Readings with everything that a decision about them needs."""
 
-    observations: Observations
     whitening: Whitening
-    patterns: PatternSpace
     # Every testable effect at every combination of trial values of its nonlinear parameters, in the catalogue's
     # order, with amplitudes of zero
     effects: tuple[Start, ...]
     untestable: Mapping[str, str]
 
     @property
+    def observations(self) -> Observations:
+        """The readings."""
+        return self.whitening.observations
+
+    @property
     def noise(self) -> NoiseModel:
         """Variances of the campaign."""
         return self.whitening.noise
 
-    @property
-    def whitened_residual(self) -> FloatArray:
-        """Recorded minus predicted with the noise whitened, shape (M,)."""
-        return self.whitening.full(self.observations.residual)
+    @cached_property
+    def patterns(self) -> PatternSpace:
+        """Smooth patterns of a lack of fit."""
+        return pattern_space(self.whitening)
 
     def with_readings(self, value: FloatArray) -> "Campaign":
         """The same settings with other readings, of shape (M,), and their own noise estimate."""
         observations = self.observations.with_values(value)
-        noise = estimate_noise(observations) or self.noise
-        whitening = Whitening(observations, noise, self.whitening.misfit)
-        effects = Start.all_at_null([effect.columns for effect in self.effects], whitening)
-        return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
+        whitening = Whitening(observations, estimate_noise(observations) or self.noise, self.whitening.misfit)
+        return self.by(whitening)
+
+    def by(self, whitening: Whitening) -> "Campaign":
+        """The same effects with another noise."""
+        return replace(
+            self, whitening=whitening, effects=Start.at_null([effect.columns for effect in self.effects], whitening)
+        )
 
 
-def considered_effects(
-    exclude: Sequence[str] = (), circuits: Sequence[str] = (), drawn: Sequence[Effect] = ()
-) -> list[Effect]:
-    """The device's catalogue without some effects; a name that the whole one does not have is an error.
+def considered_effects(exclude: Sequence[str] = (), nominal: Nominal | None = None) -> list[Effect]:
+    """A device's catalogue without some effects; a name that the whole one does not have is an error.
 
     Nor has it those that another one stands for.
     """
-    catalogue = device_effects(circuits, drawn)
+    catalogue = device_effects(nominal.circuits, nominal.drawn) if nominal else device_effects(())
     for name in exclude:
         if name not in catalogue:
             effect_by_name(name)
@@ -87,9 +95,6 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
         constant = constant_readings(never_varying(observations))
         return constant[0] if constant else finding("no-noise")
     whitening = Whitening.granting(observations, noise)
-    patterns = pattern_space(observations, whitening)
-    if not patterns.groups:
-        return finding("too-few-readings")
     untestable: dict[str, str] = {}
     every: list[EffectColumns] = []
     for effect in effects:
@@ -100,31 +105,22 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
         if not columns:
             untestable[effect.name] = reason or CHANGES_NOTHING
         every += columns
-    return Campaign(observations, whitening, patterns, Start.all_at_null(every, whitening), untestable)
+    campaign = Campaign(whitening, Start.at_null(every, whitening), untestable)
+    return campaign if campaign.patterns.groups else finding("too-few-readings")
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
     """Say which channels cannot be tested, which never vary, and where the noise was guessed or repeats replaced it."""
     tested = set(campaign.patterns.patterns.channel.tolist())
     observations, noise = campaign.observations, campaign.noise
-    few = [
-        finding("too-few-readings", name, name=name, readings=int(observations.of(name).sum()))
-        for c, name in enumerate(observations.channels)
-        if c not in tested
-    ]
-    replaced = [
-        finding(
-            "declared-noise",
-            name,
-            name=name,
-            declared=observations.declared_noise[name],
-            source=observations.noise_source,
-            sigma=float(noise.sigma[c]),
-            repeats=round(noise.repeats[c]),
-        )
-        for c, name in enumerate(observations.channels)
-        if name in observations.declared_noise and noise.source[name] == "repeats"
-    ]
+    few, replaced = list[Finding](), list[Finding]()
+    for c, name in enumerate(observations.channels):
+        if c not in tested:
+            few.append(finding("too-few-readings", name, name=name, readings=int(observations.of(name).sum())))
+        if name in observations.declared_noise and noise.source[name] == "repeats":
+            facts: dict[str, Any] = {"declared": observations.declared_noise[name], "source": observations.noise_source}
+            facts |= {"sigma": float(noise.sigma[c]), "repeats": round(noise.repeats[c])}
+            replaced.append(finding("declared-noise", name, name=name, **facts))
     lasting = lasting_noises(noise)
     remarks = [finding("lasting-noise", names=lasting)] if lasting else []
     return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise), *remarks]
@@ -146,7 +142,7 @@ def guessed_noises(noise: NoiseModel) -> list[Finding]:
     return [finding("guessed-noise", sizes=sizes)] if sizes else []
 
 
-def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[str, float]]:
+def detectable_magnitudes(campaign: Campaign) -> dict[str, dict[str, float]]:
     """The smallest magnitude of each effect's amplitudes that these settings and this noise show nine times in ten.
 
     The model's own misfit to its table counts as noise.
@@ -158,7 +154,7 @@ def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[st
         before. Nonlinear parameters have their usual values.
     """
     effects = {start.name for start in campaign.effects}
-    threshold = stats.chi2.isf(level / max(len(effects), 1), 1)
+    threshold = stats.chi2.isf(LEVEL / max(len(effects), 1), 1)
     needed = (np.sqrt(threshold) + stats.norm.ppf(POWER)) ** 2  # of one degree of freedom; its other tail is nothing
     result: dict[str, dict[str, float]] = {}
     for start in campaign.effects:
@@ -178,7 +174,7 @@ def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:
     The effects were fitted to all runs; their amplitudes are fitted anew without each, to first order. 1 is all of the
     excess and 0 none of it; it is negative where the effects make the error on unseen runs larger.
     """
-    target = campaign.whitened_residual
+    target = campaign.whitening.residual
     moving = [j for j, (_, p) in enumerate(fit.free) if not p.nonlinear and not fit.active[j]]
     columns = fit.jacobian[:, moving]
     # To first order about the fit: what the readings are beside the part that no small change of the fit explains

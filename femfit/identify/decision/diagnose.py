@@ -13,7 +13,7 @@ from femfit.core.text import quoted
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.bench import placed
-from femfit.identify.constants import CLEAN_CAMPAIGNS, LEVEL
+from femfit.identify.constants import CLEAN_CAMPAIGNS
 from femfit.identify.decision.campaign import (
     Campaign,
     campaign_remarks,
@@ -27,11 +27,10 @@ from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.evidence import score_effects
 from femfit.identify.decision.naming import Decision, decide, dominant, look_alikes
-from femfit.identify.decision.search import Explanation
 from femfit.identify.misfit import error_fall
 from femfit.identify.noise.components import simulated_noise
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Refit, is_plausible
+from femfit.identify.refit import Refit, plausible
 from femfit.identify.where import Where, where_it_fails
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
@@ -106,9 +105,7 @@ def diagnose_observations(
 ) -> Diagnosis:
     """Diagnose readings that stand beside their model."""
     say("Estimating the noise")
-    campaign = gather(
-        observations, considered_effects(exclude, observations.nominal.circuits, observations.nominal.drawn)
-    )
+    campaign = gather(observations, considered_effects(exclude, observations.nominal))
     if isinstance(campaign, Finding):
         return _no_verdict(model, observations, campaign, exclude)
     say("Scoring the effects")
@@ -137,13 +134,12 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     after = observations.predict(fit.effects) if fit else observations.base
     scores = score_effects(campaign)
     # What the patterns cannot see of an effect between them counts as well
-    excess = max(campaign.patterns.excess(campaign.whitened_residual), *(s.chi2_fall for s in scores), 0.0)
+    excess = max(campaign.patterns.excess(campaign.whitening.residual), *(s.chi2_fall for s in scores), 0.0)
     missing = _named_effects(campaign, decision, scores, excess)
     alike = look_alikes(decision)
     remarks = campaign_remarks(campaign)
     if decision.posterior.ended:
-        count = sum(explanation.fit is not None for explanation in decision.posterior.explanations.values())
-        remarks.append(finding("search-ended", size=count, count=count))
+        remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))
     where = Where("", (), "The model fits.")
     if decision.verdict != "nothing_missing":
         where = where_it_fails(observations, campaign.whitening)
@@ -155,7 +151,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
         where=where,
         error_fall=error_fall(observations, observations.base, after, campaign.noise.known),
         noise_floor=campaign.noise.known,
-        detectable=detectable_magnitudes(campaign, LEVEL),
+        detectable=detectable_magnitudes(campaign),
         clean=clean,
         model=model,
         observations=observations,
@@ -188,19 +184,16 @@ def _ranking(
     campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
 ) -> tuple[ScoredEffect, ...]:
     """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
-    before, by_name = campaign.whitened_residual, {score.name: score for score in scores}
-    alone: Mapping[str, Explanation] = {
-        explanation.names[0]: explanation for explanation in decision.refitted if len(explanation.names) == 1
-    }
+    before, by_name = campaign.whitening.residual, {score.name: score for score in scores}
+    alone = {names[0]: fit for names, fit in decision.fits.items() if len(names) == 1}
     refitted = [
         replace(
             by_name[name],
-            chi2_fall=float(before @ before) - explanation.fit.chi2,
-            explained_share=explained_share(campaign, explanation.fit, excess),
-            error_left=_error_left(campaign, explanation.fit),
+            chi2_fall=float(before @ before) - fit.chi2,
+            explained_share=explained_share(campaign, fit, excess),
+            error_left=_error_left(campaign, fit),
         )
-        for name, explanation in alone.items()
-        if explanation.fit
+        for name, fit in alone.items()
     ]
     return (*refitted, *(score for score in scores if score.name not in alone))
 
@@ -216,21 +209,20 @@ def _error_left(campaign: Campaign, fit: Refit) -> float:
 def _named_effects(
     campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
 ) -> tuple[NamedEffect, ...]:
-    if decision.chosen is None or decision.chosen.fit is None:
+    fit = decision.chosen.fit if decision.chosen else None
+    if fit is None:
         return ()
-    fit = decision.chosen.fit
-    share = explained_share(campaign, fit, excess)
-    p_values = {score.name: score.p_value for score in scores}
-    by_name = {added.effect.name: added for added in fit.effects}
+    share, by_name = explained_share(campaign, fit, excess), {added.effect.name: added for added in fit.effects}
     exchanged = {frozenset(explanation.names): explanation.fit for explanation in decision.left if explanation.fit}
     named = []
     for members, tie in zip(decision.classes, decision.ties, strict=True):
         beside = set(fit.names) - {members[0]}
-        fits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        tied = [
-            next(a for a in refitted.effects if a.effect.name not in beside) if refitted else None for refitted in fits
-        ]
-        named.append(_named(campaign, by_name[members[0]], members, tie, tied, p_values[members[0]], share))
+        tied = {name: exchanged.get(frozenset(beside | {name})) for name in tie}
+        others = {
+            name: next(a for a in refitted.effects if a.effect.name not in beside) if refitted else None
+            for name, refitted in tied.items()
+        }
+        named.append(_named(campaign, by_name[members[0]], members, others, scores, share))
     return tuple(named)
 
 
@@ -238,34 +230,31 @@ def _dominant(
     campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
 ) -> NamedEffect | None:
     fits, share = dominant(campaign, decision, scores, excess)
-    if not fits:
-        return None
-    names = tuple(fit.names[0] for fit in fits)
-    p_value = next(score.p_value for score in scores if score.name == names[0])
-    return _named(campaign, fits[0].effects[0], names, names, [fit.effects[0] for fit in fits[1:]], p_value, share)
+    tied = {fit.names[0]: fit.effects[0] for fit in fits}
+    return _named(campaign, fits[0].effects[0], tuple(tied), tied, scores, share) if fits else None
 
 
 def _named(
     campaign: Campaign,
     added: AddedEffect,
     members: tuple[str, ...],
-    tie: tuple[str, ...],
-    tied: Sequence[AddedEffect | None],
-    p_value: float,
+    tied: Mapping[str, AddedEffect | None],
+    scores: tuple[ScoredEffect, ...],
     share: float,
 ) -> NamedEffect:
-    nominal = campaign.observations.nominal
+    """An effect that is named, the first of those that are as likely."""
+    nominal, (_, *others) = campaign.observations.nominal, tied.values()
     return NamedEffect(
         name=members[0],
         members=members,
-        tie=tie,
-        p_value=p_value,
+        tie=tuple(tied),
+        p_value=next(score.p_value for score in scores if score.name == members[0]),
         explained_share=share,
         parameters=dict(added.parameters),
         ci95=dict(added.ci95),
         words=tuple(describe(added, nominal)),
-        tied_words=tuple(tuple(describe(effect, nominal)) if effect else () for effect in tied),
-        plausible=all(is_plausible(added, p) for p in added.effect.parameters),
+        tied_words=tuple(tuple(describe(effect, nominal)) if effect else () for effect in others),
+        plausible=plausible(added),
         runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
     )
 
@@ -273,16 +262,12 @@ def _named(
 def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, exclude: Sequence[str]) -> Diagnosis:
     return Diagnosis(
         verdict="compare_only",
-        missing=(),
         ranking=tuple(
             ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict")
-            for effect in considered_effects(exclude, observations.nominal.circuits, observations.nominal.drawn)
+            for effect in considered_effects(exclude, observations.nominal)
         ),
         where=Where("", (), "Without a test no misfit can be called one."),
         error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),
-        noise_floor={},
-        detectable={},
-        clean=None,
         model=model,
         observations=observations,
         excluded=tuple(dict.fromkeys(exclude)),

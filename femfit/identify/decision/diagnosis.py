@@ -160,15 +160,15 @@ class Diagnosis(Result):
     )
 
     verdict: Verdict
-    missing: tuple[NamedEffect, ...]
     ranking: tuple[ScoredEffect, ...]
     where: Where
     error_fall: ErrorFall
-    noise_floor: Mapping[str, float]
-    detectable: Mapping[str, Mapping[str, float]]
-    clean: CleanCampaigns | None
     model: ActuatorModel
     observations: Observations
+    missing: tuple[NamedEffect, ...] = ()
+    noise_floor: Mapping[str, float] = field(default_factory=dict)
+    detectable: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    clean: CleanCampaigns | None = None
     probability: Mapping[Verdict, float] = field(default_factory=dict)
     p_value: float = 1.0
     own_misfit: bool = False
@@ -209,56 +209,47 @@ class Diagnosis(Result):
         clean = self.clean and {**vars(self.clean), "bound": self.clean.bound}
         return super().to_dict() | {"rms": self.error_fall.rms_before, "clean_campaigns": clean}
 
+    @property
+    def allowed(self) -> Allowed:
+        """What is granted of the errors with what is named."""
+        noise = self.campaign.noise if self.campaign else None
+        return allowed(self.observations, noise, self.error_fall.rms_after)
+
     def __str__(self) -> str:
-        return titled(diagnosis_text(self), titles_of(self.observations.nominal.drawn))
+        after, nominal = self.allowed, self.observations.nominal
+        misses = bool(after.apart) or self.verdict not in {"nothing_missing", "named"}
+        effects, named = device_effects(nominal.circuits, nominal.drawn), {effect.name for effect in self.missing}
+        shown = [effect for effect in (*self.missing, self.dominant) if effect]
+        hidden: dict[str, list[str]] = {}
+        for score in self.ranking:
+            if score.note:
+                hidden.setdefault(score.note, []).append(score.name)
+        text = printed(
+            "diagnosis",
+            d=self,
+            a=after,
+            symptoms={effect.name: getattr(known_effect(effect.name), "symptom", "") for effect in shown},
+            lagging=None if misses else _lag(self),
+            blind=hidden.get(CHANGES_NOTHING, []),  # it may be missing all the same, since it changes no reading
+            finer=finer_sweep(self.model),
+            visible={
+                name: smallest_visible(effects[name], amplitudes, nominal)
+                for name, amplitudes in self.detectable.items()
+                if name not in named
+            },
+            hidden=hidden,
+        )
+        return titled(text, titles_of(nominal.drawn))
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
-    return sentence("diagnosis", "verdict", diagnosis, _allowed_after(diagnosis))
+    return sentence("diagnosis", "verdict", diagnosis, diagnosis.allowed)
 
 
 def certainty_sentence(diagnosis: Diagnosis) -> str:
     """How far what is named can be trusted against other causes."""
     return sentence("diagnosis", "certainty", diagnosis)
-
-
-def dimensions_unsuspected(diagnosis: Diagnosis) -> str:
-    """That the drawing's dimensions were not looked at, and what would change that; empty where they were."""
-    return sentence("diagnosis", "unsuspected", diagnosis)
-
-
-def _allowed_after(diagnosis: Diagnosis) -> Allowed:
-    """What is granted of the errors with what is named."""
-    noise = diagnosis.campaign.noise if diagnosis.campaign else None
-    return allowed(diagnosis.observations, noise, diagnosis.error_fall.rms_after)
-
-
-def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """The result as lines of text, the verdict first."""
-    after, nominal = _allowed_after(diagnosis), diagnosis.observations.nominal
-    misses = bool(after.apart) or diagnosis.verdict not in {"nothing_missing", "named"}
-    effects, named = device_effects(nominal.circuits, nominal.drawn), {effect.name for effect in diagnosis.missing}
-    shown = [effect for effect in (*diagnosis.missing, diagnosis.dominant) if effect]
-    hidden: dict[str, list[str]] = {}
-    for score in diagnosis.ranking:
-        if score.note:
-            hidden.setdefault(score.note, []).append(score.name)
-    return printed(
-        "diagnosis",
-        d=diagnosis,
-        a=after,
-        symptoms={effect.name: getattr(known_effect(effect.name), "symptom", "") for effect in shown},
-        lagging=None if misses else _lag(diagnosis),
-        blind=hidden.get(CHANGES_NOTHING, []),  # it may be missing all the same, since it changes no reading
-        finer=finer_sweep(diagnosis.model),
-        visible={
-            name: smallest_visible(effects[name], amplitudes, nominal)
-            for name, amplitudes in diagnosis.detectable.items()
-            if name not in named
-        },
-        hidden=hidden,
-    )
 
 
 @dataclass(frozen=True)

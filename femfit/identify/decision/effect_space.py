@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -20,10 +19,9 @@ from femfit.identify.decision.constants import (
     FORM_ELSEWHERE,
     SHARE_DEGREE,
 )
-from femfit.identify.observations import Observations, WithoutCache, once_for_settings
-from femfit.identify.patterns import scaled_to_one
+from femfit.identify.observations import Observations, WithoutCache
+from femfit.identify.patterns import products, scaled_to_one
 from femfit.identify.refit import Start
-from femfit.identify.signatures import EffectColumns
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,39 +43,14 @@ class EffectSpace(WithoutCache):
 
     def block(self, start: Start) -> FloatArray:
         """An effect's amplitudes' columns at half of their plausible range, then its form's error; shape (M, k)."""
-        change, stored = start.columns.columns * half_ranges(start), _form_directions(self.campaign.observations)
-        _, directions = stored.get(id(start.columns), (None, None))
-        if directions is None:
-            formed = [self.form_error(start.columns.effect, column) for column in change.T]
-            errors, leading = _leading(np.concatenate([error for error, _ in formed], axis=1))
-            parts = np.split(leading, np.cumsum([error.shape[1] for error, _ in formed])[:-1])
-            directions = np.stack(
-                [modulation @ vectors for (_, modulation), vectors in zip(formed, parts, strict=True)]
-            )
-            stored[id(start.columns)] = start.columns, directions
-        else:
-            mixed = (
-                column[:, None] * (self._modulations @ modulation)
-                for column, modulation in zip(change.T, directions, strict=True)
-            )
-            errors = self.campaign.whitening.full(sum(mixed, np.zeros((len(change), directions.shape[2]))))
+        change = start.columns.columns * half_ranges(start)
+        errors = _leading(np.concatenate([self.form_error(start.columns.effect, c) for c in change.T], axis=1))
         return np.concatenate([start.whitened * half_ranges(start), errors], axis=1)
 
     @cached_property
     def grams(self) -> tuple[FloatArray, ...]:
         """Products of each block's columns, shape (k, k)."""
         return tuple(np.asarray(block.T @ block) for block in self.blocks)
-
-    @cached_property
-    def every_block(self) -> FloatArray:
-        """All blocks beside each other, shape (M, sum of k)."""
-        return np.concatenate([np.zeros((len(self.campaign.observations.value), 0)), *self.blocks], axis=1)
-
-    @cached_property
-    def places(self) -> tuple[slice, ...]:
-        """Where each block stands in :attr:`every_block`."""
-        ends = np.cumsum([0, *(block.shape[1] for block in self.blocks)])
-        return tuple(slice(a, b) for a, b in pairwise(ends))
 
     @cached_property
     def run_by_run(self) -> Mapping[str, tuple[int, FloatArray]]:
@@ -160,16 +133,11 @@ class EffectSpace(WithoutCache):
         here = [observations.channel == c for c in range(len(observations.channels))]
         return np.asarray(np.concatenate([smooth * rows[:, None] for rows in here], axis=1) / np.sqrt(smooth.shape[1]))
 
-    def form_error(self, effect: Effect, change: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened columns of the error of an effect's form where it changes the readings by ``change``, (M,).
-
-        Their shape is (M, n); they come with the modulations of the change that they are, shape (f, n).
-        """
+    def form_error(self, effect: Effect, change: FloatArray) -> FloatArray:
+        """Whitened columns (M, n) of the error of an effect's form where it changes the readings by so much, (M,)."""
         error = max(FORM.get(stage, FORM_ELSEWHERE) for stage in effect.acts_on)
         columns = self._modulations * change[:, None]
-        there = np.any(columns != 0.0, axis=0)
-        errors, leading = _leading(error * self.campaign.whitening.full(columns[:, there]))
-        return errors, error * np.eye(len(there))[:, there] @ leading
+        return _leading(error * self.campaign.whitening.full(columns[:, np.any(columns != 0.0, axis=0)]))
 
 
 def half_ranges(start: Start) -> FloatArray:
@@ -181,25 +149,13 @@ def _smooth(observations: Observations, degree: int) -> FloatArray:
     """Products of Legendre polynomials in log distance and current up to a total degree, shape (M, f)."""
     x = scaled_to_one(even_scale(observations.column("distance_m")))
     y = scaled_to_one(observations.column("current_A"))
-    in_x, in_y = legvander(x, degree), legvander(y, degree)
-    powers = sorted(((a, b) for a in range(degree + 1) for b in range(degree + 1) if a + b <= degree), key=sum)
-    return np.stack([in_x[:, a] * in_y[:, b] for a, b in powers], axis=1)
+    in_x, in_y = (np.asarray(legvander(z, degree), dtype=np.float64) for z in (x, y))
+    return np.stack([column for column, _, _ in products(in_x, in_y, degree)], axis=1)
 
 
-@once_for_settings
-def _form_directions(observations: Observations) -> dict[int, tuple[EffectColumns, FloatArray]]:
-    """Per variant of an effect, of these settings, the leading directions of its form's error.
-
-    Simulated readings of the same settings have nearly the same noise, so that the directions are not sought again.
-    They are stored by the address of the columns, which are kept for it to stay theirs; shape (k, f, n).
-    """
-    del observations
-    return {}
-
-
-def _leading(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The largest directions of a block, and the vectors that they are of it."""
+def _leading(columns: FloatArray) -> FloatArray:
+    """The largest directions of a block."""
     if columns.shape[1] <= FORM_DIRECTIONS:
-        return columns, np.eye(columns.shape[1])
+        return columns
     _, vectors = np.linalg.eigh(columns.T @ columns)
-    return np.asarray(columns @ vectors[:, -FORM_DIRECTIONS:]), np.asarray(vectors[:, -FORM_DIRECTIONS:])
+    return np.asarray(columns @ vectors[:, -FORM_DIRECTIONS:])

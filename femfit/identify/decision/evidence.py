@@ -15,6 +15,7 @@ M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (200
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -49,6 +50,15 @@ class LogDensity:
         return np.asarray(-half * np.log1p(least / self.degrees_of_freedom) + 0.5 * (least - square - log_det))
 
 
+class Solved(NamedTuple):
+    """What a linear model makes of its readings."""
+
+    triangle: FloatArray  # L of L L' = I + A'A, shape (k, k)
+    along: FloatArray  # L^-1 A'y, shape (k,)
+    square: float  # y' C^-1 y
+    log_det: float  # Of C
+
+
 @dataclass(frozen=True, eq=False)
 class Linear(WithoutCache):
     """Readings about a fit: what they are beyond the model, as a linear combination of columns."""
@@ -59,46 +69,32 @@ class Linear(WithoutCache):
     log_evidence: float  # Averaged over all sizes
 
     @cached_property
-    def _solved(self) -> tuple[FloatArray, FloatArray, float, float]:
-        """The triangle L of I + A'A, L^-1 A'y, y' C^-1 y and log det C."""
+    def solved(self) -> Solved:
+        """The linear model solved."""
         triangle = np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
         along = linalg.solve_triangular(triangle, self.columns.T @ self.target, lower=True)
         square = float(self.target @ self.target - along @ along)
-        return np.asarray(triangle), np.asarray(along), square, 2.0 * float(np.log(np.diag(triangle)).sum())
+        return Solved(np.asarray(triangle), np.asarray(along), square, 2.0 * float(np.log(np.diag(triangle)).sum()))
 
     @classmethod
     def of(cls, target: FloatArray, columns: FloatArray, density: LogDensity) -> "Linear":
         """Columns of one size, by which nothing is averaged."""
         about = cls(target, columns, density, 0.0)
-        return replace(about, log_evidence=float(density(about.square, about.log_det)))
-
-    @property
-    def triangle(self) -> FloatArray:
-        """L of L L' = I + A'A, shape (k, k)."""
-        return self._solved[0]
-
-    @property
-    def square(self) -> float:
-        """Y' C^-1 y."""
-        return self._solved[2]
-
-    @property
-    def log_det(self) -> float:
-        """Log det C."""
-        return self._solved[3]
+        return replace(about, log_evidence=float(density(about.solved.square, about.solved.log_det)))
 
     @property
     def amplitudes(self) -> FloatArray:
         """Their mean, in their sizes; shape (k,)."""
-        return np.asarray(linalg.solve_triangular(self.triangle, self._solved[1], trans=1, lower=True))
+        return np.asarray(linalg.solve_triangular(self.solved.triangle, self.solved.along, trans=1, lower=True))
 
     def beside(self, columns: FloatArray) -> FloatArray:
         """L^-1 A'X for further columns X, shape (M, n): what of them the linear model may explain; shape (k, n)."""
-        return np.asarray(linalg.solve_triangular(self._solved[0], self.columns.T @ columns, lower=True))
+        return np.asarray(linalg.solve_triangular(self.solved.triangle, self.columns.T @ columns, lower=True))
 
-    def along(self, columns: FloatArray, beside: FloatArray) -> FloatArray:
-        """X' C^-1 y, shape (n,)."""
-        return columns.T @ self.target - beside.T @ self._solved[1]
+    def products(self, columns: FloatArray, gram: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """X' C^-1 X, shape (n, n), and X' C^-1 y, shape (n,), of further columns; X'X may be given."""
+        beside, gram = self.beside(columns), columns.T @ columns if gram is None else gram
+        return gram - beside.T @ beside, columns.T @ self.target - beside.T @ self.solved.along
 
     def with_more(self, gram: FloatArray, along: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log evidence with further columns X as well, and their mean amplitudes, at each of their common sizes.
@@ -110,7 +106,7 @@ class Linear(WithoutCache):
         grown = squares * np.maximum(values, 0.0)
         along = vectors.T @ along
         mean = squares * along / (1.0 + grown)
-        _, _, square, log_det = self._solved
+        _, _, square, log_det = self.solved
         more = self.density(square - mean @ along, log_det + np.sum(np.log1p(grown), axis=1))
         return more + self.log_evidence - self.density(square, log_det), mean @ vectors.T
 
@@ -124,7 +120,7 @@ def density_of(campaign: Campaign) -> LogDensity:
 
 def null(space: EffectSpace) -> Linear:
     """The readings without any effect."""
-    target = space.campaign.whitened_residual
+    target = space.campaign.whitening.residual
     return Linear.of(target, np.zeros((len(target), 0)), density_of(space.campaign))
 
 
@@ -140,8 +136,7 @@ def sizes_of(length: float) -> FloatArray:
 
 def with_unknown_cause(space: EffectSpace, linear: Linear) -> float:
     """Log evidence with an unknown cause besides, averaged over what smooth patterns it may have and their sizes."""
-    beside = linear.beside(space.unknown)
-    gram, along = space.unknown_gram - beside.T @ beside, linear.along(space.unknown, beside)
+    gram, along = linear.products(space.unknown, space.unknown_gram)
     sizes = np.array(UNKNOWN_SIZES)
     logs = [
         linear.with_more(weight[:, None] * gram[np.ix_(group, group)] * weight, weight * along[group], sizes)[0]
@@ -208,7 +203,7 @@ def score_effects(campaign: Campaign) -> tuple[ScoredEffect, ...]:
 
     The p-value counts times the number of combinations of nonlinear parameters that were tried (Bonferroni).
     """
-    residual, degrees = campaign.whitened_residual, campaign.patterns.groups[-1].degrees_of_freedom
+    residual, degrees = campaign.whitening.residual, campaign.patterns.groups[-1].degrees_of_freedom
     best: dict[str, tuple[float, int]] = {}
     tries: dict[str, int] = {}
     for start in campaign.effects:

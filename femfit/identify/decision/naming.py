@@ -36,7 +36,7 @@ from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import Linear, density_of
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
-from femfit.identify.refit import Refit, Start, at_bounds, is_plausible, refit, starting_point
+from femfit.identify.refit import Refit, Start, at_bounds, plausible, refit, starting_point
 from femfit.identify.signatures import columns_at
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -70,15 +70,16 @@ class Decision:
     left: tuple[Explanation, ...] = ()
 
     @property
-    def refitted(self) -> tuple[Explanation, ...]:
-        """Every explanation that was refitted, the most probable first."""
-        fits = [explanation for explanation in self.posterior.explanations.values() if explanation.fit is not None]
-        return tuple(ranked(fits, lambda explanation: explanation.log_evidence, ROUNDING))
+    def fits(self) -> dict[tuple[str, ...], Refit]:
+        """What was refitted, by the names of its effects, the most probable first."""
+        refitted = [each for each in self.posterior.explanations.values() if each.fit is not None]
+        every = ranked(refitted, lambda explanation: explanation.log_evidence, ROUNDING)
+        return {explanation.names: explanation.fit for explanation in every if explanation.fit}
 
 
 def lack_of_fit(campaign: Campaign) -> LackOfFit:
     """The lack of fit before anything is added."""
-    return campaign.patterns.test(campaign.whitened_residual)
+    return campaign.patterns.test(campaign.whitening.residual)
 
 
 def times_own(campaign: Campaign) -> float:
@@ -132,8 +133,7 @@ def decide(campaign: Campaign) -> Decision:
         verdict, chosen = "nothing_missing", None
     elif verdict == "nothing_missing" and times <= OWN_MISFIT:  # is it more than noise that the own misfit explains?
         alone = replace(campaign.whitening, misfit=None)
-        residual = alone.full(campaign.observations.residual)
-        own_misfit = pattern_space(campaign.observations, alone).test(residual).p_value <= LEVEL
+        own_misfit = pattern_space(alone).test(alone.residual).p_value <= LEVEL
     decision = Decision(verdict, probability, test, own_misfit, times, posterior)
     if chosen is None:
         return decision
@@ -154,11 +154,11 @@ def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
     Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
     whose size is as unlikely as its form.
     """
-    before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
+    before = float(np.sum(campaign.whitening.residual**2)) - len(campaign.whitening.residual)
     fit = chosen.fit if chosen else None
     if fit is None or fit.chi2 - len(fit.whitened_residual) >= (1.0 - EXPLAINED) * before:
         return False
-    return _plausible(fit) and not _spoils(campaign, fit)
+    return all(map(plausible, fit.effects)) and not _spoils(campaign, fit)
 
 
 def _spoils(campaign: Campaign, fit: Refit) -> bool:
@@ -182,21 +182,20 @@ def dominant(
     fits = [fit for fit in _leading(campaign, decision, scores) if not at_bounds(fit) and not _spoils(campaign, fit)]
     fits = _alike(fits, [fit.chi2 - len(fit.whitened_residual) for fit in fits])
     # Plausible sizes before unusual ones, then the fewest parameters that the fit moved
-    fits.sort(key=lambda fit: (not _plausible(fit), int(np.count_nonzero(~fit.active))))
+    fits.sort(key=lambda fit: (not all(map(plausible, fit.effects)), int(np.count_nonzero(~fit.active))))
     share = explained_share(campaign, fits[0], excess) if fits else 0.0
     return (tuple(fits), share) if share >= DOMINANT else ((), 0.0)
 
 
 def _leading(campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect]) -> list[Refit]:
     """The effects that alone leave the least to first order, refitted: the search takes none up for its size alone."""
-    before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
+    before = float(np.sum(campaign.whitening.residual**2)) - len(campaign.whitening.residual)
     tested = ranked([score for score in scores if not score.note], lambda score: score.chi2_fall, ROUNDING)
     best = _alike(tested, [before - score.chi2_fall for score in tested])[:RIVALS_REFITTED]
-    refitted = {explanation.names: explanation.fit for explanation in decision.refitted if explanation.fit}
     effects = {start.name: start.columns.effect for start in campaign.effects}
-    readings = campaign.observations, campaign.whitening
+    whitening = campaign.whitening
     return [
-        refitted.get((score.name,)) or refit(*readings, starting_point(*readings, [effects[score.name]]))
+        decision.fits.get((score.name,)) or refit(whitening, starting_point(whitening, [effects[score.name]]))
         for score in best
     ]
 
@@ -205,11 +204,6 @@ def _alike(items: Sequence[Item], above_noise: Sequence[float]) -> list[Item]:
     """The items that leave hardly more squared misfit above the noise than the best."""
     most = RIVALS * max(min(above_noise, default=0.0), 1.0)
     return [item for item, square in zip(items, above_noise, strict=True) if square <= most]
-
-
-def _plausible(fit: Refit) -> bool:
-    """Whether every parameter may be as large as it usually is."""
-    return all(is_plausible(added, p) for added in fit.effects for p in added.effect.parameters)
 
 
 def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
@@ -228,7 +222,7 @@ def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], 
         squares[names] = float(np.mean(((observations.value - observations.predict(fit.effects)) / sigma) ** 2))
     most = RIVALS * max(min(squares.values(), default=1.0), 1.0)  # what is granted to mounts is no reason for a name
     as_good = [names for names in fits if squares[names] <= most]
-    usual = [names for names in as_good if _plausible(fits[names])] or as_good or near[:1]
+    usual = [names for names in as_good if all(map(plausible, fits[names].effects))] or as_good or near[:1]
     least = TIED * max(posterior.probability[names, unknown] for names in usual)
     alike = [names for names in usual if posterior.probability[names, unknown] >= least]
     return sorted(alike, key=lambda names: np.count_nonzero(~fits[names].active) if names in fits else 0)
@@ -282,42 +276,38 @@ def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
     for added in fit.effects:
         change = together - observations.predict([effect for effect in fit.effects if effect is not added])
         lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
-    names, examples, longest = list[str](), list[FloatArray](), list[float]()
-    for start, block in zip(campaign.effects, space.blocks, strict=True):
-        if start.name not in chosen.names:
-            for column in block[:, : start.count].T:
-                names.append(start.name)
-                examples.append(column)
-                longest.append(2.0 * float(np.linalg.norm(column)))  # the whole of its plausible range
+    examples = [
+        (start.name, column, 2.0 * float(np.linalg.norm(column)))  # the whole of its plausible range
+        for start, block in zip(campaign.effects, space.blocks, strict=True)
+        if start.name not in chosen.names
+        for column in block[:, : start.count].T
+    ]
     for name in observations.channels:
-        names.append(f"a constant error of the {CHANNEL_WORDS.get(name, name)}")
-        examples.append(campaign.whitening.full(observations.of(name).astype(np.float64)))
-        longest.append(np.inf)
-    compared = [(linear, names, examples, longest)]
-    numbers = _drawn_numbers(space, chosen.names)
-    if numbers[0]:
-        compared.append((_to_first_order(space, fit), *numbers))
+        constant = campaign.whitening.full(observations.of(name).astype(np.float64))
+        examples.append((f"a constant error of the {CHANNEL_WORDS.get(name, name)}", constant, np.inf))
+    compared = [(linear, examples)]
+    if numbers := _drawn_numbers(space, chosen.names):
+        compared.append((_to_first_order(space, fit), numbers))
     result: dict[str, float] = {}
-    for beside, names, examples, longest in compared:
-        columns = np.stack(examples, axis=1)
+    for beside, alike in compared:
+        columns = np.stack([column for _, column, _ in alike], axis=1)
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         for length in lengths:
-            for name, odds, most in zip(names, _odds(decision, beside, columns, length), longest, strict=True):
-                if most >= length:
+            for (name, _, longest), odds in zip(alike, _odds(decision, beside, columns, length), strict=True):
+                if longest >= length:
                     result[name] = min(result.get(name, np.inf), float(odds))
     return result
 
 
-def _drawn_numbers(space: EffectSpace, named: Sequence[str]) -> tuple[list[str], list[FloatArray], list[float]]:
+def _drawn_numbers(space: EffectSpace, named: Sequence[str]) -> list[tuple[str, FloatArray, float]]:
     """Of numbers of the drawing: names, whitened changes per unit, and their lengths over the plausible range."""
     drawn = {effect.name for effect in space.campaign.observations.nominal.drawn} - set(named)
     suspects = [suspect for suspect in space.campaign.effects if suspect.name in drawn]
     changes = [suspect.whitened[:, 0] for suspect in suspects]
-    longest = [
-        2.0 * half_ranges(suspect)[0] * float(np.linalg.norm(change))
+    return [
+        (suspect.name, change, 2.0 * half_ranges(suspect)[0] * float(np.linalg.norm(change)))
         for suspect, change in zip(suspects, changes, strict=True)
     ]
-    return [suspect.name for suspect in suspects], changes, longest
 
 
 def _to_first_order(space: EffectSpace, fit: Refit) -> Linear:
@@ -329,7 +319,7 @@ def _to_first_order(space: EffectSpace, fit: Refit) -> Linear:
             acting = (
                 variant if added.runs is None else variant.in_runs(added.runs, observations.column("run").astype(int))
             )
-            start = Start.at_null(acting, campaign.whitening)
+            (start,) = Start.at_null([acting], campaign.whitening)
             columns.append(start.whitened * half_ranges(start))
     return Linear(np.zeros(len(observations.value)), np.concatenate(columns, axis=1), density_of(campaign), 0.0)
 

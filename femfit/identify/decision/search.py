@@ -57,9 +57,7 @@ class Explanation:
     @property
     def continued(self) -> tuple[Start, ...]:
         """Where its effects' refit ended, or begins."""
-        if self.fit is None:
-            return self.starts
-        return tuple(start.continued(added) for start, added in zip(self.starts, self.fit.effects, strict=True))
+        return self.starts if self.fit is None else tuple(self.fit.restart)
 
 
 def with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
@@ -67,8 +65,6 @@ def with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
     if len(base.names) >= MOST_EFFECTS:
         return []
     linear = base.linear or null(space)
-    beside = linear.beside(space.every_block)
-    along = linear.along(space.every_block, beside)
     begun, unknown = base.continued, base.with_unknown - base.log_evidence
     result = []
     for name, variants in space.variants.items():
@@ -76,11 +72,9 @@ def with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
             continue
         logs, starts = [], []
         for k in variants:
-            place = space.places[k]
-            gram = space.grams[k] - beside[:, place].T @ beside[:, place]
-            effect = space.campaign.effects[k]
-            exact = _one_more(linear, effect, gram[: effect.count, : effect.count], along[place][: effect.count])
-            formed = _one_more(linear, effect, gram, along[place])
+            effect, (gram, along) = space.campaign.effects[k], linear.products(space.blocks[k], space.grams[k])
+            exact = _one_more(linear, effect, gram[: effect.count, : effect.count], along[: effect.count])
+            formed = _one_more(linear, effect, gram, along)
             share = np.log(1.0 / len(FORM_SPREAD))  # of exact forms, the first of the spreads
             logs.append(float(np.logaddexp(exact[0] + share, formed[0] + np.log1p(-np.exp(share)))))
             starts.append(max(exact, formed, key=lambda pair: pair[0])[1])
@@ -99,8 +93,7 @@ def _in_some_runs(space: EffectSpace, linear: Linear, name: str) -> tuple[float,
     """Log evidence of an effect that begins or ends between two runs, and where it then begins."""
     number, parts = space.run_by_run[name]
     effect, runs = space.campaign.effects[number], space.campaign.observations.runs
-    beside = linear.beside(parts)
-    gram, along = parts.T @ parts - beside.T @ beside, linear.along(parts, beside)
+    gram, along = linear.products(parts)
     periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
     logs, starts, summed = [], [], []
     for first, last in periods:
@@ -150,7 +143,7 @@ def pairs_of_two(space: EffectSpace, linear: Linear, alone: Sequence[Explanation
         starts, blocks = [start for start, _ in both], [block for _, block in both]
         columns, ends = np.concatenate(blocks, axis=1), np.cumsum([0, *(block.shape[1] for block in blocks)])
         gram, product = columns.T @ columns, columns.T @ linear.target
-        square, top = linear.square, (-np.inf, np.zeros(0))
+        square, top = linear.solved.square, (-np.inf, np.zeros(0))
         tried = [sizes_of(float(np.linalg.norm(b[:, : s.count])))[::2] for b, s in zip(blocks, starts, strict=True)]
         for first in tried[0]:
             for second in tried[1]:
@@ -316,7 +309,7 @@ def _log_posterior(explanations: Mapping[frozenset[str], Explanation], odds: flo
 def _refitted(space: EffectSpace, explanation: Explanation) -> Explanation:
     """An explanation at its refit, with the evidence of the linear model there."""
     campaign, observations = space.campaign, space.campaign.observations
-    fit = refit(observations, campaign.whitening, explanation.starts)
+    fit = refit(campaign.whitening, explanation.starts)
     value = np.array([(fit.effects[k].parameters[p.name] - p.null) / (0.5 * p.width) for k, p in fit.free])
     there = ~(fit.active & (np.abs(value) < 1e-9))
     free = [pair for pair, moves in zip(fit.free, there, strict=True) if moves]
@@ -328,7 +321,7 @@ def _refitted(space: EffectSpace, explanation: Explanation) -> Explanation:
         if not p.nonlinear:
             families.setdefault((k, p.beside or p.name), []).append(j)
     slopes = -0.5 * fit.jacobian[:, there]
-    errors = [space.form_error(a.effect, observations.predict([a]) - observations.base)[0] for a in fit.effects]
+    errors = [space.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
     columns = np.concatenate([slopes, *errors], axis=1)
     linear = of_sizes(
         fit.whitened_residual + slopes @ value[there],

@@ -6,9 +6,11 @@ noise: it is the same in every repeat. Simulated campaigns draw their noise from
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy import stats
+from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import (
@@ -28,12 +30,12 @@ from femfit.identify.noise.scatter import (
     contradicts,
     guessed_scatter,
     known_scatter,
-    random_effects,
     repeated_readings,
 )
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns, sequence, setting_errors
+from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns, random_effects, setting_errors
 from femfit.identify.observations import Observations
 from femfit.identify.settings import quantisation_step
+from femfit.tables.measurement import OF_RUNS
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
@@ -61,27 +63,20 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         rho[c], contrasts[c] = rho_of(k), design.contrasts(readings[c], k)
         if not scatter[c].repeats:  # what smooth patterns leave is never taken for the noise of a reading
             contrasts[c] = Contrasts(0.0, 0.0, contrasts[c].along, contrasts[c].columns)
-    sigma, mount, run, stop = _variances(observations, scatter, contrasts)
+    sigma, variances = _variances(observations, scatter, contrasts)
     for c in range(len(names)):
         if c not in designs:
             largest = float(np.abs(observations.value[observations.channel == c]).max())
             sigma[c] = UNKNOWN_CHANNEL * (largest or 1.0)
-    repeats = np.array([of_channel.repeats for of_channel in scatter])
     return NoiseModel(
         channels=names,
         sigma=sigma,
         rho=rho,
-        mount_m=mount[0],
-        run=run[0],
         degrees_of_freedom=_degrees_of_freedom(observations, scatter, rho),
-        repeats=repeats,
+        repeats=np.array([of_channel.repeats for of_channel in scatter]),
         source={names[c]: scatter[c].source for c in with_noise},
-        test_mount_m=mount[1],
-        test_run=run[1],
-        stop_m=stop[0],
-        test_stop_m=stop[1],
-        mount_assumed=mount[2],
         never_varying=tuple(constant),
+        **variances,
     )
 
 
@@ -112,8 +107,8 @@ def _is_noise(scatter: Scatter, design: ChannelDesign, y: FloatArray) -> bool:
 
 def _variances(
     observations: Observations, scatter: Sequence[Scatter], contrasts: dict[int, Contrasts]
-) -> tuple[FloatArray, tuple[float, float, bool], tuple[FloatArray, FloatArray], tuple[float, float]]:
-    """Standard deviations of readings, of mounts, of runs and of stops; of the last three also as tests use them."""
+) -> tuple[FloatArray, dict[str, Any]]:
+    """Standard deviations of readings; and those of mounts, runs and stops as the noise model has them."""
     judged, random, names = list(contrasts), random_effects(observations), observations.channels
     sigma = np.array([of_channel.prior for of_channel in scatter])
     # Of the variances only those that several mounts or runs, in a channel of known noise, have
@@ -122,11 +117,12 @@ def _variances(
     used = [g for g in groups if random.differences[g] > 0.0 and (g - 1 in judged or (g in {0, groups[-1]} and moved))]
     place = np.array([used.index(g) if g in used else -1 for g in groups])
     columns = place[random.group] >= 0
-    mount = observations.declared_distance_m or PRIOR_MOUNT_M
+    declared, distance_m = observations.declared_noise, observations.declared_noise.get("distance_m")
+    mount = distance_m or PRIOR_MOUNT_M
     # A stop is assumed to make, in the channel which shows it most, what runs are assumed to differ by
     slopes = [np.sqrt(np.mean(observations.distance_slope[observations.channel == c] ** 2)) / sigma[c] for c in moved]
-    stop = observations.declared_distance_m or PRIOR_RUN / float(max(slopes, default=np.inf))
-    declared_run = np.array([observations.declared_run.get(name, np.nan) for name in names])
+    stop = distance_m or PRIOR_RUN / float(max(slopes, default=np.inf))
+    declared_run = np.array([declared.get(OF_RUNS + name, np.nan) for name in names])
     offsets = np.where(np.isnan(declared_run), PRIOR_RUN * sigma, declared_run)
     scale = np.array([mount, *offsets, stop])[used] ** 2
     is_declared = np.array([False, *np.isfinite(declared_run), False])[used]
@@ -164,13 +160,16 @@ def _variances(
     for c in judged:
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(sigma[c], step / np.sqrt(12.0))
-    taken = bool(0 in used and assumed[0] and observations.declared_distance_m is None)
-    return (
-        sigma,
-        (float(result[0]), float(wide[0]), taken),
-        (result[1:-1], wide[1:-1]),
-        (float(result[-1]), float(wide[-1])),
-    )
+    taken = bool(0 in used and assumed[0] and distance_m is None)
+    return sigma, {
+        "mount_m": float(result[0]),
+        "test_mount_m": float(wide[0]),
+        "mount_assumed": taken,
+        "run": result[1:-1],
+        "test_run": wide[1:-1],
+        "stop_m": float(result[-1]),
+        "test_stop_m": float(wide[-1]),
+    }
 
 
 def _differences(
@@ -209,14 +208,9 @@ def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> Flo
 
     It is AR(1) noise along each run, re-mounts, run offsets, and what errors of the settings make.
     """
-    observations, noise, chains = whitening.observations, whitening.noise, chains_of(whitening.observations)
-    rho = noise.rho[observations.channel] ** chains.gap
-    fresh = generator.standard_normal(len(rho))
-    value = np.empty_like(fresh)
-    for k in np.lexsort((sequence(observations), observations.column("run"), observations.channel)):
-        value[k] = (
-            fresh[k] if chains.first[k] else rho[k] * value[chains.before[k]] + np.sqrt(1 - rho[k] ** 2) * fresh[k]
-        )
+    observations, noise = whitening.observations, whitening.noise
+    fresh = generator.standard_normal(len(observations.value))
+    value = splu(whitening.along_runs.tocsc()).solve(fresh)
     columns, deviations = random_columns(observations, noise.mount_m, noise.run)
     random = columns @ (deviations * generator.standard_normal(len(deviations)))
     value = value * noise.sigma[observations.channel] + random

@@ -27,9 +27,9 @@ S. R. Searle, G. Casella and C. E. McCulloch, Variance Components (Wiley, 1992),
 F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of an estimated variance.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy import sparse
@@ -99,10 +99,10 @@ def restricted_estimate(
     start : array, shape (K + C,)
         Where the search starts; None for the prior's scale.
     """
-    problem = _Problem(channels, group, second, scale, weight)
+    likelihood = _likelihood(channels, group, second, scale, weight)
     low = np.log(scale) + np.log(NO_VARIANCE)
     x = np.log(scale if start is None else start)
-    cost, slope, curvature = problem.at(x)
+    cost, slope, curvature = likelihood(x)
     for _ in range(SEARCH_STEPS):
         free = (x > low + 1e-9) | (slope < 0.0)
         step = np.zeros(len(x))
@@ -112,7 +112,7 @@ def restricted_estimate(
         step[free] = np.clip(-np.linalg.solve(inner, slope[free] / size) / size, -LARGEST_STEP, LARGEST_STEP)
         for _ in range(SEARCH_STEPS):
             there = np.maximum(x + step, low)
-            after = problem.at(there)
+            after = likelihood(there)
             if after[0] <= cost + 1e-10 * abs(cost):
                 break
             step /= 2.0
@@ -137,56 +137,45 @@ def _components(x: FloatArray, low: FloatArray, curvature: FloatArray, converged
     return Components(variance, squared * np.diag(inverse), squared / size**2, converged)
 
 
-class _Problem:
-    """The restricted likelihood of contrasts."""
+def _likelihood(
+    channels: Sequence[Contrasts], group: IntArray, second: BoolArray, scale: FloatArray, weight: FloatArray
+) -> Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]:
+    """Of log variances -2 log L of contrasts, its slope and its expected curvature."""
+    t, columns = (np.concatenate(values) for values in zip(*((c.along, c.columns) for c in channels), strict=True))
+    square, free = (np.array(values) for values in zip(*((c.square, c.free) for c in channels), strict=True))
+    of = np.repeat(np.arange(len(channels)), [len(channel.along) for channel in channels])
+    count = len(scale) - len(channels)
+    in_group = (group[:, None] == np.arange(count)).astype(np.float64)
+    in_channel = (of[:, None] == np.arange(len(channels))).astype(np.float64)
 
-    def __init__(
-        self,
-        channels: Sequence[Contrasts],
-        group: IntArray,
-        second: BoolArray,
-        scale: FloatArray,
-        weight: FloatArray,
-    ) -> None:
-        self.t = np.concatenate([channel.along for channel in channels])
-        self.columns = np.concatenate([channel.columns for channel in channels])
-        self.square = np.array([channel.square for channel in channels])
-        self.free = np.array([channel.free for channel in channels])
-        self.of = np.repeat(np.arange(len(channels)), [len(channel.along) for channel in channels])
-        self.second, self.scale, self.weight = second, scale, weight
-        self.effects = len(scale) - len(channels)
-        self.group = group
-        self.in_group = (group[:, None] == np.arange(self.effects)).astype(np.float64)
-        self.in_channel = (self.of[:, None] == np.arange(len(channels))).astype(np.float64)
-
-    def at(self, x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """-2 log L, its slope and its expected curvature in log variances."""
+    def at(x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         variance = np.exp(x)
-        v, s = variance[: self.effects][self.group], variance[self.effects :]
-        size, change = np.where(self.second, 3.0 * v**2, v), np.where(self.second, 6.0 * v, 1.0)
-        total = (self.columns * size) @ self.columns.T
-        total[np.diag_indices(len(total))] += s[self.of]
+        v, s = variance[:count][group], variance[count:]
+        size, change = np.where(second, 3.0 * v**2, v), np.where(second, 6.0 * v, 1.0)
+        total = (columns * size) @ columns.T
+        total[np.diag_indices(len(total))] += s[of]
         lower = np.linalg.cholesky(total)
         root = solve_triangular(lower, np.eye(len(lower)), lower=True)
         inverse = root.T @ root
-        a, solved = inverse @ self.t, inverse @ self.columns
+        a, solved = inverse @ t, inverse @ columns
         cost = float(
-            self.free @ np.log(s)
-            + np.sum(self.square / s)
+            free @ np.log(s)
+            + np.sum(square / s)
             + 2.0 * np.log(np.diag(lower)).sum()
-            + self.t @ a
-            + np.sum(self.weight * (x - np.log(self.scale) + self.scale / variance - 1.0))
+            + t @ a
+            + np.sum(weight * (x - np.log(scale) + scale / variance - 1.0))
         )
-        of_effects = change * (np.sum(self.columns * solved, axis=0) - (self.columns.T @ a) ** 2)
-        of_channels = self.in_channel.T @ (np.diag(inverse) - a**2) + self.free / s - self.square / s**2
-        slope = np.concatenate([self.in_group.T @ of_effects, of_channels]) * variance
-        slope += self.weight * (1.0 - self.scale / variance)
-        effects = np.outer(change, change) * (self.columns.T @ solved) ** 2
-        both = self.in_channel.T @ (solved**2 * change) @ self.in_group
-        channels = self.in_channel.T @ inverse**2 @ self.in_channel + np.diag(self.free / s**2)
-        curvature = np.block([[self.in_group.T @ effects @ self.in_group, both.T], [both, channels]])
-        curvature = curvature * np.outer(variance, variance) + np.diag(self.weight)
-        return cost, slope, curvature
+        of_effects = change * (np.sum(columns * solved, axis=0) - (columns.T @ a) ** 2)
+        of_channels = in_channel.T @ (np.diag(inverse) - a**2) + free / s - square / s**2
+        slope = np.concatenate([in_group.T @ of_effects, of_channels]) * variance
+        slope += weight * (1.0 - scale / variance)
+        effects = np.outer(change, change) * (columns.T @ solved) ** 2
+        both = in_channel.T @ (solved**2 * change) @ in_group
+        alone = in_channel.T @ inverse**2 @ in_channel + np.diag(free / s**2)
+        curvature = np.block([[in_group.T @ effects @ in_group, both.T], [both, alone]])
+        return cost, slope, curvature * np.outer(variance, variance) + np.diag(weight)
+
+    return at
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +185,13 @@ class Chain:
     before: IntArray  # Its own number where there is none; shape (n,)
     first: BoolArray  # Whether there is none; shape (n,)
     gap: FloatArray  # Readings since then, at least 1; shape (n,)
+
+    def whitening(self, rho: FloatArray | float) -> sparse.csr_array:
+        """The matrix W that makes readings independent which follow each other by a correlation, shape (n, n)."""
+        share, rows = np.where(self.first, 0.0, rho**self.gap), np.arange(len(self.gap))
+        root = np.sqrt(1.0 - share**2)
+        place = np.concatenate([rows, rows]), np.concatenate([rows, self.before])
+        return sparse.csr_array((np.concatenate([1.0 / root, -share / root]), place), shape=(len(rows), len(rows)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,12 +235,10 @@ class ChannelDesign:
         It is 0 unless the readings show another. Two passes without an order tell rho no more
         than by how their few differences vary: the likelihood is flat, while the variance grows like 1 / (1 - rho).
         """
-        costs: dict[int, float] = {}
 
+        @cache
         def cost(k: int) -> float:
-            if k not in costs:
-                costs[k] = self.at(k).cost(y, self.free) + (CORRELATION_SHOWN if k else 0.0)
-            return costs[k]
+            return self.at(k).cost(y, self.free) + (CORRELATION_SHOWN if k else 0.0)
 
         step = CORRELATIONS // 5
         best = min(range(0, CORRELATIONS + 1, step), key=cost)
@@ -268,17 +262,18 @@ class _AtRho:
     """Least squares of one channel's readings with correlated noise: cells by a sparse factor, the others dense."""
 
     def __init__(self, design: ChannelDesign, rho: float, rank: int | None) -> None:
-        chain = design.chain
+        whitening = design.chain.whitening(rho)
         self.design = design
-        self.share = np.where(chain.first, 0.0, rho**chain.gap)
-        self.root = np.sqrt(1.0 - self.share**2)
+        self.whitening = whitening @ sparse.diags_array(design.weight)
         size, moves = design.size, design.size > 0.0
-        white = self._white(design.dense)
+        white = self.whitening @ design.dense
         products = white.T @ white
         self.cells: SuperLU | None = None
-        determinant = 2.0 * float(np.log(self.root).sum())
+        determinant = -2.0 * float(np.log(whitening.diagonal()).sum())
         if design.cells:
-            indicator = self._cells()
+            n = len(design.cell)
+            means = sparse.csr_array((np.ones(n), (np.arange(n), design.cell)), shape=(n, design.cells))
+            indicator = self.whitening @ means
             self.cells = splu((indicator.T @ indicator).tocsc())
             determinant += float(np.log(np.abs(self.cells.U.diagonal())).sum())
             self.beside = indicator.T @ white
@@ -296,27 +291,10 @@ class _AtRho:
         self.columns[:, moves] = np.sqrt(values)[:, None] * vectors.T * size[moves]
         self.determinant = determinant + float(np.log(values).sum())
 
-    def _white(self, x: FloatArray) -> FloatArray:
-        """Columns of shape (n, k), weighted and with the correlation of successive rows taken out."""
-        scaled = x * self.design.weight[:, None]
-        return np.asarray((scaled - self.share[:, None] * scaled[self.design.chain.before]) / self.root[:, None])
-
-    def _cells(self) -> sparse.csr_array:
-        """The same of one column a cell."""
-        weight, cell, n = self.design.weight, self.design.cell, len(self.share)
-        before, rows = self.design.chain.before, np.arange(n)
-        values = np.concatenate([weight / self.root, -self.share * weight[before] / self.root])
-        place = (np.concatenate([rows, rows]), np.concatenate([cell, cell[before]]))
-        return sparse.csr_array((values, place), shape=(n, self.design.cells))
-
     def reduced(self, y: FloatArray) -> tuple[float, FloatArray]:
         """The squared length of readings beyond all effects, and their coordinates along the random ones."""
-        design, before = self.design, self.design.chain.before
-        scaled = y * design.weight
-        white = (scaled - self.share * scaled[before]) / self.root
-        # W' W y, so that its products with columns are those of the whitened ones
-        back = white / self.root
-        back = (back - np.bincount(before, self.share * back, len(back))) * design.weight
+        design, white = self.design, self.whitening @ y
+        back = self.whitening.T @ white  # its products with columns are those of the whitened ones
         square, along = float(white @ white), design.dense.T @ back
         if self.cells is not None:
             of_cells = np.bincount(design.cell, back, minlength=design.cells)

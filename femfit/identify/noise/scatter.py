@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
@@ -32,34 +32,16 @@ from femfit.identify.constants import (
     SAME_LINE,
     SAME_READING,
 )
-from femfit.identify.noise.contrasts import Chain, ChannelDesign
+from femfit.identify.noise.contrasts import ChannelDesign
 from femfit.identify.noise.whitening import (
     NoiseModel,
-    chains_of,
+    chain_of,
     orthonormal_basis,
-    sequence,
-    stops,
+    random_effects,
 )
 from femfit.identify.observations import Observations, once_for_settings
 from femfit.identify.patterns import drift_patterns, smooth_patterns
 from femfit.identify.settings import levels, quantisation_step, repeat_cells
-
-
-@dataclass(frozen=True, eq=False)
-class RandomEffects:
-    """Columns of mounts, runs and stops: a variance for the mounts, one for each channel's runs, one for the stops."""
-
-    columns: FloatArray  # Shape (M, q)
-    # Which variance each has: 0 of mounts, 1 + c of the runs of channel c, 1 + channels of the stops; shape (q,)
-    group: IntArray
-    second: BoolArray  # Whether its effect is the square of a mount's error; shape (q,)
-    # Mounts, and runs of each channel, less one, and stops less places of the stage; shape (2 + channels,)
-    differences: FloatArray
-
-    @property
-    def of_stops(self) -> BoolArray:
-        """Which of the columns are of stops, the last of the variances; shape (q,)."""
-        return np.asarray(self.group == len(self.differences) - 1)
 
 
 @once_for_settings
@@ -79,52 +61,6 @@ def repeated_readings(observations: Observations) -> list[tuple[IntArray, IntArr
     return result
 
 
-@once_for_settings
-def random_effects(observations: Observations) -> RandomEffects:
-    """Mounts, runs and stops of which there are several.
-
-    A body of a single run was put back only where the file says so. Stops of single rows are not told from the scatter
-    of readings.
-    """
-    mount, run = observations.column("mount"), observations.column("run")
-    mounts, here = np.unique(mount), observations.channel[:, None] == np.arange(len(observations.channels))
-    runs = [np.unique(run[column]) for column in here.T]
-    put_back = len(mounts) > 1 and ("mount" in observations.given or max(map(len, runs)) > 1)
-    columns, group, second = [], [], []
-    if put_back:
-        each = (mount[:, None] == mounts).astype(np.float64)
-        columns += [each * observations.distance_slope[:, None], 0.5 * each * observations.distance_curvature[:, None]]
-        group += 2 * len(mounts) * [0]
-        second += len(mounts) * [False] + len(mounts) * [True]
-    for c, there in enumerate(runs):
-        if len(there) > 1:
-            columns.append(((run[:, None] == there) & here[:, [c]]).astype(np.float64))
-            group += len(there) * [1 + c]
-            second += len(there) * [False]
-    stop = stops(observations)
-    numbers, rows = np.unique(stop), len(observations.covariates)
-    repeated = len(numbers) - len(np.unique(observations.column("distance_m")))
-    if repeated > 0 and 2 * len(numbers) <= rows:
-        columns.append((stop[:, None] == numbers) * observations.distance_slope[:, None])
-        group += len(numbers) * [1 + len(runs)]
-        second += len(numbers) * [False]
-    differences = [
-        len(mounts) - 1.0 if put_back else 0.0,
-        *(len(there) - 1.0 for there in runs),
-        float(repeated) if 1 + len(runs) in group else 0.0,
-    ]
-    none = np.zeros((len(run), 0))
-    return RandomEffects(
-        np.concatenate([none, *columns], axis=1), np.array(group, int), np.array(second, bool), np.array(differences)
-    )
-
-
-@once_for_settings
-def _designs(observations: Observations) -> list[dict[tuple[bool, bool], ChannelDesign]]:
-    """Of each channel the designs for readings of equal variance, by whether from repeats, and with known stops."""
-    return [{} for _ in observations.channels]
-
-
 def channel_design(observations: Observations, c: int, repeats: bool, sigma: float = 0.0) -> ChannelDesign:
     """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0.
 
@@ -140,25 +76,17 @@ def _design(observations: Observations, c: int, repeats: bool, sigma: float, sto
     here = repeated_readings(observations)[c][0] if repeats else np.flatnonzero(observations.channel == c)
     effects = random_effects(observations)
     made = np.sum(uncertain_settings(observations, stops_known)[here] ** 2, axis=1)
-    equal = sigma == 0.0 or not made.any()
-    if equal and (repeats, stops_known) in _designs(observations)[c]:
-        return _designs(observations)[c][repeats, stops_known]
-    weight = np.ones(len(here)) if equal else 1.0 / np.sqrt(1.0 + made / sigma**2)
+    weight = 1.0 / np.sqrt(1.0 + made / sigma**2) if sigma else np.ones(len(here))
     cell = repeated_readings(observations)[c][2] if repeats else np.zeros(len(here), dtype=np.intp)
-    order = np.lexsort((sequence(observations)[here], observations.column("run")[here]))
-    here, weight, cell = here[order], weight[order], cell[order]
     patterns = (drift_patterns if repeats else smooth_patterns)(observations)
     # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it
     common = np.stack([observations.distance_slope[here], observations.distance_curvature[here]], axis=1)
     fixed = np.concatenate([patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))], common], axis=1)
     if repeats:
         fixed = _within(fixed, cell)
-    random = effects.columns[here] * ~(effects.of_stops & stops_known)
+    random = effects.columns[here] * ((effects.differences > 0.0)[effects.group] & ~(effects.of_stops & stops_known))
     cells = int(cell.max()) + 1 if repeats else 0
-    design = ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, _chain(observations, here), weight)
-    if equal:
-        _designs(observations)[c][repeats, stops_known] = design
-    return design
+    return ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, chain_of(observations, here), weight)
 
 
 def uncertain_settings(observations: Observations, stops_known: bool) -> FloatArray:
@@ -174,20 +102,6 @@ def _within(columns: FloatArray, cell: IntArray) -> FloatArray:
     deviation = columns - means[cell]
     varies = np.linalg.norm(deviation, axis=0) > 1e-9 * np.linalg.norm(columns, axis=0)
     return np.asarray(deviation * varies)
-
-
-def _chain(observations: Observations, here: IntArray) -> Chain:
-    """The chain of some readings of one channel, which stand run by run in their sequence."""
-    chains, run = chains_of(observations), observations.column("run")[here]
-    follows = np.append(False, run[1:] == run[:-1])
-    # Readings since the start of the run, those that are not used and those that are missing included
-    of_channel = np.flatnonzero(observations.channel == observations.channel[here[0]])
-    of_channel = of_channel[np.lexsort((sequence(observations)[of_channel], observations.column("run")[of_channel]))]
-    place = np.zeros(len(observations.value))
-    place[of_channel] = np.cumsum(chains.gap[of_channel])
-    gap = np.where(follows, np.diff(place[here], prepend=0.0), 1.0)
-    before = np.where(follows, np.arange(len(here)) - 1, np.arange(len(here)))
-    return Chain(before, ~follows, gap)
 
 
 def guessed_noise(observations: Observations, channel: str) -> tuple[float, float]:
@@ -234,7 +148,7 @@ def known_scatter(observations: Observations, c: int, constant: bool) -> Scatter
     declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
     least = quantisation_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
-    free = 0 if constant else _free_repeats(observations, c)
+    free, variance = (0, 0.0) if constant else _of_repeats(observations, c)
     if free < LEAST_REPEATS:
         if constant and not np.isfinite(declared) and least > 0.0:  # coarser than its noise: rounding is left
             declared, source = least, "resolution"
@@ -248,33 +162,29 @@ def known_scatter(observations: Observations, c: int, constant: bool) -> Scatter
         if not contradicts(shown / declared**2, free, weight):
             both = source if weight == EXACT else f"{source} and repeats"
             return Scatter(declared, weight, both, 0.0 if weight == EXACT else float(free), design)
-    sigma = max(_pure_error(observations, c, free), least)
+    # Without what the declared errors of the settings make of it; but not less is left than the standard error of a
+    # variance from so many repeats: below it nothing can be told apart
+    design = channel_design(observations, c, repeats=True)
+    stops_known = not design.random[:, random_effects(observations).of_stops].any()
+    made = float(np.mean(np.sum(uncertain_settings(observations, stops_known)[design.here] ** 2, axis=1)))
+    sigma = max(float(np.sqrt(max(variance - made, variance * np.sqrt(2.0 / free)))), least)
     return Scatter(sigma, 0.0, "repeats", float(free), channel_design(observations, c, repeats=True, sigma=sigma))
 
 
-def _free_repeats(observations: Observations, c: int) -> int:
-    """Degrees of freedom of repeats beside mounts, runs, temperatures and times; 0 where they are all the same."""
+def _of_repeats(observations: Observations, c: int) -> tuple[int, float]:
+    """Degrees of freedom of repeats beside mounts, runs, temperatures and times, and their variance.
+
+    None where repeats are too few, or all the same.
+    """
     sorting, start, _ = repeated_readings(observations)[c]
     if len(sorting) - len(start) < LEAST_REPEATS:
-        return 0
+        return 0, 0.0
     design = channel_design(observations, c, repeats=True)
     if design.free < LEAST_REPEATS:
-        return 0
+        return 0, 0.0
     square = design.contrasts(observations.residual[design.here], 0).square
     largest = float(np.sum(observations.value[design.here] ** 2))
-    return design.free if square > SAME_READING**2 * largest else 0
-
-
-def _pure_error(observations: Observations, c: int, free: int) -> float:
-    """Standard deviation of repeats without what the declared errors of their settings make of it.
-
-    Not less variance is left than the standard error of one from so many repeats: below it nothing can be told apart.
-    """
-    design = channel_design(observations, c, repeats=True)
-    variance = design.contrasts(observations.residual[design.here], 0).square / free
-    stops_known = not design.random[:, random_effects(observations).of_stops].any()
-    made = float(np.mean(np.sum(uncertain_settings(observations, stops_known)[design.here] ** 2, axis=1)))
-    return float(np.sqrt(max(variance - made, variance * np.sqrt(2.0 / free))))
+    return (design.free, square / design.free) if square > SAME_READING**2 * largest else (0, 0.0)
 
 
 def guessed_scatter(observations: Observations, c: int) -> Scatter:

@@ -10,14 +10,14 @@ G. E. P. Box, G. M. Jenkins and G. C. Reinsel, Time Series Analysis (Wiley, 2008
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 from scipy import sparse
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import SAME_SETTING
 from femfit.identify.noise.contrasts import Chain
 from femfit.identify.observations import Observations, WithoutCache, once_for_settings
@@ -81,18 +81,89 @@ def rough_misfit(observations: Observations) -> list[tuple[IntArray, FloatArray]
     return [(np.unique(each, return_inverse=True)[1], observations.tolerance)]
 
 
-def chains_of(observations: Observations) -> Chain:
-    """Link the readings of each channel and run in their sequence."""
-    run, order = observations.column("run"), sequence(observations)
-    sorting = np.lexsort((order, run, observations.channel))
-    same = (np.diff(observations.channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
-    before, first, gap = np.arange(len(run)), np.ones(len(run), dtype=bool), np.ones(len(run))
-    before[sorting[1:][same]] = sorting[:-1][same]
-    first[sorting[1:][same]] = False
-    steps = np.diff(order[sorting])[same]
-    if observations.clocked and len(steps) and np.median(steps) == 1.0:
-        gap[sorting[1:][same]] = np.maximum(steps, 1.0)
-    return Chain(before, first, gap)
+@once_for_settings
+def places(observations: Observations) -> FloatArray:
+    """Place of each reading along its channel, run after run in their sequence, shape (M,).
+
+    Readings that are missing between two count where a clock tells them.
+    """
+    channel, run, order = observations.channel, observations.column("run"), sequence(observations)
+    sorting = np.lexsort((order, run, channel))
+    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
+    steps = np.diff(order[sorting])
+    counted = observations.clocked and same.any() and np.median(steps[same]) == 1.0
+    place = np.zeros(len(run))
+    place[sorting[1:]] = np.cumsum(np.where(same & counted, np.maximum(steps, 1.0), 1.0))
+    return place
+
+
+def chain_of(observations: Observations, here: IntArray) -> Chain:
+    """Link those of some readings that follow each other in a channel and run."""
+    channel, run, place = observations.channel[here], observations.column("run")[here], places(observations)[here]
+    sorting = np.argsort(place)
+    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
+    later, before, gap = sorting[1:][same], np.arange(len(here)), np.ones(len(here))
+    before[later] = sorting[:-1][same]
+    gap[later] = np.diff(place[sorting])[same]
+    return Chain(before, before == np.arange(len(here)), gap)
+
+
+@dataclass(frozen=True, eq=False)
+class RandomEffects:
+    """Columns of mounts, runs and stops: a variance for the mounts, one for each channel's runs, one for the stops.
+
+    Stops have columns where the readings may tell them from the scatter of single rows.
+    """
+
+    columns: FloatArray  # Shape (M, q)
+    # Which variance each has: 0 of mounts, 1 + c of the runs of channel c, 1 + channels of the stops; shape (q,)
+    group: IntArray
+    second: BoolArray  # Whether its effect is the square of a mount's error; shape (q,)
+    # Mounts, and runs of each channel, less one, and stops less places of the stage; none of mounts of a single run,
+    # unless the file says that the body was put back; shape (2 + channels,)
+    differences: FloatArray
+
+    @property
+    def of_stops(self) -> BoolArray:
+        """Which of the columns are of stops, the last of the variances; shape (q,)."""
+        return np.asarray(self.group == len(self.differences) - 1)
+
+
+@once_for_settings
+def random_effects(observations: Observations) -> RandomEffects:
+    """What the mounts, runs and stops of a campaign change of its readings."""
+    mount, run, stop = observations.column("mount"), observations.column("run"), stops(observations)
+    slope, curvature = observations.distance_slope[:, None], observations.distance_curvature[:, None]
+    mounts, numbers = np.unique(mount), np.unique(stop)
+    here = observations.channel[:, None] == np.arange(len(observations.channels))
+    runs = [np.unique(run[column]) for column in here.T]
+    put_back = "mount" in observations.given or max(map(len, runs)) > 1
+    repeated = len(numbers) - len(np.unique(observations.column("distance_m")))
+    told_apart = repeated > 0 and 2 * len(numbers) <= len(observations.covariates)
+    each = mount[:, None] == mounts
+    blocks = [each * slope, 0.5 * each * curvature]
+    blocks += [(run[:, None] == there) & here[:, [c]] for c, there in enumerate(runs)]
+    blocks += [(stop[:, None] == numbers) * slope] if told_apart else []
+    widths, variances = [block.shape[1] for block in blocks], np.maximum(np.arange(len(blocks)) - 1, 0)
+    differences = [len(mounts) - 1.0 if put_back else 0.0, *(len(there) - 1.0 for there in runs), repeated * told_apart]
+    return RandomEffects(
+        columns=np.concatenate(blocks, axis=1).astype(np.float64),
+        group=np.repeat(variances, widths),
+        second=np.repeat(np.arange(len(blocks)) == 1, widths),
+        differences=np.array(differences, dtype=np.float64),
+    )
+
+
+def random_columns(observations: Observations, mount_m: float, run: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Columns of mounts and runs, shape (M, q), and the standard deviation of each, shape (q,).
+
+    The offsets of a channel's runs scatter by ``run``, of shape (channels,).
+    """
+    effects = random_effects(observations)
+    rows = ~effects.of_stops
+    deviations = np.array([mount_m, *run])[effects.group[rows]]
+    # The square of a normal error of variance s^2 has the root mean square sqrt(3) s^2
+    return effects.columns[:, rows], np.where(effects.second[rows], np.sqrt(3.0) * deviations**2, deviations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,88 +213,74 @@ class Whitening(WithoutCache):
         """The map that counts the model's own misfit to its table as noise."""
         return cls(observations, noise, own_misfit_columns(observations))
 
-    @cached_property
-    def _share(self) -> FloatArray:
-        """Share of the noise of the reading before in each reading's, shape (M,)."""
-        rho = self.noise.rho[self.observations.channel] ** chains_of(self.observations).gap
-        return np.where(chains_of(self.observations).first, 0.0, rho)
+    @property
+    def residual(self) -> FloatArray:
+        """Recorded minus predicted with the noise whitened, shape (M,)."""
+        return self.full(self.observations.residual)
+
+    def with_values(self, value: FloatArray) -> Self:
+        """The same map of other readings, of shape (M,), at the same settings."""
+        result = replace(self, observations=self.observations.with_values(value))
+        result.__dict__.update(self.__dict__ | vars(result))
+        return result
 
     @cached_property
-    def _settings(self) -> list[tuple[sparse.csr_array, FloatArray]]:
-        """The unit vectors of those that share the error of a setting, shape (n, M), and how far they shrink.
+    def _settings(self) -> list[sparse.csr_array]:
+        """Arrays V, shape (n, M), a row for those that share the error of a setting: x becomes x - V' V x.
 
         The readings of a stop share its error g, so that their covariance is I + g g' with the inverse root
         I - (1 - (1 + g'g)^-1/2) g g' / g'g; the second error is first mapped by that of the first.
         """
         observations = self.observations
-        maps: list[tuple[sparse.csr_array, FloatArray]] = []
+        maps: list[sparse.csr_array] = []
         errors = setting_errors(observations, self.noise.test_stop_m)
         if self.misfit is not None:
             errors += rough_misfit(observations)
         for number, size in errors:
             error = _shrunk(size / self.noise.sigma[observations.channel], maps)
             length = np.sqrt(np.bincount(number, error**2))
-            unit = error / np.maximum(length, 1e-300)[number]
-            shape = len(length), len(error)
-            shared = sparse.csr_array((unit, (number, np.arange(len(error)))), shape=shape)
-            maps.append((shared, 1.0 - 1.0 / np.sqrt(1.0 + length**2)))
+            scale = np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + length**2)) / np.maximum(length, 1e-300)
+            place, shape = (number, np.arange(len(error))), (len(length), len(error))
+            maps.append(sparse.csr_array((error * scale[number], place), shape=shape))
         return maps
+
+    @cached_property
+    def along_runs(self) -> sparse.csr_array:
+        """The map of readings that follow each other in a run, shape (M, M)."""
+        channel = self.observations.channel
+        return chain_of(self.observations, np.arange(len(channel))).whitening(self.noise.rho[channel])
 
     def serial(self, x: FloatArray) -> FloatArray:
         """Only the noise of each setting and along the runs whitened, for x of shape (M,) or (M, k)."""
-        share, sigma = self._share, self.noise.sigma[self.observations.channel]
-        if x.ndim == 2:
-            share, sigma = share[:, None], sigma[:, None]
-        scaled = _shrunk(x / sigma, self._settings)
-        return (scaled - share * scaled[chains_of(self.observations).before]) / np.sqrt(1.0 - share**2)
+        scaled = (x.T / self.noise.sigma[self.observations.channel]).T
+        return np.asarray(self.along_runs @ _shrunk(scaled, self._settings))
 
     @cached_property
-    def _random(self) -> tuple[FloatArray, FloatArray]:
-        """Left singular vectors of the random effects' columns and the factor that shrinks along them."""
+    def _random(self) -> FloatArray:
+        """The same of random effects as :attr:`_settings`, once these are mapped: an array V', shape (M, n)."""
         columns, deviations = random_columns(self.observations, self.noise.test_mount_m, self.noise.test_run)
         columns = columns[:, deviations > 0.0] * deviations[deviations > 0.0]
         if self.misfit is not None:
             columns = np.concatenate([columns, self.misfit], axis=1)
         if not columns.shape[1]:
-            return columns, np.zeros(0)
+            return columns
         columns = self.serial(columns)
         squares, vectors = np.linalg.eigh(columns.T @ columns)
         counts = squares > 1e-3  # Less than a thousandth of the noise's own variance: the rest is no noise to speak of
-        directions = columns @ (vectors[:, counts] / np.sqrt(squares[counts]))
-        return directions, 1.0 - 1.0 / np.sqrt(1.0 + squares[counts])
+        squares = squares[counts]
+        return np.asarray(columns @ (vectors[:, counts] * np.sqrt((1.0 - 1.0 / np.sqrt(1.0 + squares)) / squares)))
 
     def full(self, x: FloatArray) -> FloatArray:
         """All of the noise whitened, for x of shape (M,) or (M, k)."""
-        directions, shrink = self._random
         serial = self.serial(x)
-        along = directions.T @ serial
-        return serial - directions @ ((shrink if x.ndim == 1 else shrink[:, None]) * along)
+        return serial - self._random @ (self._random.T @ serial)
 
 
-def _shrunk(x: FloatArray, maps: list[tuple[sparse.csr_array, FloatArray]]) -> FloatArray:
-    """x, of shape (M,) or (M, k), shrunk along unit vectors."""
-    for unit, shrink in maps:
-        x = x - unit.T @ ((shrink if x.ndim == 1 else shrink[:, None]) * (unit @ x))
+def _shrunk(x: FloatArray, maps: list[sparse.csr_array]) -> FloatArray:
+    """x, of shape (M,) or (M, k), less what errors of settings make of it."""
+    for shared in maps:
+        x = x - shared.T @ (shared @ x)
     return x
-
-
-def random_columns(observations: Observations, mount_m: float, run: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Columns of the random effects, shape (M, q), and the standard deviation of each, shape (q,).
-
-    One column a mount to first order, one to second, then one a channel and run, whose offsets scatter by ``run``.
-    """
-    mount, runs = observations.column("mount").astype(int), observations.column("run").astype(int)
-    mounts = np.unique(mount)
-    here = mount[:, None] == mounts
-    columns = [here * observations.distance_slope[:, None], 0.5 * here * observations.distance_curvature[:, None]]
-    # The square of a normal error of variance s^2 has the root mean square sqrt(3) s^2
-    deviations = [np.full(len(mounts), mount_m), np.full(len(mounts), np.sqrt(3.0) * mount_m**2)]
-    for c in range(len(observations.channels)):
-        here = observations.channel == c
-        there = np.unique(runs[here])
-        columns.append((runs[:, None] == there) & here[:, None])
-        deviations.append(np.full(len(there), run[c]))
-    return np.concatenate(columns, axis=1).astype(np.float64), np.concatenate(deviations)
 
 
 def orthonormal_basis(columns: FloatArray) -> FloatArray:

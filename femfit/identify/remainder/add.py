@@ -65,14 +65,8 @@ def add_remainder(
     observations, stages = whitening.observations, [("model", ()), *([(NAME, effects)] if effects else [])]
     sizes: tuple[EffectSize, ...] = ()
     if effects:
-
-        def error(reading: int) -> float:
-            row = learnt.columns[reading]
-            return float(np.sqrt(max(row @ learnt.covariance @ row, 0.0)))
-
-        base = observations.base
-        change = observations.predict(effects) - base
-        sizes = tuple(largest_changes(NAME, observations, change, base, error, np.ones_like(base)))
+        change = observations.predict(effects) - observations.base
+        sizes = tuple(largest_changes(NAME, observations, change, learnt.every_column, learnt.covariance))
     result = RemainderResult(
         model=after,
         added=effects,
@@ -113,7 +107,7 @@ def _decided(whitening: Whitening, learnt: Learnt) -> FloatArray | None:
     """Whitened directions that the readings decided more than the penalty did, shape (M, k)."""
     if not learnt.coefficients:
         return None
-    columns, covariance = whitening.full(learnt.columns), learnt.covariance
+    columns, covariance = whitening.full(learnt.every_column), learnt.covariance
     # Rounding must not make it indefinite
     covariance = covariance + 1e-10 * float(np.trace(covariance)) / len(covariance) * np.eye(len(covariance))
     directions, size, _ = np.linalg.svd(columns @ np.linalg.cholesky(covariance), full_matrices=False)
@@ -125,23 +119,17 @@ def _as_good_name(whitening: Whitening, learnt: Learnt) -> str:
 
     Likelihoods with their price: of a name half of ln M a parameter (Schwarz, 1978), of the remainder its evidence.
     """
-    observations, target = whitening.observations, whitening.full(whitening.observations.residual)
-    candidates: list[tuple[float, list[Start]]] = []
+    observations, target = whitening.observations, whitening.residual
+    candidates: list[tuple[list[Start], float]] = []
     for effect in device_effects(observations.nominal.circuits, observations.nominal.drawn).values():
-        if why_untestable(effect, observations):
-            continue
-        tries = [
-            fitted_together(target, [Start.at_null(variant, whitening)])
-            for variant in effect_columns(effect, observations)
-        ]
-        if tries:
-            starts, fall = max(tries, key=lambda attempt: attempt[1])
-            candidates.append((fall, starts))
-    best = sorted(candidates, key=lambda candidate: -candidate[0])[:REFITTED]
-    for fall, starts in best:
+        if not why_untestable(effect, observations):
+            variants = Start.at_null(effect_columns(effect, observations), whitening)
+            tries = [fitted_together(target, [variant]) for variant in variants]
+            candidates += sorted(tries, key=lambda attempt: -attempt[1])[:1]
+    for starts, fall in sorted(candidates, key=lambda candidate: -candidate[1])[:REFITTED]:
         if fall < WORTH_A_REFIT * 2.0 * learnt.evidence:
             continue
-        fit = refit(observations, whitening, starts)
+        fit = refit(whitening, starts)
         exact = float(target @ target) - fit.chi2
         if exact - len(fit.free) * float(np.log(len(target))) >= 2.0 * learnt.evidence:
             return starts[0].name

@@ -38,7 +38,7 @@ class Learnt:
 
     coefficients: Mapping[Part, FloatArray]
     covariance: FloatArray  # Of all coefficients, in the order of the parts
-    columns: FloatArray  # Change of every reading with each coefficient, in the readings' units; shape (M, k)
+    columns: Mapping[Part, FloatArray]  # Change of every reading with each of them, in the readings' units; (M, count)
     evidence: float  # Log of the likelihood over that without a remainder
     # Kinds of the parts of other sets that a twentieth of the likelihood, with its price, leaves possible
     alternatives: tuple[tuple[str, ...], ...] = ()
@@ -48,14 +48,10 @@ class Learnt:
         """The remainder as an effect, none where nothing pays."""
         return (effect_of(self.coefficients),) if self.coefficients else ()
 
-    def own(self, part: Part) -> slice:
-        """Where a part's coefficients stand among all."""
-        before = 0
-        for earlier in self.coefficients:
-            if earlier is part:
-                return slice(before, before + part.count)
-            before += earlier.count
-        raise KeyError(part.kind)
+    @property
+    def every_column(self) -> FloatArray:
+        """The columns of all parts beside each other."""
+        return np.concatenate(list(self.columns.values()), axis=1)
 
 
 def columns_at(
@@ -104,15 +100,15 @@ def learn(whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray
     Sets of parts are found to first order; where a part bends what it acts on, the likelihood at the fit counts
     (Laplace's).
     """
-    target = whitening.full(whitening.observations.residual)
-    readings = Penalised(target, [whitening.full(block) for block in columns])
+    residual = whitening.full(whitening.observations.residual)
+    readings = Penalised(residual, [whitening.full(block) for block in columns])
     sets = [
         _fitted(whitening, [parts[k] for k in chosen], [columns[k] for k in chosen], [*chosen.values()])
         for chosen in sets_that_pay(readings, [part.roots for part in parts])
     ]
     worth = [candidate.evidence - PRICE * len(candidate.coefficients) for candidate in sets]
     if max(worth, default=0.0) <= 0.0:
-        return Learnt({}, np.zeros((0, 0)), np.zeros((len(target), 0)), 0.0)
+        return Learnt({}, np.zeros((0, 0)), {}, 0.0)
     best = int(np.argmax(worth))
     near = (candidate for k, candidate in enumerate(sets) if k != best and worth[k] > worth[best] - POSSIBLE)
     return replace(
@@ -136,8 +132,8 @@ def _fitted(
         wanted = {part: mean[k] for k, part in enumerate(parts)}
         coefficients = _stepped(whitening, roots, coefficients, wanted)
     fall = float(np.sum(whitening.full(observations.residual) ** 2)) - _cost(whitening, roots, coefficients)
-    log_evidence = 0.5 * (fall - readings.having(chosen).log_det)
-    return Learnt(coefficients, covariance, np.concatenate(columns, axis=1), log_evidence)
+    log_evidence = 0.5 * (fall - readings.having(chosen).solved.log_det)
+    return Learnt(coefficients, covariance, dict(zip(parts, columns, strict=True)), log_evidence)
 
 
 def _cost(whitening: Beside, roots: Sequence[FloatArray], coefficients: Mapping[Part, FloatArray]) -> float:
@@ -200,25 +196,26 @@ def learn_checked(whitening: Whitening, named: FloatArray | None = None) -> Chec
         noise = estimate_noise(clean)
         whitening = whitening if noise is None else Whitening(observations, noise)
     noise = whitening.noise
-    before, tried = cross_validated(observations, noise, lambda _: ()), list[Checked]()
-    for numbers in (range(len(parts)), [k for k, part in enumerate(parts) if not part.bends]):
+    before = cross_validated(whitening, lambda _: ())
+
+    def checked(numbers: Sequence[int]) -> Checked:
+        """What some of the parts learn, held against what they learn without each run, choice and smoothness too."""
         some, changes = [parts[k] for k in numbers], [columns[k] for k in numbers]
+
+        def learnt_from(keep: BoolArray) -> tuple[AddedEffect, ...]:
+            readings = observations.select(keep)
+            beside = Beside(Whitening(readings, noise), named[keep])
+            return learn(beside, some, [change[keep] for change in changes]).effects
+
         learnt = learn(Beside(whitening, named), some, changes)
-        error = before
-        if learnt.effects:  # by what is learnt without each run, choice of parts and smoothness included
+        error = cross_validated(whitening, learnt_from) if learnt.effects else before
+        return Checked(learnt, whitening, error, before)
 
-            def learnt_from(
-                keep: BoolArray, some: Sequence[Part] = some, changes: Sequence[FloatArray] = changes
-            ) -> tuple[AddedEffect, ...]:
-                readings = observations.select(keep)
-                beside = Beside(Whitening(readings, noise), named[keep])
-                return learn(beside, some, [change[keep] for change in changes]).effects
-
-            error = cross_validated(observations, noise, learnt_from)
-        tried.append(Checked(learnt, whitening, error, before))
-        if not any(part.bends for part in learnt.coefficients):
-            break
-    return min(tried, key=lambda checked: checked.error.chi2)
+    every = checked(range(len(parts)))
+    if not any(part.bends for part in every.learnt.coefficients):
+        return every
+    straight = checked([k for k, part in enumerate(parts) if not part.bends])
+    return min(every, straight, key=lambda tried: tried.error.chi2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,17 +231,12 @@ class Penalised:
         columns = np.concatenate([np.zeros((len(self.target), 0)), *blocks], axis=1)
         return Linear.of(self.target, columns, LogDensity(len(self.target), np.inf))
 
-    def evidence(self, chosen: Mapping[int, FloatArray]) -> float:
-        """Log of the likelihood with parts over that without any."""
-        return self.having(chosen).log_evidence - self.having({}).log_evidence
-
     def best_root(
         self, number: int, chosen: Mapping[int, FloatArray], roots: Sequence[FloatArray]
     ) -> tuple[FloatArray, float]:
         """The root of largest likelihood of a part beside others, and the log of that over the one without the part."""
         beside, block = self.having({k: root for k, root in chosen.items() if k != number}), self.columns[number]
-        explained = beside.beside(block)
-        gram, along = block.T @ block - explained.T @ explained, beside.along(block, explained)
+        gram, along = beside.products(block)
         best = np.zeros_like(gram), 0.0
         for root in roots:
             inner = root.T @ gram @ root
@@ -274,11 +266,11 @@ def _grown(
     readings: Penalised, roots: Sequence[Sequence[FloatArray]], first: Mapping[int, FloatArray]
 ) -> dict[int, FloatArray]:
     """Add the part that adds most evidence, size each anew beside the others, and drop what no longer pays."""
-    chosen, tried = dict(first), set(first)
+    chosen, tried, none = dict(first), set(first), readings.having({}).log_evidence
     while len(tried) < len(roots):
         candidates = {k: readings.best_root(k, chosen, roots[k]) for k in range(len(roots)) if k not in tried}
         best = max(candidates, key=lambda k: candidates[k][1])
-        if candidates[best][1] < max(PRICE, LEAST_SHARE * readings.evidence(chosen)):
+        if candidates[best][1] < max(PRICE, LEAST_SHARE * (readings.having(chosen).log_evidence - none)):
             break
         tried.add(best)
         chosen |= {best: candidates[best][0]}
@@ -298,9 +290,9 @@ def posterior(
     mean = root @ linear.amplitudes
     bounded = np.concatenate([not_negative.get(k, np.zeros(r.shape[0], bool)) for k, r in chosen.items()])
     if np.any(mean[bounded] < 0.0):
-        upper = linear.triangle.T @ np.linalg.inv(root)
+        upper = linear.solved.triangle.T @ np.linalg.inv(root)
         solved = optimize.lsq_linear(upper, upper @ mean, bounds=(np.where(bounded, 0.0, -np.inf), np.inf))
         mean = np.maximum(solved.x, np.where(bounded, 0.0, -np.inf))
     ends = np.cumsum([r.shape[0] for r in chosen.values()])[:-1]
-    spread = root @ linalg.cho_solve((linear.triangle, True), root.T)
+    spread = root @ linalg.cho_solve((linear.solved.triangle, True), root.T)
     return dict(zip(chosen, np.split(mean, ends), strict=True)), spread

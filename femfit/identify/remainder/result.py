@@ -65,7 +65,7 @@ def short_law(whitening: Whitening, learnt: Learnt, part: Part) -> ShortLaw:
     points = _points(part)
     forms = _field_forms(part, *points) if len(points) == 2 else _curve_forms(part, points[0])
     onto = np.linalg.pinv(part.rows(*points))
-    columns = whitening.full(learnt.columns[:, learnt.own(part)])
+    columns = whitening.full(learnt.columns[part])
     target = columns @ learnt.coefficients[part]
     square, best = float(target @ target), (ShortLaw(part.kind, "", 0.0), 0.0)
     for text, functions in forms:
