@@ -51,7 +51,7 @@ def _field_scan(drawing: Path, data: Path, table_options: MeasurementOptions) ->
     from femfit.cli.output import status
     from femfit.device.load import read_actuator
     from femfit.identify.field_scan import compare_field_scan
-    from femfit.tables.field_scan import read_field_scan
+    from femfit.tables.measured_tables import read_field_scan
 
     keywords = table_options.keywords
     scan = read_field_scan(data, columns=keywords["columns"], units=keywords["units"], table=keywords["table"])

@@ -77,7 +77,7 @@ def fit(
     from femfit.fit.build import fit_model
     from femfit.fit.inductance import fit_inductance
     from femfit.model.json_file import write_model
-    from femfit.tables.impedance_table import is_inductance_table, read_inductance_table
+    from femfit.tables.measured_tables import is_inductance_table, read_inductance_table
 
     assert output is not None  # noqa: S101 - the default of Writes
     device: dict[str, Any] = {

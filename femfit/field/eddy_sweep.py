@@ -25,7 +25,7 @@ from femfit.field.sweep_workers import AGAIN
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import EddyTable, Transfers
 from femfit.tables.files import read_arrays, write_arrays
-from femfit.tables.impedance_table import ImpedanceSlopes
+from femfit.tables.signatures import ImpedanceSlopes
 
 ORDER = 4
 """Numerical: polynomial order; the elements' layers resolve the skin with it (:mod:`femfit.field.harmonic`)."""

@@ -31,8 +31,7 @@ from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.impedance import CUBIC, impedance_change, induced_impedance
 from femfit.model.magnetics import CoenergySpline, Magnetics
-from femfit.tables.impedance_table import ImpedanceSlopes
-from femfit.tables.signatures import Signatures
+from femfit.tables.signatures import ImpedanceSlopes, Signatures
 
 
 def drawn_effects(

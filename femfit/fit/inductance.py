@@ -33,7 +33,7 @@ from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
-from femfit.tables.impedance_table import InductanceTable
+from femfit.tables.measured_tables import InductanceTable
 
 
 @dataclass(frozen=True, eq=False, repr=False)

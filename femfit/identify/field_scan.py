@@ -23,7 +23,7 @@ from femfit.device.parts import Actuator
 from femfit.field.problem import AxialField, axial_field
 from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
 from femfit.identify.words import Result, printed
-from femfit.tables.field_scan import FieldScan
+from femfit.tables.measured_tables import FieldScan
 
 FitEnd = Literal["settled", "edge", "steps"]
 """How a fit ended: by steps far below the standard errors, at the edge of the solved field, or after too many steps."""

@@ -12,7 +12,7 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.files import BENCH, NOTES, replacing, require_outputs
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Printed, listing
+from femfit.core.results import Finding, Printed
 from femfit.core.text import counted
 from femfit.effects.conditions import Conditions
 from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
@@ -25,9 +25,15 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_record import CoilBlock
 from femfit.tables.columns import BENCH_COLUMNS
-from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table
+from femfit.tables.measurement_sidecar import Words
+from femfit.tables.reading import Wants, read_columns, read_raw_table
 
-NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
+NEEDED = ("time_s", "coil_voltage_V", "current_A", "distance_m")
+RECORD = Wants(
+    "bench record",
+    ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb")),
+    needs=NEEDED,
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,7 +124,7 @@ def make_bench_table(
     if model is not None:
         begins = f"taken from {model.name if isinstance(model, ActuatorModel) else Path(model).name}"
         first = model_of(model)
-    rows = _read(record, columns, units, table)
+    rows = _read(record, Words(columns or {}, units or {}, table))
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
     made, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)
     level = resistance_finding(made.pop("coil_voltage_V").to_numpy(), made["current_A"].to_numpy(), resistance_ohm)
@@ -139,19 +145,11 @@ def make_bench_table(
     return result
 
 
-def _read(
-    record: Path, columns: Mapping[str, str] | None, units: Mapping[str, str] | None, table: str | None
-) -> pd.DataFrame:
+def _read(record: Path, words: Words) -> pd.DataFrame:
     """Columns of a bench record in SI."""
-    names = ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb"))
-    wanted = has_columns([frozenset(NEEDED)], columns, units)
-    raw = read_raw_table(record, "bench record", table=table, wanted=wanted)
-    rows, _, _ = read_columns(raw, names, columns, units)
-    missing = [name for name in NEEDED if name not in rows]
-    if missing:
-        raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {listing(raw.headers)}.")
+    rows = read_columns(read_raw_table(record, RECORD.what, (RECORD,), words), RECORD, words).rows
     rows = rows if "run" in rows else rows.assign(run=1.0)
-    rows = rows.dropna(subset=NEEDED)  # a row without one of these is a gap, and said to be one
+    rows = rows.dropna(subset=list(NEEDED))  # a row without one of these is a gap, and said to be one
     if rows.empty:
         raise TableError(f"{record} has no row with a time, a voltage, a current and a distance.")
     return rows

@@ -19,7 +19,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.feed import Winding
 from femfit.simulation.words import sentence
 from femfit.tables.columns import UsedColumn, column_values, match_column
-from femfit.tables.measured_columns import read_raw_table
+from femfit.tables.reading import read_raw_table
 
 Interpolation = Literal["held", "linear"]
 

@@ -8,9 +8,8 @@ alone, or carry the names of two: ``inductance_bias_control_H``.
 import re
 from collections.abc import Iterable
 
-from femfit.tables.channels import CHANNELS
 from femfit.tables.header import parse_header
-from femfit.tables.units import unit_factor
+from femfit.tables.units import CHANNELS, unit_factor
 
 _OF_IMPEDANCE = {
     "resistance": "ohm",
@@ -22,6 +21,9 @@ _OF_IMPEDANCE = {
     "parallel_inductance": "H",
 }
 _QUANTITIES = {"current": "A", "voltage_balance": "V", "voltage": "V", "flux_linkage": "Wb", **_OF_IMPEDANCE}
+
+OF_CIRCUITS = frozenset(f"{quantity}_{unit}" for quantity, unit in _QUANTITIES.items())
+"""Columns that may carry a circuit's name."""
 
 _OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z][\w-]*)_([^\W\d_]+|°)")
 _BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]+)[\])]$")

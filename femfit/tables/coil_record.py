@@ -19,15 +19,15 @@ import pyarrow.parquet as pq
 from femfit.core.errors import TableError
 from femfit.core.files import path_of
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.core.results import listing
 from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, recognise
 from femfit.tables.files import finite_number, read_settings
-from femfit.tables.measured_columns import has_columns, read_raw_table
+from femfit.tables.measurement_sidecar import Words
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
 from femfit.tables.raw_table import RawTable, check_width, decode, decoding, typed_numbers
+from femfit.tables.reading import Wants, read_raw_table
 from femfit.tables.table_file import is_container
-from femfit.tables.text_table import find_layout, split, text_lines
+from femfit.tables.text_table import find_layout, text_lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,7 @@ class CoilBlock:
         return len(self.time)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "CoilBlock":
-        hall, current = (None if column is None else column[rows] for column in (self.hall, self.current))
-        return CoilBlock(self.time[rows], self.voltage[rows], hall, current)
+        return CoilBlock(**{name: column[rows] for name, column in vars(self).items() if column is not None})
 
 
 def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
@@ -62,7 +61,12 @@ BLOCK_ROWS = 2**18
 
 RAW_SUFFIXES = (".bin", ".raw", ".f32")
 COLUMNS = ("coil_voltage_V", "hall_T", "current_A")
-_NEEDED = frozenset(("time_s", "coil_voltage_V"))
+COIL = Wants(
+    "coil record",
+    ("time_s", *COLUMNS),
+    needs=("time_s", "coil_voltage_V"),
+    hints=dict.fromkeys(("time_s", "coil_voltage_V"), "A filter needs hall_T or current_A as well."),
+)
 
 RAW = np.dtype("<f4")
 """A number of a raw record."""
@@ -193,6 +197,7 @@ def open_coil_record(
         raise TableError(
             f"There is no coil record {path}. Give a text, .parquet, .bin, .raw, .f32, .mat, .h5, .tdms or .wav file."
         )
+    words = Words(columns or {}, units or {}, table)
     held = None
     layout: dict[str, Any] = {}
     samples = None
@@ -205,18 +210,13 @@ def open_coil_record(
             with pq.ParquetFile(path) as file:
                 headers, samples = list(file.schema_arrow.names), file.metadata.num_rows
         elif is_container(path):
-            held = read_raw_table(path, "coil record", table=table, wanted=has_columns([_NEEDED], columns, units))
+            held = read_raw_table(path, COIL.what, (COIL,), words)
             headers, samples = list(held.headers), len(held.lines)
         else:
             headers, layout = _text_layout(path)
     check_width(len(headers), str(path))
-    used, _ = recognise(headers, str(path), ("time_s", *COLUMNS), columns, units)
-    missing = [name for name in sorted(_NEEDED) if name not in {column.name for column in used}]
-    if missing:
-        raise TableError(
-            f"A coil record needs the columns time_s and coil_voltage_V, and hall_T or current_A for a filter; {path} "
-            f"has {listing(headers, 20) or 'none'}. Rename or add {' and '.join(missing)}."
-        )
+    used, findings = recognise(headers, str(path), COIL.names, words.columns, words.units)
+    COIL.require([column.name for column in used], headers, str(path), used, findings)
     return CoilRecord(path, tuple(headers), tuple(used), samples, layout, held)
 
 
@@ -235,7 +235,7 @@ def _text_layout(path: Path) -> tuple[list[str], dict[str, Any]]:
     if not lines:
         raise TableError(f"{path} is empty; it needs a line of column names and rows of numbers.")
     lines, layout = find_layout(lines, str(path))
-    rows = [split(line.text, layout.delimiter) for line in lines if line.number >= layout.first and not line.comment]
+    rows = [line.cells for line in lines if line.number >= layout.first and not line.comment]
     marked = (cell for row in rows for cell in row if "," in cell and looks_numeric(cell))
     skipped = layout.first - 1 if layout.first <= lines[-1].number else lines[-1].number
     arguments: dict[str, Any] = {

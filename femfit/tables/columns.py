@@ -82,15 +82,13 @@ def match_columns(
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
             )
-    texts = settled_units(headers, source, names, header_columns, units, guess=guess)
-    unit_of = _units_by_header(headers, texts)
-    for_name = {} if guess else texts
+    texts = _settled_units(headers, source, names, header_columns, units, guess=guess)
     chosen = {name: headers.index(header) for header, name in header_columns.items()}
     findings: list[Finding] = []
     rivals: dict[str, list[int]] = {}
     undecided: set[int] = set()
     scores = {
-        name: [_score(header, name, unit_of.get(header) or for_name.get(name), guess) for header in headers]
+        name: [_score(header, name, texts.get(header, None if guess else texts.get(name)), guess) for header in headers]
         for name in names
     }
     best = [max(of_header) for of_header in zip(*scores.values(), strict=True)]
@@ -114,8 +112,11 @@ def match_columns(
             undecided |= set(rivals[name])
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
-        unit = texts.get(name, unit_of.get(headers[k]))
+        unit = texts.get(name, texts.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
+    if not guess:
+        for key in texts.keys() - {column.name for column in used.values()}:
+            find_header(key, headers, source, "--unit")
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
     return used, rivals, findings + _unused(unused, [name for name in names if name not in chosen])
 
@@ -129,11 +130,7 @@ def recognise(
 ) -> tuple[list[UsedColumn], list[Finding]]:
     """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
     headers = list(headers)
-    texts = settled_units(headers, source, names, columns or {}, units)
-    used, _, findings = match_columns(headers, source, names, columns, texts)
-    for key in texts:
-        if key not in {column.name for column in used.values()}:
-            find_header(key, headers, source, "--unit")
+    used, _, findings = match_columns(headers, source, names, columns, units)
     conversions = []
     for column in used.values():
         if column.header.strip() != column.name:
@@ -163,7 +160,7 @@ def used_column(
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
 
 
-def settled_units(
+def _settled_units(
     headers: Sequence[str],
     source: str,
     names: Sequence[str],
@@ -177,8 +174,10 @@ def settled_units(
     for key, value in (units or {}).items():
         unit = str(value)
         kinds = [name for name in names if unit_factor(unit, column_unit(name)[1]) is not None]
-        if key != unit or not kinds or any(same_header(key, header) for header in headers):
-            result[key] = unit
+        headed = [header for header in headers if header.strip() == key.strip()]
+        headed = headed or [header for header in headers if same_header(key, header)]
+        if key != unit or not kinds or headed:
+            result |= dict.fromkeys(headed or [key], unit)
             continue
         meant = {header: name for key, name in columns.items() for header in headers if same_header(key, header)}
         candidates = [
@@ -194,14 +193,6 @@ def settled_units(
             )
         result[candidates[0]] = unit
     return result
-
-
-def _units_by_header(headers: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
-    unit_of: dict[str, str] = {}
-    for key, unit in units.items():
-        exact = [header for header in headers if header.strip() == key.strip()]
-        unit_of |= dict.fromkeys(exact or [header for header in headers if same_header(key, header)], unit)
-    return unit_of
 
 
 def _score(header: str, name: str, override: str | None, guess: bool) -> int:

@@ -148,15 +148,9 @@ class EddyTable:
 
     def at(self, places: IntArray) -> "EddyTable":
         """The table at some of its distances."""
-        return replace(
-            self,
-            distances_m=self.distances_m[places],
-            force=self.force[places],
-            flux_linkage=self.flux_linkage[places],
-            hall=None if self.hall is None else self.hall[places],
-            bias_A=None if self.bias_A is None else self.bias_A[places],
-            rest=None if self.rest is None else self.rest[places],
-        )
+        over_distances = ("distances_m", "force", "flux_linkage", "hall", "bias_A", "rest")
+        arrays = {name: getattr(self, name) for name in over_distances}
+        return replace(self, **{name: array[places] for name, array in arrays.items() if array is not None})
 
     def combined(self, combinations: FloatArray) -> "EddyTable":
         """The table of orthonormal combinations (q, r) of the patterns."""

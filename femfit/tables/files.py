@@ -7,7 +7,8 @@ import json
 import math
 import tomllib
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 from zipfile import BadZipFile
@@ -20,7 +21,7 @@ from femfit.core.text import quoted
 
 Made = TypeVar("Made")
 
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, BadZipFile, zlib.error)
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, BadZipFile, zlib.error, IndexError)
 
 
 def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:
@@ -33,6 +34,15 @@ def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:
         np.savez_compressed(out, **held)
 
 
+@contextmanager
+def reading(file: Path, remedy: str) -> Iterator[None]:
+    """Say of what a sweep has written, and what cannot be read any more, what to do."""
+    try:
+        yield
+    except _DAMAGED as error:
+        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. {remedy}") from error
+
+
 def read_arrays(file: Path, make: Callable[[dict[str, Any]], Made], remedy: str) -> Made | None:
     """What is made of a file's arrays; None where there is no file.
 
@@ -43,11 +53,8 @@ def read_arrays(file: Path, make: Callable[[dict[str, Any]], Made], remedy: str)
     """
     if not file.is_file():
         return None
-    try:
-        with file.open("rb") as source, np.load(source, allow_pickle=False) as held:
-            return make({name: held[name] for name in held.files})
-    except _DAMAGED as error:
-        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. {remedy}") from error
+    with reading(file, remedy), file.open("rb") as source, np.load(source, allow_pickle=False) as held:
+        return make({name: held[name] for name in held.files})
 
 
 def read_settings(file: Path, example: str) -> dict[str, Any]:

@@ -2,8 +2,9 @@
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,26 +21,19 @@ from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.tables.columns import UsedColumn
 from femfit.tables.findings import finding
-from femfit.tables.foreign_forms import (
-    QUANTITIES,
-    REQUIRED,
-    ImportOptions,
-    is_matrix,
-    long_points,
-    matrix_points,
-    si_unit,
-)
+from femfit.tables.foreign_forms import SWEEP, ImportOptions, is_matrix, listed, long_points
 from femfit.tables.foreign_grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
 from femfit.tables.foreign_noise import check_noise, compare_forces
 from femfit.tables.foreign_reciprocity import check_reciprocity, flux_from_inductance
 from femfit.tables.header import STEP_NAMES, names_of
+from femfit.tables.measurement_sidecar import Words
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.sweep_table import SweepTable
-from femfit.tables.table_file import SUFFIXES, Wanted, parse_table
-from femfit.tables.units import unit_factor
+from femfit.tables.table_file import SUFFIXES, parse_table
+from femfit.tables.units import column_unit, unit_factor
 
 _NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
-_UNITS = {"current": r"(?P<unit>[mu]?A|amps?)", "distance": r"(?P<unit>[mcu]?m|in(?:ch)?)"}
+_UNITS = {"current_A": r"(?P<unit>[mu]?A|amps?)", "distance_m": r"(?P<unit>[mcu]?m|in(?:ch)?)"}
 _FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
 _NOT_A_NUMBER = "no number in the imported table"
 
@@ -128,7 +122,18 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     good = _place(good, options)
     findings += check_units(good)
     _stop_at_errors(findings, options)
-    good, findings = _check(good, findings, options)
+    steps: tuple[Callable[[pd.DataFrame], tuple[pd.DataFrame, list[Finding]]], ...] = (
+        tidy_grid,
+        lambda points: settle_force_sign(points, options.force_sign),
+        flux_from_inductance,
+        lambda points: (points, check_reciprocity(points)),
+        drop_incomplete,
+        check_noise,
+        compare_forces,
+    )
+    for step in steps:
+        good, remarks = step(good)
+        findings += remarks
     findings = _stop_at_errors(findings, options)
     rows = _rows(good, _place(bad, options))
     manifest = _manifest(files, contents, mapping, dialects, findings, rows)
@@ -162,71 +167,64 @@ def _gather(
     dialects: dict[str, str] = {}
     for index, (file, content) in enumerate(contents.items()):
         constants = _constants(file, index, len(contents), options)
-        dialect = {"encoding": options.encoding, "delimiter": options.delimiter, "decimal": options.decimal}
-        raw = parse_table(content, file.name, table=options.table, wanted=_is_wanted(options, constants), **dialect)
+        dialect = {name: getattr(options, name) for name in ("encoding", "delimiter", "decimal")}
+        wanted = partial(_is_wanted, options, Words(options.columns, options.units, settings=constants))
+        raw = parse_table(content, file.name, table=options.table, wanted=wanted, **dialect)
+        raw = replace(raw, headers=options.column_names or raw.headers)
         dialects[file.name] = raw.dialect
         findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]
         matrix = is_matrix(raw, options)
-        frame, uses, remarks = matrix_points(raw, options) if matrix else long_points(raw, constants, options)
+        raw, choices, remarks = listed(raw, options) if matrix else (raw, options, [])
+        frame, uses, doubts = long_points(raw, constants, choices)
         frames.append(frame)
-        findings += [remark for remark in remarks if remark not in findings]
-        for quantity, use in uses.items():
-            mapping.setdefault(quantity, use)
+        findings += [remark for remark in (*remarks, *doubts) if remark not in findings]
+        uses = {name: uses[name] for name in choices.columns.values()} if matrix else uses
+        mapping = mapping | uses | mapping
     assumed = [f"{quoted(use.header)} in {use.unit}" for use in mapping.values() if use.assumed]
     if assumed:
         findings.append(finding("assumed-units", columns=", ".join(assumed)))
     return pd.concat(frames, ignore_index=True), mapping, findings, dialects
 
 
-def _is_wanted(options: ImportOptions, constants: Mapping[str, float]) -> Wanted:
-    """Whether a table is a matrix, or has what one row a point needs beside the constants of its file."""
-
-    def wanted(raw: RawTable) -> bool:
-        try:
-            return is_matrix(raw, options) or bool(long_points(raw, dict(constants), options))
-        except TableError:
-            return False
-
-    return wanted
+def _is_wanted(options: ImportOptions, words: Words, raw: RawTable) -> bool:
+    named = replace(raw, headers=options.column_names or raw.headers)
+    return is_matrix(named, options) or SWEEP.fits(named, words)
 
 
 def _constants(file: Path, index: int, count: int, options: ImportOptions) -> dict[str, float]:
     """Current and distance of a whole file, from the options or from its name."""
     constants = {}
-    declared = {"current": options.file_currents_A, "distance": options.file_distances_m}
-    for quantity, values in declared.items():
+    declared = {"current_A": options.file_currents_A, "distance_m": options.file_distances_m}
+    for column, values in declared.items():
         if values and len(values) != count:
-            raise TableError(
-                f"--file-{quantity} has {counted(len(values), 'value')} for {counted(count, 'file')}; give one a file."
-            )
-        value = values[index] if values else _value_in_name(file, quantity)
+            option, values_given = f"--file-{column_unit(column)[0]}", counted(len(values), "value")
+            raise TableError(f"{option} has {values_given} for {counted(count, 'file')}; give one a file.")
+        value = values[index] if values else _value_in_name(file, column)
         if value is not None:
-            constants[quantity] = value
+            constants[column] = value
     return constants
 
 
-def _value_in_name(path: Path, quantity: str) -> float | None:
+def _value_in_name(path: Path, column: str) -> float | None:
     """Read a current (A) or distance (m) from a file's name; ``p`` may stand for the decimal point.
 
     A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
     with its unit or after the quantity's name.
     """
-    words = (*names_of(QUANTITIES[quantity]), *(STEP_NAMES if quantity == "distance" else ()))
-    with_unit = [
-        (match.group("number"), match.group("unit"))
-        for match in re.finditer(rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[quantity]}(?![A-Za-z0-9])", path.stem)
-    ]
+    words = (*names_of(column), *(STEP_NAMES if column == "distance_m" else ()))
     names = "|".join(sorted((name for name in words if name.isascii()), key=len, reverse=True))
-    named = [
-        (match.group("number"), si_unit(quantity))
-        for match in re.finditer(rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])", path.stem)
-    ]
-    bare = re.fullmatch(_NUMBER, path.stem) if quantity == "current" else None
-    matches = with_unit or named or ([(bare.group("number"), "A")] if bare else [])
+    for pattern in (
+        rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[column]}(?![A-Za-z0-9])",
+        rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])",
+        rf"^{_NUMBER}$" if column == "current_A" else "(?!)",
+    ):
+        matches = list(re.finditer(pattern, path.stem))
+        if matches:
+            break
     if len(matches) != 1:
         return None
-    number, unit = matches[0]
-    factor = unit_factor(unit, si_unit(quantity))
+    number, si_unit = matches[0]["number"], column_unit(column)[1]
+    factor = unit_factor(matches[0].groupdict().get("unit") or si_unit, si_unit)
     return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor
 
 
@@ -234,27 +232,12 @@ def _place(points: pd.DataFrame, options: ImportOptions) -> pd.DataFrame:
     """Apply start, direction and polarity."""
     start = options.distance_start_m or 0.0
     direction = -1.0 if options.flip_distance else 1.0
-    points = points.assign(distance=start + direction * points["distance"])
+    points = points.assign(distance_m=start + direction * points["distance_m"])
     if options.flip_current:
-        points = points.assign(current=-points["current"] + 0.0)
-        if "flux_linkage" in points:
-            points = points.assign(flux_linkage=-points["flux_linkage"])
+        points = points.assign(current_A=-points["current_A"] + 0.0)
+        if "flux_linkage_Wb" in points:
+            points = points.assign(flux_linkage_Wb=-points["flux_linkage_Wb"])
     return points
-
-
-def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions) -> tuple[pd.DataFrame, list[Finding]]:
-    points, remarks = tidy_grid(points)
-    findings = findings + remarks
-    points, remarks = settle_force_sign(points, options.force_sign)
-    findings += remarks
-    points, remarks = flux_from_inductance(points)
-    findings += remarks + check_reciprocity(points)
-    points, remarks = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
-    findings += remarks
-    points, remarks = check_noise(points)
-    findings += remarks
-    points, remarks = compare_forces(points)
-    return points, findings + remarks
 
 
 def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
@@ -272,13 +255,11 @@ def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Fin
 
 def _rows(good: pd.DataFrame, bad: pd.DataFrame) -> pd.DataFrame:
     """Columns of the contract, in their order."""
-    columns = {column: name for name, column in QUANTITIES.items()}
-    rows = pd.DataFrame({column: good[columns[column]] for column in COLUMNS if columns.get(column) in good})
-    rows["status"] = "ok"
-    placed = bad[np.isfinite(bad[["current", "distance"]].to_numpy(dtype=float)).all(axis=1)]
+    rows = good[[name for name in COLUMNS if name in good]].assign(status="ok")
+    placed = bad[np.isfinite(bad[["current_A", "distance_m"]].to_numpy(dtype=float)).all(axis=1)]
     if placed.empty:
         return rows
-    without = pd.DataFrame({"current_A": placed["current"], "distance_m": placed["distance"], "status": _NOT_A_NUMBER})
+    without = placed[["current_A", "distance_m"]].assign(status=_NOT_A_NUMBER)
     return pd.concat([rows, without], ignore_index=True)
 
 
@@ -299,14 +280,14 @@ def _manifest(
         ],
         "mapping": [
             {
-                "quantity": quantity,
+                "quantity": column_unit(use.name)[0],
                 "column": use.name,
                 "header": use.header,
                 "unit": use.unit,
                 "factor_to_SI": use.factor,
                 "unit_assumed": use.assumed,
             }
-            for quantity, use in mapping.items()
+            for use in mapping.values()
         ],
         "findings": [finding.as_dict() for finding in findings],
         "rows": len(rows),

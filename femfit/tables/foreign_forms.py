@@ -16,32 +16,23 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
+from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import counted, quoted
-from femfit.tables.columns import UsedColumn, match_columns, used_column
+from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.findings import finding
 from femfit.tables.header import STEP_NAMES, names_of, parse_header
 from femfit.tables.number_text import looks_numeric, parse_number
 from femfit.tables.raw_table import RawTable
-from femfit.tables.units import column_unit, unit_factor
+from femfit.tables.reading import Wants
+from femfit.tables.units import CHANNELS, column_unit, unit_factor
 
-QUANTITIES: dict[str, str] = {
-    "current": "current_A",
-    "distance": "distance_m",
-    "force": "force_N",
-    "flux_linkage": "flux_linkage_Wb",
-    "inductance": "inductance_H",
-    "hall": "hall_T",
-    "coenergy": "coenergy_J",
-    "force_error": "force_error_N",
-}
-"""What a sweep table can hold, and its column there."""
+SWEPT = tuple(name for name in COLUMNS if name in CHANNELS)
+"""What the table of a sweep can hold."""
 
-REQUIRED = ("current", "distance", "force")
-
-
-def si_unit(quantity: str) -> str:
-    """Return the SI unit of a quantity."""
-    return column_unit(QUANTITIES[quantity])[1]
+REQUIRED = SWEPT[:3]
+AXES = REQUIRED[:2]
+WORDS = {column_unit(name)[0]: name for name in SWEPT}
+"""What users call a column, without its unit."""
 
 
 @dataclass(frozen=True)
@@ -75,67 +66,68 @@ class ImportOptions:
 
     def __post_init__(self) -> None:
         """Turn ``flux-linkage`` into ``flux_linkage_Wb``; a header stays what it is."""
-        columns = {header: QUANTITIES.get(name.replace("-", "_"), name) for header, name in self.columns.items()}
-        units = {QUANTITIES.get(key.replace("-", "_"), key): unit for key, unit in self.units.items()}
-        object.__setattr__(self, "columns", columns)
-        object.__setattr__(self, "units", units)
+        columns = {header: _column(name) for header, name in self.columns.items()}
+        units = {_column(key): unit for key, unit in self.units.items()}
+        for name, value in (("columns", columns), ("units", units), ("without", tuple(map(_column, self.without)))):
+            object.__setattr__(self, name, value)
 
 
-_REMEDIES = {
-    "current": "--column HEADER=current, or --file-current-A where a file holds one current (or write it in the file "
-    "names as in force_0.4A.csv)",
-    "distance": "--column HEADER=distance, or --file-distance-mm where a file holds one distance",
-    "force": "--column HEADER=force",
-}
+def _column(word: str) -> str:
+    return WORDS.get(word.replace("-", "_"), word)
+
+
+SWEEP = Wants(
+    "table to import",
+    SWEPT,
+    needs=REQUIRED,
+    hints={
+        "current_A": "Where a file holds one current, give --file-current-A, or write it in the file names as in "
+        "force_0.4A.csv.",
+        "distance_m": "Where a file holds one distance, give --file-distance-mm.",
+    },
+    guess=True,
+)
 
 
 def long_points(
-    raw: RawTable, constants: dict[str, float], options: ImportOptions
+    raw: RawTable, constants: Mapping[str, float], options: ImportOptions
 ) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
     """Read one row a point with SI columns, the distance before start and step.
 
     The constants are the whole file's current (A) or distance (m), used where no column holds it. Further force columns
     are ``other:<header>``; ``source`` and ``line`` say where a row stands.
     """
-    headers = options.column_names or raw.headers
+    headers, width = raw.headers, raw.numbers.shape[1]
     if not headers:
         raise TableError(
-            f"{raw.source} has no header line over its {counted(raw.numbers.shape[1], 'column')}; name them with "
+            f"{raw.source} has no header line over its {counted(width, 'column')}; name them with "
             "--columns current,distance,force (a dash for one that is not needed). For force(distance, current) give "
             "the currents of its columns: --columns 'd [mm],0 A,0.5 A,1 A'."
         )
-    if len(headers) != raw.numbers.shape[1]:
+    if len(headers) != width:
         raise TableError(
-            f"{raw.source} has {counted(raw.numbers.shape[1], 'column')} but "
-            f"{counted(len(headers), 'name')} ({listing(headers, 12)}); give "
-            "one name a column with --columns."
+            f"{raw.source} has {counted(width, 'column')} but {counted(len(headers), 'name')} "
+            f"({listing(headers, 12)}); give one name a column with --columns."
         )
-    quantities = {column: quantity for quantity, column in QUANTITIES.items()}
-    optional = [column for column, quantity in quantities.items() if quantity not in REQUIRED]
+    optional = [name for name in SWEPT if name not in REQUIRED]
     matched, rivals, findings = match_columns(
-        headers, raw.source, tuple(quantities), options.columns, options.units, guess=True, optional=optional
+        headers, raw.source, SWEPT, options.columns, options.units, guess=True, optional=optional
     )
-    findings = [remark for remark in findings if quantities.get(remark.column) not in options.without]
+    findings = [remark for remark in findings if remark.column not in options.without]
     uses: dict[str, UsedColumn] = {}
     data: dict[str, FloatArray] = {}
-    for k, column in sorted(matched.items(), key=lambda match: list(quantities).index(match[1].name)):
-        quantity = quantities[column.name]
-        if quantity not in options.without:
-            uses[quantity] = in_steps(column, raw.source, options) if quantity == "distance" else column
-            data[quantity] = raw.numbers[:, k] * uses[quantity].factor
-    for quantity, value in constants.items():
-        if quantity not in uses:
-            data[quantity] = np.full(len(raw.lines), value, dtype=np.float64)
-            origin = f"{value:g} for the whole file"
-            uses[quantity] = UsedColumn(origin, QUANTITIES[quantity], 1.0, si_unit(quantity))
-    missing = [quantity for quantity in REQUIRED if quantity not in data]
-    if missing:
-        remedies = [f"  - {quantity}: give {_REMEDIES[quantity]}" for quantity in missing]
-        text = f"{raw.source} has no column that is known as {' or '.join(missing)}; it has {listing(headers, 20)}."
-        raise TableError("\n".join([text, *remedies]))
+    for k, column in sorted(matched.items(), key=lambda match: SWEPT.index(match[1].name)):
+        if column.name not in options.without:
+            uses[column.name] = in_steps(column, raw.source, options) if column.name == "distance_m" else column
+            data[column.name] = raw.numbers[:, k] * uses[column.name].factor
+    for name, value in constants.items():
+        if name not in uses:
+            data[name] = np.full(len(raw.lines), value, dtype=np.float64)
+            uses[name] = UsedColumn(f"{value:g} for the whole file", name, 1.0, column_unit(name)[1])
+    SWEEP.require(data, headers, raw.source, matched.values())
     points = pd.DataFrame(data)
     for k in rivals["force_N"]:
-        points[f"other:{headers[k]}"] = raw.numbers[:, k] * uses["force"].factor
+        points[f"other:{headers[k]}"] = raw.numbers[:, k] * uses["force_N"].factor
     return points.assign(source=raw.source, line=raw.lines), uses, findings
 
 
@@ -157,7 +149,7 @@ _LABEL = re.compile(
     r"\[?\(?(?P<unit>[^\d\W]*)\]?\)?$"
 )
 _LONGEST_CORNER = 200
-_LABEL_WORDS = frozenset(name for axis in ("current", "distance", "force") for name in names_of(QUANTITIES[axis]))
+_LABEL_WORDS = frozenset(name for axis in REQUIRED for name in names_of(axis))
 _EVEN = 0.02
 """Spread of the steps of positions over their mean up to which the corner is one of them."""
 
@@ -191,7 +183,7 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
     """
     if options.form != "auto":
         return options.form == "matrix"
-    headers, values = options.column_names or raw.headers, raw.numbers
+    headers, values = raw.headers, raw.numbers
     if values.shape[1] < 3:
         return False
     if headers:
@@ -203,53 +195,50 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
     return bool(values[0, 0] == 0 and not _goes_on(values[:, 0]) and _is_axis(values[0, 1:]))
 
 
-def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
-    """Read one row a point from a matrix, as :func:`~femfit.tables.foreign_forms.long_points` does from a list."""
-    across, label_unit, corner, body, lines, named = _parts(raw, options)
-    down = body[:, 0]
+def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptions, list[Finding]]:
+    """A matrix as a table with one row a point, with the options that say what its columns are."""
+    headers, numbers, lines = raw.headers, raw.numbers, list(raw.lines)
+    labels = axis_labels(headers[1:], raw.decimal) if len(headers) == numbers.shape[1] else None
+    if labels is not None:
+        (across, label_unit), corner, named = labels, headers[0], True
+    elif min(numbers.shape) < 2:
+        raise TableError(f"{raw.source} as a matrix needs at least two rows and two columns; it is {numbers.shape}.")
+    else:
+        across, label_unit, corner = numbers[0, 1:], None, raw.texts[0][0]
+        named = bool(corner) and not looks_numeric(corner)
+        numbers, lines = numbers[1:], lines[1:]
+    corner, down = corner[:_LONGEST_CORNER], numbers[:, 0]
     if not _monotone(down) or not _monotone(across):
         raise TableError(
             f"{raw.source} as a matrix must have axes that go strictly up or down in its first row and column. "
             "For one row a point give --form long."
         )
     rows, why = _first_column(options, across, down, label_unit, corner)
-    columns = "current" if rows == "distance" else "distance"
-    corner_unit = parse_header(corner).unit
-    units: dict[str, str | None] = {
-        rows: corner_unit if corner_unit and _axis_of(corner_unit) == rows else None,
-        columns: label_unit if label_unit and _axis_of(label_unit) == columns else None,
-    }
-    force_unit = None
-    for word in re.findall(r"[\[(]([^\])]*)[\])]", corner):
-        axis = _axis_of(word)
-        if axis and units[axis] is None:
-            units[axis] = word
-        elif unit_factor(word, si_unit("force")) is not None:
-            force_unit = word
-    units["force"] = force_unit
-    places = {rows: "first column", columns: "first row", "force": "matrix"}
-    uses = {
-        quantity: used_column(
-            place, QUANTITIES[quantity], units[quantity], raw.source, options.units.get(QUANTITIES[quantity])
-        )
-        for quantity, place in places.items()
-    }
-    uses["distance"] = in_steps(uses["distance"], raw.source, options)
-    grid_down, grid_across = np.meshgrid(down, across, indexing="ij")
-    points = pd.DataFrame(
-        {
-            rows: grid_down.ravel() * uses[rows].factor,
-            columns: grid_across.ravel() * uses[columns].factor,
-            "force": body[:, 1:].ravel() * uses["force"].factor,
-            "source": raw.source,
-            "line": np.repeat(lines, len(across)),
-        }
+    columns = AXES[1 - AXES.index(rows)]
+    places = {rows: "first column", columns: "first row", "force_N": "matrix"}
+    words = [(rows, parse_header(corner).unit), (columns, label_unit)]
+    words += [(_axis_of(word) or "force_N", word) for word in re.findall(r"[\[(]([^\])]*)[\])]", corner)]
+    units: dict[str, str | float] = {}
+    for name, word in words:
+        if word and unit_factor(word, column_unit(name)[1]) is not None and (name == "force_N" or name not in units):
+            units[name] = word
+    grid = np.meshgrid(down, across, indexing="ij")
+    points = replace(
+        raw,
+        headers=tuple(places.values()),
+        numbers=np.column_stack([*(axis.ravel() for axis in grid), numbers[:, 1:].ravel()]),
+        lines=np.repeat(lines, len(across)).tolist(),
     )
-    findings = [finding("matrix", source=raw.source, down=rows, across=columns, why=why)]
+    columns_of = {place: name for name, place in places.items()}
+    findings = [finding("matrix", source=raw.source, down=_word(rows), across=_word(columns), why=why)]
     if not named and (not _is_axis(across) or (raw.numbers[0, 0] != 0 and _goes_on(raw.numbers[:, 0]))):
         shown = ", ".join(f"{value:g}" for value in across[:3])
-        findings.append(finding("matrix-axis", shown=shown, axis=columns))
-    return points, uses, findings
+        findings.append(finding("matrix-axis", shown=shown, axis=_word(columns)))
+    return points, replace(options, columns=columns_of, units=units | dict(options.units)), findings
+
+
+def _word(column: str) -> str:
+    return column_unit(column)[0]
 
 
 def _goes_on(column: FloatArray) -> bool:
@@ -257,43 +246,27 @@ def _goes_on(column: FloatArray) -> bool:
     return _monotone(column) and bool(np.ptp(np.diff(column)) <= _EVEN * abs(np.diff(column).mean()))
 
 
-def _parts(raw: RawTable, options: ImportOptions) -> tuple[FloatArray, str | None, str, FloatArray, list[int], bool]:
-    """Axis across, its unit, the corner, the rest with its line numbers, and whether the axis stands in a header."""
-    headers = options.column_names or raw.headers
-    if headers and len(headers) == raw.numbers.shape[1]:
-        labels = axis_labels(headers[1:], raw.decimal)
-        if labels is not None:
-            return labels[0], labels[1], headers[0][:_LONGEST_CORNER], raw.numbers, list(raw.lines), True
-    if raw.numbers.shape[0] < 2 or raw.numbers.shape[1] < 2:
-        raise TableError(
-            f"{raw.source} as a matrix needs at least two rows and two columns; it is {raw.numbers.shape}."
-        )
-    corner = raw.texts[0][0]
-    named = bool(corner) and not looks_numeric(corner)
-    return raw.numbers[0, 1:], None, corner[:_LONGEST_CORNER], raw.numbers[1:], list(raw.lines[1:]), named
-
-
 def _first_column(
     options: ImportOptions, across: FloatArray, down: FloatArray, label_unit: str | None, corner: str
 ) -> tuple[str, str]:
     if options.matrix_rows != "auto":
-        return options.matrix_rows, "as given"
+        return WORDS[options.matrix_rows], "as given"
     if label_unit:
-        return ("distance" if _axis_of(label_unit) == "current" else "current"), f"the first row is in {label_unit}"
+        return AXES[_axis_of(label_unit) == "current_A"], f"the first row is in {label_unit}"
     first = parse_header(re.split(r"[\\/|]", corner)[0]) if corner else None
     reason = f"the corner says {quoted(corner)}"
     if first is not None and first.unit and _axis_of(first.unit):
         return str(_axis_of(first.unit)), reason
-    for axis in ("distance", "current"):
-        if first is not None and first.name in names_of(QUANTITIES[axis]):
+    for axis in reversed(AXES):
+        if first is not None and first.name in names_of(axis):
             return axis, reason
     if (down == 0).any() and not (across == 0).any() and options.distance_start_m is None:
-        return "current", "a distance cannot be zero, the first column is; --matrix-rows distance if not"
-    return "distance", "the usual order; --matrix-rows current if not"
+        return "current_A", "a distance cannot be zero, the first column is; --matrix-rows distance if not"
+    return "distance_m", "the usual order; --matrix-rows current if not"
 
 
 def _axis_of(unit: str) -> str | None:
-    return next((axis for axis in ("current", "distance") if unit_factor(unit, si_unit(axis)) is not None), None)
+    return next((axis for axis in AXES if unit_factor(unit, column_unit(axis)[1]) is not None), None)
 
 
 def _monotone(axis: FloatArray) -> bool:

@@ -9,13 +9,12 @@ import pandas as pd
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.tables.findings import finding
-from femfit.tables.foreign_forms import QUANTITIES, REQUIRED
-from femfit.tables.units import LEAST_TRAVEL_M, suspected_by_size, suspicion
+from femfit.tables.foreign_forms import AXES, REQUIRED, SWEPT
+from femfit.tables.units import LEAST_TRAVEL_M, column_unit, suspected_by_size, suspicion
 
 _SAME_LEVEL = 1e-6  # of the axis' span: loops that add 0.1 ten times differ by 1e-16, units by rounding of 6 digits
 _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh
 _AGREEMENT = 0.95  # of the force change that must have one sign before it is called obvious
-_SETTINGS = ("current_A", "distance_m")
 
 
 def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[Finding]]:
@@ -30,14 +29,14 @@ def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[
     return good, bad, findings
 
 
-def drop_incomplete(points: pd.DataFrame, quantities: list[str]) -> tuple[pd.DataFrame, list[Finding]]:
+def drop_incomplete(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     """Leave out optional columns that have gaps: a fit that met them would have to invent numbers."""
     findings = []
-    for quantity in [name for name in quantities if name in points]:
-        gaps = points[~np.isfinite(points[quantity].to_numpy(dtype=float))]
+    for name in [name for name in SWEPT if name in points and name not in REQUIRED]:
+        gaps = points[~np.isfinite(points[name].to_numpy(dtype=float))]
         if len(gaps):
-            points = points.drop(columns=quantity)
-            facts = {"quantity": quantity.replace("_", " "), "cells": len(gaps), "places": rows_of(gaps)}
+            points = points.drop(columns=name)
+            facts = {"quantity": column_unit(name)[0].replace("_", " "), "cells": len(gaps), "places": rows_of(gaps)}
             findings.append(finding("gaps", size=float(len(gaps)), **facts))
     return points, findings
 
@@ -52,12 +51,12 @@ def rows_of(points: pd.DataFrame) -> str:
 
 def check_units(points: pd.DataFrame) -> list[Finding]:
     """Suspect units by sizes that no actuator has; current and distance, on which all else depends, are errors."""
-    rows = pd.DataFrame({column: points[name] for name, column in QUANTITIES.items() if name in points})
+    rows = points[[name for name in SWEPT if name in points]]
     findings = [
-        replace(remark, severity="error") if remark.column in _SETTINGS else remark
+        replace(remark, severity="error") if remark.column in AXES else remark
         for remark in suspected_by_size(rows, solved=True)
     ]
-    distance = points["distance"].to_numpy(dtype=float)
+    distance = points["distance_m"].to_numpy(dtype=float)
     if 0 < float(np.max(distance)) < LEAST_TRAVEL_M:
         largest = suspicion("distance_m", "m", f"the largest is {np.max(distance) * 1e6:g} micrometres")
         findings.append(replace(largest, severity="error"))
@@ -84,15 +83,15 @@ def tidy_grid(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     Contradictory rows of one point stop the import; where that is accepted, their mean is taken.
     """
     points = points.assign(
-        current=snap_axis(points["current"].to_numpy(dtype=float)),
-        distance=snap_axis(points["distance"].to_numpy(dtype=float)),
+        current_A=snap_axis(points["current_A"].to_numpy(dtype=float)),
+        distance_m=snap_axis(points["distance_m"].to_numpy(dtype=float)),
     )
     points, findings = _merge_duplicates(points)
-    ordered = points.sort_values(["current", "distance"], kind="stable")
-    if not (_is_sorted(points, "current", "distance") or _is_sorted(points, "distance", "current")):
+    ordered = points.sort_values(["current_A", "distance_m"], kind="stable")
+    if not (_is_sorted(points, "current_A", "distance_m") or _is_sorted(points, "distance_m", "current_A")):
         findings.append(finding("order foreign"))
     points = ordered.reset_index(drop=True)
-    currents, distances = np.unique(points["current"]), np.unique(points["distance"])
+    currents, distances = np.unique(points["current_A"]), np.unique(points["distance_m"])
     for key, axis in (("one-current", currents), ("one-distance", distances)):
         if len(axis) == 1:
             findings.append(finding(key, size=1.0, level=axis[0]))
@@ -107,25 +106,25 @@ def _is_sorted(points: pd.DataFrame, outer: str, inner: str) -> bool:
 
 
 def _merge_duplicates(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
-    repeated = points.duplicated(["current", "distance"], keep=False)
+    repeated = points.duplicated(["current_A", "distance_m"], keep=False)
     if not repeated.any():
         return points, []
-    numeric = [str(name) for name in points if name not in {"source", "line", "current", "distance"}]
-    groups = points.groupby(["current", "distance"], sort=False)[numeric]
+    numeric = [str(name) for name in points if name not in {"source", "line", "current_A", "distance_m"}]
+    groups = points.groupby(["current_A", "distance_m"], sort=False)[numeric]
     spread = groups.transform("max") - groups.transform("min")
     differs = (spread / points[numeric].abs().max().replace(0.0, 1.0)).max(axis=1)
     contradictory = points[differs > _SAME_VALUE]
-    identical = int((points.duplicated(["current", "distance"]) & (differs <= _SAME_VALUE)).sum())
+    identical = int((points.duplicated(["current_A", "distance_m"]) & (differs <= _SAME_VALUE)).sum())
     findings = []
     if identical:
         findings.append(finding("duplicates", size=float(identical), rows=identical))
     if len(contradictory):
-        count, worst = len(contradictory.drop_duplicates(["current", "distance"])), float(differs.max())
+        count, worst = len(contradictory.drop_duplicates(["current_A", "distance_m"])), float(differs.max())
         places = rows_of(contradictory)
         findings.append(finding("contradictions", size=worst, points=count, percent=100 * worst, places=places))
         means = groups.transform("mean")
         points = points.assign(**{name: means[name] for name in numeric})
-    return points.drop_duplicates(["current", "distance"]).reset_index(drop=True), findings
+    return points.drop_duplicates(["current_A", "distance_m"]).reset_index(drop=True), findings
 
 
 def _holes(points: pd.DataFrame, currents: FloatArray, distances: FloatArray) -> list[Finding]:
@@ -136,7 +135,7 @@ def _holes(points: pd.DataFrame, currents: FloatArray, distances: FloatArray) ->
     if missing > count / 2:
         counts = {"points": len(points), "currents": len(currents), "distances": len(distances)}
         return [finding("scattered", size=float(missing), **counts)]
-    present = set(zip(points["current"], points["distance"], strict=True))
+    present = set(zip(points["current_A"], points["distance_m"], strict=True))
     holes = [f"({i:g} A, {d * 1e3:g} mm)" for i in currents for d in distances if (i, d) not in present]
     return [finding("holes", size=missing, holes=missing, points=count, places=listing(holes))]
 
@@ -146,7 +145,7 @@ def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArr
 
     Its distances, its currents, and the values of each quantity, finite everywhere, of shape (n, m).
     """
-    indexed = points.set_index(["distance", "current"])
+    indexed = points.set_index(["distance_m", "current_A"])
     tables = [indexed[name].unstack() for name in quantities]  # noqa: PD010  # pivot_table would average
     absent = np.logical_or.reduce([~np.isfinite(table.to_numpy(dtype=float)) for table in tables])
     rows, columns = np.ones(absent.shape[0], bool), np.ones(absent.shape[1], bool)
@@ -172,13 +171,13 @@ def settle_force_sign(
     """
     findings: list[Finding] = []
     if wish == "flip":
-        points = points.assign(force=-points["force"])
+        points = points.assign(force_N=-points["force_N"])
         findings.append(finding("force-sign asked"))
-    distances, currents, (force,) = complete_grid(points, ["force"])
+    distances, currents, (force,) = complete_grid(points, ["force_N"])
     change, share = _growth(currents, force)
     negative = float(-np.minimum(force, 0).sum() / (np.abs(force).sum() or 1.0))
     if wish == "auto" and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
-        points, force, change = points.assign(force=-points["force"]), -force, -change
+        points, force, change = points.assign(force_N=-points["force_N"]), -force, -change
         reason = "its magnitude grows with the current" if share else "there is one current only"
         findings.append(finding("force-sign", why=reason))
     elif share > _AGREEMENT and change < 0:

@@ -56,21 +56,21 @@ class Roughness:
 
 
 def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
-    """Warn of noise with its size, and fill ``force_error`` with the estimated noise of each row.
+    """Warn of noise with its size, and fill ``force_error_N`` with the estimated noise of each row.
 
     The estimate is a lower bound: an error that changes slowly with the distance leaves no roughness.
     """
     curves: dict[float, Roughness] = {}
-    for current in np.unique(points["current"]):
-        rows = points[points["current"] == current]
-        curve = measure_roughness(rows["distance"].to_numpy(dtype=float), rows["force"].to_numpy(dtype=float))
+    for current in np.unique(points["current_A"]):
+        rows = points[points["current_A"] == current]
+        curve = measure_roughness(rows["distance_m"].to_numpy(dtype=float), rows["force_N"].to_numpy(dtype=float))
         if curve is not None:
             curves[float(current)] = curve
     if not curves:
         return points, [finding("noise few", fewest=MIN_DISTANCES)]
     judged = {current: curve for current, curve in curves.items() if curve.resolved or curve.relative <= NOISY}
-    if "force_error" not in points and judged:
-        points = points.assign(force_error=_error_of_rows(points, judged))
+    if "force_error_N" not in points and judged:
+        points = points.assign(force_error_N=_error_of_rows(points, judged))
     if max((curve.relative for curve in curves.values() if curve.resolved), default=0.0) > NOISY:
         return points, [_warning(points, curves)]
     bound = max(curve.relative for curve in curves.values())
@@ -84,10 +84,10 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
 
     By Newton's third law all of them are one force. Where a smoother column differs by more than its own noise, the
     difference is an error of the chosen one that may vary too slowly with distance to show as roughness; it is added
-    to ``force_error`` in squares. A column that differs by more than the force itself is another force.
+    to ``force_error_N`` in squares. A column that differs by more than the force itself is another force.
     """
-    smallest = points[points["current"].abs() == points["current"].abs().min()]
-    force, distance = (smallest[name].to_numpy(dtype=float) for name in ("force", "distance"))
+    smallest = points[points["current_A"].abs() == points["current_A"].abs().min()]
+    force, distance = (smallest[name].to_numpy(dtype=float) for name in ("force_N", "distance_m"))
     roughness = measure_roughness(distance, force)
     best: tuple[float, str, float] | None = None
     for name in (str(name) for name in points if str(name).startswith("other:")):
@@ -102,9 +102,9 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     if best is None or roughness is None or not (best[0] < roughness.relative / 2 and 3 * best[0] < best[2]):
         return points, []
     size, name, difference = best
-    if "force_error" in points:
-        away = points["force"].to_numpy(dtype=float) - _oriented(points, name)
-        points = points.assign(force_error=np.hypot(points["force_error"].to_numpy(dtype=float), away))
+    if "force_error_N" in points:
+        away = points["force_N"].to_numpy(dtype=float) - _oriented(points, name)
+        points = points.assign(force_error_N=np.hypot(points["force_error_N"].to_numpy(dtype=float), away))
     header = name.removeprefix("other:")
     percent = {"rival": 100 * size, "noise": 100 * roughness.relative, "differs": 100 * difference}
     option = column_option(header, "force")
@@ -114,19 +114,19 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
 def _oriented(points: pd.DataFrame, name: str) -> FloatArray:
     """Another force column with the sign of the chosen one: a reaction points the other way, shape (n,)."""
     rival = points[name].to_numpy(dtype=float)
-    return np.asarray((np.sign(np.sum(rival * points["force"].to_numpy(dtype=float))) or 1.0) * rival)
+    return np.asarray((np.sign(np.sum(rival * points["force_N"].to_numpy(dtype=float))) or 1.0) * rival)
 
 
 def _error_of_rows(points: pd.DataFrame, curves: dict[float, Roughness]) -> FloatArray:
     """Noise of each row; a current that could not be judged takes that of the nearest one, shape (n,)."""
     errors, judged = np.empty(len(points)), np.array(list(curves))
-    for current in points["current"].unique():
-        rows = (points["current"] == current).to_numpy()
+    for current in points["current_A"].unique():
+        rows = (points["current_A"] == current).to_numpy()
         nearest = judged[np.abs(judged - current).argmin()]
-        places = points.loc[points["current"] == nearest, "distance"].to_numpy(dtype=float)
-        distances = points.loc[rows, "distance"].to_numpy(dtype=float)
+        places = points.loc[points["current_A"] == nearest, "distance_m"].to_numpy(dtype=float)
+        distances = points.loc[rows, "distance_m"].to_numpy(dtype=float)
         errors[rows] = np.interp(distances, places, curves[float(nearest)].sigma_N)
-    return np.maximum(errors, _ROUNDING * float(points["force"].abs().max()))
+    return np.maximum(errors, _ROUNDING * float(points["force_N"].abs().max()))
 
 
 def _warning(points: pd.DataFrame, curves: dict[float, Roughness]) -> Finding:
@@ -135,7 +135,7 @@ def _warning(points: pd.DataFrame, curves: dict[float, Roughness]) -> Finding:
     sizes = f"{100 * curves[low].relative:.2g} % of F at {low:g} A"
     if high != low:
         sizes += f", {100 * curves[high].relative:.2g} % at {high:g} A"
-    sizes += f" (standard deviation; median over the table {float(points['force_error'].median()):.2g} N)"
+    sizes += f" (standard deviation; median over the table {float(points['force_error_N'].median()):.2g} N)"
     common, growth = _common_pattern(points)
     key = "noise" if common <= _COMMON else "self-force" if growth < _GROWS else "noise grows"
     return finding(key, size=curves[low].relative, sizes=sizes)
@@ -146,7 +146,7 @@ def _common_pattern(points: pd.DataFrame) -> tuple[float, float]:
 
     All currents' curves are divided by one envelope, so that equal errors in newtons stay equal.
     """
-    distances, _, (force,) = complete_grid(points, ["force"])
+    distances, _, (force,) = complete_grid(points, ["force_N"])
     if len(distances) < MIN_DISTANCES or not force.any():
         return 0.0, 1.0
     x = np.log(distances)

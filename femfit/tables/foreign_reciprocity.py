@@ -71,9 +71,9 @@ def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
     It is said where reciprocity holds or cannot be judged, a warning up to 10 %, an error beyond; nothing is said
     without a column of flux linkages.
     """
-    if "flux_linkage" not in points:
+    if "flux_linkage_Wb" not in points:
         return []
-    distances, currents, (force, flux) = complete_grid(points, ["force", "flux_linkage"])
+    distances, currents, (force, flux) = complete_grid(points, ["force_N", "flux_linkage_Wb"])
     if len(distances) < 3 or len(currents) < 2:
         return [finding("reciprocity unchecked")]
     plain = _compare_loops(distances, currents, force, flux)
@@ -116,22 +116,22 @@ def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Findi
     lambda = L i lacks the magnet's flux linkage at zero current; only without a magnet, or with L = lambda / i at every
     current, the flux linkage follows, and then it must be reciprocal.
     """
-    if "inductance" not in points or "flux_linkage" in points:
+    if "inductance_H" not in points or "flux_linkage_Wb" in points:
         return points, []
-    distances, currents, (force, inductance) = complete_grid(points, ["force", "inductance"])
+    distances, currents, (force, inductance) = complete_grid(points, ["force_N", "inductance_H"])
     if len(distances) < 3 or (currents != 0).sum() < 2:
         return points, [finding("inductance few")]
     loops = _compare_reading(distances, currents, force, inductance, _apparent)
-    zero = (points["current"] == 0).to_numpy()
-    passive = float(points.loc[zero, "force"].abs().max()) if zero.any() else 0.0
+    zero = (points["current_A"] == 0).to_numpy()
+    passive = float(points.loc[zero, "force_N"].abs().max()) if zero.any() else 0.0
     if loops.spread > _SAME_SHAPE or abs(loops.factor - 1) > _AGREES + loops.spread:
         return points, [finding("inductance disagrees", size=loops.factor, percent=100 * loops.spread)]
-    if passive > _NO_MAGNET * float(points["force"].abs().max()):
+    if passive > _NO_MAGNET * float(points["force_N"].abs().max()):
         return points, [finding("inductance magnet", size=loops.factor)]
-    flux = np.where(zero, 0.0, points["inductance"].fillna(0.0) * points["current"])
+    flux = np.where(zero, 0.0, points["inductance_H"].fillna(0.0) * points["current_A"])
     error = abs(loops.factor - 1)
     taken = finding("inductance", size=error, percent=100 * error, loops=loops.loops)
-    return points.assign(flux_linkage=flux), [taken]
+    return points.assign(flux_linkage_Wb=flux), [taken]
 
 
 def _compare_loops(distances: FloatArray, currents: FloatArray, force: FloatArray, flux_linkage: FloatArray) -> _Loops:

@@ -9,9 +9,8 @@ from functools import lru_cache
 from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.core.text import quoted
-from femfit.tables.channels import CHANNELS, NEEDS_UNIT
 from femfit.tables.number_text import looks_numeric
-from femfit.tables.units import column_unit, is_unit, unit_factor
+from femfit.tables.units import CHANNELS, NEEDS_UNIT, column_unit, is_unit, unit_factor
 
 _OTHER_QUANTITIES = """
 resistance widerstand voltage spannung tension power leistung time zeit tempo loss losses nodes elements error density

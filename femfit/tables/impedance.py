@@ -5,21 +5,22 @@ series or in parallel, or an inductance with its quality Q = X / R or dissipatio
 column carries the circuit's name, all others open, or the names of two: the voltage of one over the other's current.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import amount, quoted
-from femfit.tables.circuit_columns import circuit_columns, column_of, parts_of
-from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_columns
+from femfit.tables.circuit_columns import OF_CIRCUITS, column_of, parts_of
+from femfit.tables.columns import BENCH_COLUMNS, UsedColumn
 from femfit.tables.findings import finding
 from femfit.tables.header import parse_header
-from femfit.tables.raw_table import RawTable
+from femfit.tables.reading import Wants
 from femfit.tables.units import suspicion
 
 SERIES = ("resistance_ohm", "inductance_H")
@@ -33,14 +34,25 @@ FORMS = (
 
 _ALL = (*SERIES, *FORMS)
 
-_PAIRS: Mapping[str, tuple[str, ...]] = {
-    "impedance_ohm": ("phase_deg",),
-    "phase_deg": ("impedance_ohm",),
-    "reactance_ohm": ("resistance_ohm",),
-    "inductance_H": ("Q", "D"),
-    "parallel_inductance_H": ("parallel_resistance_ohm", "Q", "D"),
+IMPEDANCES = Wants(
+    "bench table",
+    (*(name for name in BENCH_COLUMNS if name != "voltage_V"), *FORMS),
+    needs=("frequency_Hz",),
+    one_of=_ALL,
+    circuits=OF_CIRCUITS - {"voltage_V"},
+)
+"""A bench table of impedances; a voltage in it is that of the small current."""
+
+_FORMS: Mapping[tuple[str, str], Callable[[FloatArray, FloatArray], Any]] = {
+    ("impedance_ohm", "phase_deg"): lambda z, phase: z * np.exp(1j * np.radians(phase)),
+    ("reactance_ohm", "resistance_ohm"): lambda x, r: r + 1j * x,
+    ("inductance_H", "Q"): lambda x, q: 1.0 / q * x + 1j * x,
+    ("inductance_H", "D"): lambda x, d: d * x + 1j * x,
+    ("parallel_inductance_H", "parallel_resistance_ohm"): lambda x, r: 1.0 / (1.0 / r - 1j / x),
+    ("parallel_inductance_H", "Q"): lambda x, q: 1.0 / (1.0 / q / x - 1j / x),
+    ("parallel_inductance_H", "D"): lambda x, d: 1.0 / (d / x - 1j / x),
 }
-"""What goes with what, the second of each in the order in which it is taken."""
+"""What goes with what, in the order in which it is taken, and Z of the two, inductances as reactances w L."""
 
 _DIRECT = frozenset({"rdc", "dcresistance"})
 """Names of a resistance that is measured with direct current."""
@@ -50,24 +62,6 @@ _WITHOUT_NAME = ("Q", "D")
 
 _METER_DEG = 1.0
 """Assumed: an instrument's largest error of a phase, beyond which no coil is."""
-
-
-def is_impedance(
-    raw: RawTable, columns: Mapping[str, str], units: Mapping[str, str | float], settings: Mapping[str, float]
-) -> bool:
-    """Tell whether a table has a frequency and something of an impedance."""
-    names = (*BENCH_COLUMNS, *FORMS, *circuit_columns((*raw.headers, *columns.values())))
-    try:
-        used, _, _ = match_columns(raw.headers, raw.source, names, columns, units, optional=names)
-    except TableError:
-        return False
-    quantities = {parts_of(column.name)[0] for column in used.values()} | set(settings)
-    return "frequency_Hz" in quantities and not quantities.isdisjoint((*SERIES, *FORMS))
-
-
-def impedance_columns(names: Sequence[str]) -> tuple[str, ...]:
-    """Columns of a bench table as one of impedances has them; a voltage in it is that of the small current."""
-    return (*(name for name in names if parts_of(name)[0] != "voltage_V"), *FORMS)
 
 
 def in_series(
@@ -123,15 +117,16 @@ def _one_in_series(
     circuit = parts_of(next(iter(held.values())))[1]
     series = {name: readings[name] for name in SERIES if name in held}
     if len(series) < len(SERIES):
-        pairs = ((first, second) for first, partners in _PAIRS.items() for second in partners)
-        pair = next((pair for pair in pairs if set(pair) <= held.keys()), None)
+        pair = next((pair for pair in _FORMS if set(pair) <= held.keys()), None)
         if pair is not None:
             w = 2.0 * np.pi * frequency
-            z = _impedance(*pair, readings, w)
+            with np.errstate(divide="ignore", invalid="ignore"):  # a quality of 0 is no number, and its row has none
+                z = _FORMS[pair](*(readings[name] * (w if name.endswith("_H") else 1.0) for name in pair))
             series = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
             findings.append(finding("impedance", columns=" and ".join(held[name] for name in pair)))
         elif not series:
-            second = [column_of(name, circuit) for name in _PAIRS.get(next(iter(held)), ("parallel_inductance_H",))]
+            form = next(iter(held))
+            second = [column_of(name, circuit) for pair in _FORMS if form in pair for name in pair if name != form]
             raise TableError(
                 f"An impedance must have two numbers at each frequency; {source} has {listing(held.values())}. Add "
                 f"{' or '.join(second)}, or say what a column is with --column HEADER={second[0]}."
@@ -140,20 +135,6 @@ def _one_in_series(
         return series, findings
     inductive, resonance = without_capacitive(series, frequency, source, column_of("inductance_H", circuit))
     return inductive, [*findings, *resonance]
-
-
-def _impedance(first: str, second: str, of: Mapping[str, FloatArray], w: FloatArray) -> ComplexArray:
-    """Z of two columns."""
-    if {first, second} == {"impedance_ohm", "phase_deg"}:
-        return np.asarray(of["impedance_ohm"] * np.exp(1j * np.radians(of["phase_deg"])))
-    if first == "reactance_ohm":
-        return np.asarray(of["resistance_ohm"] + 1j * of["reactance_ohm"])
-    x = w * of[first]
-    with np.errstate(divide="ignore", invalid="ignore"):  # a quality of 0 is no number, and its row has none
-        if second == "parallel_resistance_ohm":
-            return np.asarray(1.0 / (1.0 / of[second] - 1j / x))
-        loss = of["D"] if second == "D" else 1.0 / of["Q"]
-        return np.asarray(loss * x + 1j * x if first == "inductance_H" else 1.0 / (loss / x - 1j / x))
 
 
 def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:

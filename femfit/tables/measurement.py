@@ -13,8 +13,8 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed, listing
-from femfit.tables.channels import CHANNELS as REGISTRY
 from femfit.tables.circuit_columns import parts_of
+from femfit.tables.units import CHANNELS as REGISTRY
 
 CHANNELS = tuple(name for name, channel in REGISTRY.items() if channel.bench == "reading")
 """Columns that a bench reads."""

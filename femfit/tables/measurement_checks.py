@@ -15,6 +15,7 @@ from femfit.tables.circuit_columns import parts_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import CHANNELS, BenchTable
 from femfit.tables.outliers import isolated_outliers
+from femfit.tables.time_series_checks import NORMAL_MEDIAN, equal_stretches
 from femfit.tables.units import suspected_by_size
 
 _LEAST_COPIES = 5
@@ -27,18 +28,24 @@ _NUMBERS = ("run", "mount", "order")
 _COARSE = 3.0
 """Assumed: steps of a channel below which its scatter, from readings that are not equal, is no more than its steps."""
 
-_NORMAL_MEDIAN = 0.6745
-"""Derived: median of the size of a standard normal number."""
+_LEAST_STUCK = 5
+"""Assumed: consecutive equal readings from which a column may be stuck."""
 
-_LEAST_STUCK = 8
-"""Assumed: consecutive equal readings from which a channel may be stuck."""
+_COMMANDED = frozenset(("distance_m", "current_A", "voltage_V"))
+"""What somebody may set, so that equal numbers are none of a sensor."""
 
 _STUCK_CHANCE = 1e-3
-"""Conventional: expected number of such stretches by chance, from how often successive readings are equal."""
+"""Conventional: expected number of such stretches by chance, from how often repeats are equal."""
 
-_BALANCED = 0.9
-"""Assumed: share of a run's forces in stretches of one value from which they are a weight that was held, not a stuck
-sensor."""
+_REPEAT = 0.01
+"""Assumed: part of a setting's range within which readings repeat it."""
+
+_FEW_REPEATS, _STEPS = 5, 10
+"""Assumed: repeats that show whether a column has noise, and the different sizes that their differences then have; a
+staircase that somebody commands has few."""
+
+_ONE_WAY = 0.1
+"""Assumed: part of the repeats that must differ upwards, and downwards, for a noise; a fine sweep goes one way."""
 
 STILL_CURRENT = 0.005
 """Assumed: change of the current, over all of its range, that is the ammeter's and no step."""
@@ -61,7 +68,7 @@ def checked(table: BenchTable) -> BenchTable:
     """Set aside what cannot be right in a table, and suspect its units from the sizes of its numbers."""
     findings = suspected_by_size(table.rows)
     rows = table.rows
-    for name in table.channels:
+    for name in dict.fromkeys((*table.channels, "distance_m", *filter(is_current, table.given))):
         values, stuck = _without_stuck(rows, name)
         findings += stuck
         rows = rows.assign(**{name: values})
@@ -78,7 +85,7 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
     for name in (name for name in table.channels if name in predicted):
         values = rows[name].to_numpy().copy()
         residual = values - predicted[name]
-        readable = np.flatnonzero(np.isfinite(residual) & _placed(rows))
+        readable = np.flatnonzero(np.isfinite(residual) & rows[["distance_m", "current_A"]].notna().all(axis=1))
         if len(readable) < 2:
             continue
         run = pd.factorize(rows["run"].to_numpy()[readable])[0]
@@ -123,15 +130,12 @@ def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArr
     rounded to the same step q with the chance q / (s sqrt(2 pi)), of several channels the product; a channel with
     s < 3 q is too coarse to tell s. Where all repeats are equal nothing does, and ``untold`` is returned.
     """
-    settings = [name for name in rows if is_current(str(name)) or name in {"distance_m", "branch", "frequency_Hz"}]
-    setting = rows.groupby(settings, dropna=False).ngroup()
+    setting = rows.groupby(_settings(rows), dropna=False).ngroup()
     elsewhere = setting.groupby([rows[name] for name in channels], dropna=False).transform("nunique").to_numpy() > 1
     count = int(np.sum(equal & ~elsewhere))
     if count < _LEAST_COPIES:
         return True
-    rest, number = rows[~equal], setting.to_numpy()[~equal]
-    order = np.argsort(number, kind="stable")
-    follows = np.diff(number[order]) == 0
+    rest, (order, follows) = rows[~equal], _pairs(setting[~equal])
     if not follows.any():
         return untold
     chance = 1.0
@@ -140,7 +144,7 @@ def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArr
         differences = np.abs(np.diff(values[order])[follows])
         steps = np.diff(np.unique(values[np.isfinite(values)]))
         if np.isfinite(differences).any() and len(steps):
-            scatter = float(np.nanmedian(differences)) / _NORMAL_MEDIAN
+            scatter = float(np.nanmedian(differences)) / NORMAL_MEDIAN
             chance *= steps.min() / (scatter * np.sqrt(2.0 * np.pi)) if scatter >= _COARSE * steps.min() else 1.0
     of_setting = np.bincount(setting.to_numpy()).astype(np.float64)
     expected = chance * float(np.sum(of_setting * (of_setting - 1.0)) / 2.0)
@@ -148,21 +152,29 @@ def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArr
 
 
 def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Finding]]:
-    """A channel without stretches of one and the same reading over changing settings."""
+    """A column without stretches of one and the same reading, where its other readings show that it has noise.
+
+    What is commanded, or rounded so that repeats are equal, may stay at one number for long. Where repeats are equal
+    with the chance p, n p^(L - 1) stretches of n readings are longer than L by chance. Where nothing is repeated, a
+    channel that nobody commands may be stuck over settings that change.
+    """
     values = rows[name].to_numpy().copy()
-    readable = np.flatnonzero(np.isfinite(values) & _placed(rows))
-    if len(readable) < _LEAST_STUCK:
-        return values, []
-    read, run, places = values[readable], rows["run"].to_numpy()[readable], _places(rows)[readable]
-    follows = np.concatenate([[False], (np.diff(read) == 0.0) & (np.diff(run) == 0.0)])
-    stretch = np.cumsum(~follows) - 1
-    length = np.bincount(stretch)
-    balanced = _balanced(run, length[stretch]) if name == "force_N" else np.zeros(len(read), dtype=bool)
+    readable = np.flatnonzero(np.isfinite(values))
+    read, rows = values[readable], rows.iloc[readable]
+    length, stretch = equal_stretches(read, rows["run"].to_numpy())
+    others = rows[length[stretch] < _LEAST_STUCK]
+    repeats = _repeats(others, name, float(np.ptp(read)) if len(read) else 0.0)
+    if len(repeats) < _FEW_REPEATS and parts_of(name)[0] not in _COMMANDED:
+        repeats = np.diff(others[name].to_numpy())
+        moves = (rows[_settings(rows)].diff().fillna(0.0) != 0.0).any(axis=1)
+        driven = (rows.filter(regex="^current_.*A$").fillna(0.0) != 0.0).any(axis=1)
+        moves &= driven | (read != 0.0)  # without a current a computed force is exactly zero
+        length = np.bincount(stretch, moves.to_numpy(), len(length))
+    equal = (np.sum(repeats == 0.0) + 1.0) / (len(repeats) + 2.0)
+    least = max(_LEAST_STUCK, 1.0 + np.log(_STUCK_CHANCE / max(len(read), 1)) / np.log(equal))
     lengths_of: dict[float, list[int]] = {}
-    for number in np.flatnonzero(length >= _least_length(length)):
+    for number in np.flatnonzero((length >= least) & (len(repeats) >= _FEW_REPEATS)):
         members = np.flatnonzero(stretch == number)
-        if balanced[members].all() or not _held(read, places, members):
-            continue
         values[readable[members]] = np.nan
         lengths_of.setdefault(float(read[members[0]]), []).append(len(members))
     return values, [
@@ -171,38 +183,36 @@ def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Find
     ]
 
 
-def _balanced(run: FloatArray, length: IntArray) -> BoolArray:
-    """Readings of runs whose force is piecewise one value: a weight in balance at one place after the other."""
-    result = np.zeros(len(run), dtype=bool)
-    for number in np.unique(run):
-        members = run == number
-        result[members] = np.mean(length[members] >= _LEAST_STUCK) >= _BALANCED
-    return result
+def _repeats(rows: pd.DataFrame, name: str, span: float) -> FloatArray:
+    """Differences between readings of one setting; of what can be commanded none where they show no noise.
+
+    Readings of a channel are repeats where their settings hardly differ, those of a setting where they follow each
+    other and hardly differ. A noise goes up and down, by ever other steps.
+    """
+    of_setting, commanded = parts_of(name)[0] not in CHANNELS, parts_of(name)[0] in _COMMANDED
+    keys = rows[["run"] if of_setting else _settings(rows)].drop(columns="branch" if commanded else [], errors="ignore")
+    keys = keys.fillna(0.0)
+    for key in keys.columns.difference(["run", "branch", "frequency_Hz"]):
+        keys[key] = np.round(keys[key] / max(_REPEAT * float(np.ptp(keys[key])), 1e-300)) if len(keys) else keys[key]
+    order, same = _pairs(keys.groupby(list(keys)).ngroup())
+    repeats = np.diff(rows[name].to_numpy()[order])[same]
+    repeats = repeats[np.abs(repeats) <= _REPEAT * span] if of_setting else repeats
+    sizes = len(np.unique(np.round(np.abs(repeats) / max(span, 1e-300), 9)))
+    ways = [float(np.mean(sign * repeats > 0.0)) for sign in (1.0, -1.0)] if len(repeats) else [0.0]
+    noisy = min(ways) >= _ONE_WAY and sizes >= min(_STEPS, len(repeats) // 2)
+    return repeats if noisy or not commanded else repeats[:0]
 
 
-def _least_length(length: IntArray) -> float:
-    """Length of a stretch of equal readings that chance does not make: n p^L = 1e-3."""
-    short = length[length < _LEAST_STUCK]
-    total = int(length.sum())
-    equal = (float(np.sum(short - 1)) + 1.0) / (float(np.sum(short)) + 2.0)
-    return max(float(_LEAST_STUCK), float(np.log(_STUCK_CHANCE / total) / np.log(equal)))
+def _pairs(setting: "pd.Series[int]") -> tuple[IntArray, BoolArray]:
+    """The readings in the order of their settings, and whether each but the first is of the setting before it."""
+    number = setting.to_numpy()
+    order = np.argsort(number, kind="stable")
+    return order, np.diff(number[order]) == 0
 
 
-def _held(read: FloatArray, places: FloatArray, members: IntArray) -> bool:
-    """Whether the settings changed over the stretch, and other readings between the same settings do change."""
-    low, high = places[members].min(axis=0), places[members].max(axis=0)
-    if (high - low)[:2].max() < 0.1:
-        return False
-    outside = np.ones(len(read), dtype=bool)
-    outside[members] = False
-    around = read[outside & np.all((places[:, :2] >= low[:2]) & (places[:, :2] <= high[:2]), axis=1)]
-    if len(around) < 3:
-        around = read[outside]
-    return len(around) == 0 or float(np.ptp(around)) > 4.0 * _step(read)
-
-
-def _placed(rows: pd.DataFrame) -> BoolArray:
-    return np.asarray(np.isfinite(rows["distance_m"].to_numpy()) & np.isfinite(rows["current_A"].to_numpy()))
+def _settings(rows: pd.DataFrame) -> list[str]:
+    """The columns of a bench table that say at which setting a reading was taken."""
+    return [str(name) for name in rows if is_current(str(name)) or name in {"distance_m", "branch", "frequency_Hz"}]
 
 
 def _places(rows: pd.DataFrame) -> FloatArray:

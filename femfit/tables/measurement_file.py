@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,11 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.results import Finding
 from femfit.core.text import quoted
-from femfit.tables.circuit_columns import circuit_columns, parts_of
-from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_option, match_column, remedy_for_columns
+from femfit.tables.circuit_columns import OF_CIRCUITS, parts_of
+from femfit.tables.columns import BENCH_COLUMNS, column_option, match_column
 from femfit.tables.findings import finding
 from femfit.tables.header import parse_header
-from femfit.tables.impedance import impedance_columns, in_series, is_impedance
-from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table, with_settings
+from femfit.tables.impedance import IMPEDANCES, in_series
 from femfit.tables.measurement import (
     CHANNELS,
     IMPEDANCE_SHARE,
@@ -30,15 +28,22 @@ from femfit.tables.measurement import (
     TimeSeries,
 )
 from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
-from femfit.tables.measurement_sidecar import Reading, read_sidecar, reading_of
+from femfit.tables.measurement_sidecar import Words, declared_noise, words_of
 from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import RawTable
+from femfit.tables.reading import Wants, read_columns, read_raw_table
 from femfit.tables.time_series_checks import check_clock, check_readings, spread_stamps
 from femfit.tables.units import suspected_by_size, unit_factor
 
-BENCH_NEEDS = tuple(frozenset(("distance_m", channel)) for channel in CHANNELS)
-SERIES_NEEDS = tuple(frozenset(("time_s", channel)) for channel in SERIES_CHANNELS)
-"""Sets of columns, each of which makes a table a measurement."""
+BENCH = Wants(
+    "bench table",
+    BENCH_COLUMNS,
+    needs=("distance_m",),
+    one_of=CHANNELS,
+    circuits=OF_CIRCUITS,
+    hints={"distance_m": "Where it was the same throughout, say --setting distance_mm=2.0."},
+)
+SERIES = Wants("time series", SERIES_COLUMNS, needs=("time_s",), one_of=SERIES_CHANNELS, circuits=SERIES_CHANNELS)
 
 _PROTOCOL_STEP_S = 1.0
 """Chosen: a hand writes down no two readings in a second, and no motion of an actuator is sampled so slowly."""
@@ -93,21 +98,20 @@ def read_measurement(
             f"{type(path).__name__}. Give the path of a .csv or .parquet file."
         )
     path = Path(path)
-    reading = reading_of(path, columns, units, table, noise, settings)
-    wanted = has_columns((*BENCH_NEEDS, *SERIES_NEEDS), reading.columns, reading.units)
-    raw = read_raw_table(path, table=reading.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, reading))
-    if _has_impedance(raw, reading):
-        return _bench_table(raw, path, reading)
-    if "time_s" in reading.columns.values():
-        return _time_series(raw, path, reading)
+    words = words_of(path, columns, units, table, noise, settings)
+    raw = read_raw_table(path, kinds=(BENCH, SERIES, IMPEDANCES), words=words)
+    if IMPEDANCES.fits(raw, words):
+        return _bench_table(raw, path, words)
+    if "time_s" in words.columns.values():
+        return _time_series(raw, path, words)
     matched = {header: match_column(header, SERIES_COLUMNS) for header in raw.headers}
     clock = next((header for header, column in matched.items() if column and column.name == "time_s"), None)
     if clock is None:
-        return _bench_table(raw, path, reading)
+        return _bench_table(raw, path, words)
     step = _step_of_moments(raw, clock)
     if step < _PROTOCOL_STEP_S:
-        return _time_series(raw, path, reading)
-    bench = _bench_table(raw, path, replace(reading, columns={clock: "order", **reading.columns}))
+        return _time_series(raw, path, words)
+    bench = _bench_table(raw, path, replace(words, columns={clock: "order", **words.columns}))
     facts = {"header": quoted(clock), "least": _PROTOCOL_STEP_S, "option": column_option(clock, "time_s")}
     return replace(bench, findings=(finding("protocol", size=step, column="order", **facts), *bench.findings))
 
@@ -130,43 +134,27 @@ def read_bench_table(path: str | Path, *, planned: bool = False, **words: Any) -
     Rows stand in the order of measuring, with what the checks set aside as NaN and said in ``findings``. In a plan a
     channel counts as given by its column alone, its cells may be empty.
     """
-    path = Path(path)
-    reading = reading_of(path, **words)
-    wanted = has_columns(BENCH_NEEDS, reading.columns, reading.units)
-    raw = read_raw_table(path, table=reading.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, reading))
-    return _bench_table(raw, path, reading, planned)
+    path, reading = Path(path), words_of(Path(path), **words)
+    return _bench_table(read_raw_table(path, kinds=(BENCH, IMPEDANCES), words=reading), path, reading, planned)
 
 
-def _has_impedance(raw: RawTable, reading: Reading) -> bool:
-    return is_impedance(raw, reading.columns, reading.units, reading.settings)
-
-
-def _bench_table(raw: RawTable, path: Path, reading: Reading, planned: bool = False) -> BenchTable:
-    of_circuits, impedance = circuit_columns((*raw.headers, *reading.columns.values())), _has_impedance(raw, reading)
-    names = (*BENCH_COLUMNS, *of_circuits)
-    names = impedance_columns(names) if impedance else names
-    rows, used, findings = read_columns(raw, names, reading.columns, reading.units)
-    rows, declared = with_settings(rows, reading.settings, raw.source)
+def _bench_table(raw: RawTable, path: Path, words: Words, planned: bool = False) -> BenchTable:
+    impedance = IMPEDANCES.fits(raw, words)
+    table = read_columns(raw, IMPEDANCES if impedance else BENCH, words)
     if impedance:
-        rows, converted = in_series(rows, used, raw.source, raw.lines)
-        declared += converted
+        rows, converted = in_series(table.rows, table.used, raw.source, raw.lines)
+        table = replace(table, rows=rows, findings=[*table.findings, *converted])
+    rows = table.rows
     of_circuits = tuple(str(name) for name in rows if parts_of(str(name))[1])
-    names, channels = (*BENCH_COLUMNS, *of_circuits), (*CHANNELS, *of_circuits)
-    findings += declared
-    _require("bench table", [str(name) for name in rows], raw, used, findings)
-    with_noise = (
-        *CHANNELS,
-        "distance_m",
-        "current_A",
-        IMPEDANCE_SHARE,
-        *of_circuits,
-        *(OF_RUNS + name for name in channels),
-    )
-    sidecar = read_sidecar(path, with_noise, used, reading.noise)
+    channels = (*CHANNELS, *of_circuits)
     filled = tuple(
-        name for name in names if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
+        name
+        for name in (*BENCH_COLUMNS, *of_circuits)
+        if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )
-    _require("bench table", filled, raw, used, findings)
+    BENCH.require(filled, raw.headers, raw.source, table.used, table.findings)
+    with_noise = (*CHANNELS, "distance_m", "current_A", IMPEDANCE_SHARE, *of_circuits)
+    noise, unused = declared_noise(words, (*with_noise, *(OF_RUNS + name for name in channels)), table.used)
     full = _complete_bench(rows, of_circuits)
     copies: list[Finding] = []
     if not planned:
@@ -176,36 +164,15 @@ def _bench_table(raw: RawTable, path: Path, reading: Reading, planned: bool = Fa
         branch, assumed = branch_from_order(ordered)
         remarks += assumed
         ordered = ordered if branch is None else ordered.assign(branch=branch)
-    table = BenchTable(
+    bench = BenchTable(
         rows=ordered.assign(mount=ordered["mount"].fillna(ordered["run"])),
         given=filled,
-        declared_noise=sidecar.noise,
-        findings=(*findings, *copies, *remarks, *sidecar.findings),
+        declared_noise=noise,
+        findings=(*table.findings, *copies, *remarks, *unused),
         source=path.name,
-        test_object=sidecar.test_object,
-        notes=sidecar.notes,
+        **words.texts,
     )
-    return table if planned else checked(table)
-
-
-def _require(
-    kind: str, columns: Sequence[str], raw: RawTable, used: Sequence[UsedColumn], findings: Sequence[Finding]
-) -> None:
-    """Refuse a bench table or a time series that lacks its first column, or has no channel."""
-    first, channels = ("distance_m", CHANNELS) if kind == "bench table" else ("time_s", SERIES_CHANNELS)
-    missing: dict[str, tuple[str, ...]] = {} if first in columns else {first: (first,)}
-    if not any(parts_of(name)[0] in channels for name in columns):
-        missing[f"one of {', '.join(channels)}"] = channels
-    if missing:
-        taken = {column.header for column in used}
-        unused = [header for header in raw.headers if header.strip() and header not in taken]
-        reasons = [remark.text for remark in findings if remark.column and remark.column not in columns]
-        constant = " Where it was the same throughout, say --setting distance_mm=2.0." * ("distance_m" in missing)
-        raise TableError(
-            f"A {kind} must have {first} and at least one channel, with numbers in them; {raw.source} lacks "
-            f"{' and '.join(missing)} (it has {', '.join(columns) or 'none of the known columns'}). "
-            f"{' '.join([*reasons[:4], ''])}{remedy_for_columns(unused, [*chain(*missing.values())])}{constant}"
-        )
+    return bench if planned else checked(bench)
 
 
 def _complete_bench(rows: pd.DataFrame, of_circuits: Sequence[str]) -> pd.DataFrame:
@@ -219,32 +186,25 @@ def _complete_bench(rows: pd.DataFrame, of_circuits: Sequence[str]) -> pd.DataFr
     )
 
 
-def _time_series(raw: RawTable, path: Path, reading: Reading) -> TimeSeries:
-    of_circuits = circuit_columns((*raw.headers, *reading.columns.values()))
-    of_circuits = tuple(name for name in of_circuits if parts_of(name)[0] in SERIES_CHANNELS)
-    names = (*SERIES_COLUMNS, *of_circuits)
-    values, used, findings = read_columns(raw, names, reading.columns, reading.units)
-    values, declared = with_settings(values, reading.settings, raw.source)
-    findings += declared
-    filled = tuple(name for name in names if name in values and bool(values[name].notna().any()))
-    _require("time series", filled, raw, used, findings)
-    sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, reading.noise)
-    rows, lost = _complete_series(values, names)
-    if lost:
-        findings.append(finding("cells untimed", size=float(lost), rows=lost))
+def _time_series(raw: RawTable, path: Path, words: Words) -> TimeSeries:
+    table, names = read_columns(raw, SERIES, words), SERIES.columns(raw.headers, words)
+    filled = tuple(name for name in names if name in table.rows and bool(table.rows[name].notna().any()))
+    SERIES.require(filled, raw.headers, raw.source, table.used, table.findings)
+    noise, unused = declared_noise(words, names[names.index(SERIES_CHANNELS[0]) :], table.used)
+    rows, lost = _complete_series(table.rows, names)
+    untimed = [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
     rows, coarse = spread_stamps(rows, path.name)
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings, clipped = check_readings(rows)
-    filled = tuple(name for name in filled if name in clipped or rows[name].notna().any())
+    remarks = (*table.findings, *untimed, *coarse, *clock, *readings, *suspected_by_size(rows))
     return TimeSeries(
         rows=rows,
-        given=filled,
-        declared_noise=sidecar.noise,
-        findings=(*findings, *coarse, *clock, *readings, *suspected_by_size(rows), *sidecar.findings),
+        given=tuple(name for name in filled if name in clipped or rows[name].notna().any()),
+        declared_noise=noise,
+        findings=(*remarks, *unused),
         source=path.name,
-        test_object=sidecar.test_object,
-        notes=sidecar.notes,
         clipped=clipped,
+        **words.texts,
     )
 
 

@@ -1,4 +1,4 @@
-"""The sidecar of a measurement, a ``.toml`` beside it: noise, columns, units, test object and notes."""
+"""What a user says of a measured table: in the call, and in a ``.toml`` beside the file, its sidecar."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,100 +8,74 @@ from typing import Any
 
 from femfit.core.errors import TableError
 from femfit.core.results import Finding
+from femfit.core.sweep_columns import is_current
 from femfit.core.text import quoted
+from femfit.tables.circuit_columns import circuit_columns
 from femfit.tables.columns import UsedColumn, match_column
 from femfit.tables.files import finite_number, read_settings
 from femfit.tables.findings import finding
 from femfit.tables.header import same_header
-from femfit.tables.measured_columns import constant_settings
-from femfit.tables.measurement import OF_RUNS
+from femfit.tables.measurement import OF_RUNS, SETTINGS
 
 _EXAMPLE = "force_N = 2e-4"
-_EXAMPLES: Mapping[str, tuple[tuple[type, ...], str]] = {
+_TABLES: Mapping[str, tuple[tuple[type, ...], str]] = {
     "columns": ((str,), '"Kanal 3" = "force_N"'),
     "units": ((str, int, float), '"Kanal 3" = "gf", or "channel 1" = 2.5'),
+    "noise": ((object,), _EXAMPLE),
+    "noise.run": ((object,), _EXAMPLE),
 }
+"""Tables of a sidecar: the types of their values, and an example."""
 
 _OF_DRAWINGS = frozenset({"schema", "sweep"})
 """Keys that an actuator file has and a sidecar does not."""
 
 
 @dataclass(frozen=True)
-class Sidecar:
-    """What a measurement's sidecar says.
+class Words:
+    """How a table is to be read, and what is known of it beside its readings."""
 
-    ``noise`` is a standard deviation per channel, in the channel's unit; ``run.force_N`` is that of what all readings
-    of a run share.
-    """
+    columns: Mapping[str, str] = field(default_factory=dict)  # Header to the column that it is
+    units: Mapping[str, str | float] = field(default_factory=dict)  # Header or column to its unit, or factor to SI
+    table: str | None = None  # Which of a file's tables
+    noise: Mapping[str, float] = field(default_factory=dict)  # As the caller declares it
+    settings: Mapping[str, float] = field(default_factory=dict)  # What was the same in every row, in SI
+    sidecar: Path | None = None
+    noted: Mapping[str, Any] = field(default_factory=dict)  # What else the sidecar says, the noise among it
 
-    noise: Mapping[str, float] = field(default_factory=dict)
-    test_object: str = ""
-    notes: str = ""
-    findings: tuple[Finding, ...] = ()
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a table is to be read: its columns and units, constant settings, which table of a file, the noise."""
-
-    columns: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str | float] = field(default_factory=dict)
-    table: str | None = None
-    noise: Mapping[str, float] = field(default_factory=dict)
-    settings: Mapping[str, float] = field(default_factory=dict)  # In SI
+    @property
+    def texts(self) -> dict[str, str]:
+        """What the sidecar says of the test object, and its notes."""
+        return {key: str(self.noted.get(key, "")) for key in ("test_object", "notes")}
 
 
-def reading_of(
+NO_WORDS = Words()
+
+
+def words_of(
     measurement: Path,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str | float] | None = None,
     table: str | None = None,
     noise: Mapping[str, float] | None = None,
     settings: Mapping[str, float] | None = None,
-) -> Reading:
-    """Return what the caller says of a table, before what its sidecar says."""
-    file, data = _sidecar_file(measurement)
-    tables: dict[str, dict[str, Any]] = {}
-    for key, (kinds, example) in _EXAMPLES.items():
-        value = data.get(key, {})
-        if not isinstance(value, dict) or not all(isinstance(meant, kinds) for meant in value.values()):
-            raise TableError(f"[{key}] of {file} must hold lines like {example}; instead received {quoted(value)}.")
-        tables[key] = value
+) -> Words:
+    """Return what the caller says of a table, before what ``NAME.csv.toml`` or else ``NAME.toml`` beside it says."""
+    file, data = _sidecar(measurement)
+    tables = {key: _table(data, key, file) for key in ("columns", "units")}
     if not isinstance(data.get("table", ""), str):
         raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(data["table"])}.')
-    return Reading(
+    return Words(
         tables["columns"] | dict(columns or {}),
         tables["units"] | dict(units or {}),
         table if table is not None else data.get("table"),
         noise or {},
         constant_settings(data.get("settings", {}), str(file)) | constant_settings(settings or {}, "the options"),
+        file,
+        {key: value for key, value in data.items() if key not in {*tables, "table", "settings"}},
     )
 
 
-def read_sidecar(
-    measurement: Path,
-    channels: Sequence[str],
-    used: Sequence[UsedColumn] = (),
-    noise: Mapping[str, float] | None = None,
-) -> Sidecar:
-    """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement; what it says is empty where there is none.
-
-    A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
-    header of its column, whose unit it then has; its offset from run to run under ``[noise.run]``, or as
-    ``run.force_N``. The ``noise`` that the caller declares counts in its place.
-    """
-    file, data = _sidecar_file(measurement)
-    sidecar = Sidecar() if file is None else _parsed(file, data, channels, used)
-    declared: dict[str, float] = {}
-    for key, value in (noise or {}).items():
-        column = _channel(key, channels, used)
-        if column is None:
-            raise TableError(_no_channel(key, "the declared noise", channels))
-        declared[column.name] = _deviation(key, value, "the declared noise") * column.factor
-    return replace(sidecar, noise={**sidecar.noise, **declared})
-
-
-def _sidecar_file(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
+def _sidecar(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
     """The sidecar and what is in it; a drawing of the same name is none."""
     if not measurement.is_file():  # a directory such as . has no name
         return None, {}
@@ -113,33 +87,63 @@ def _sidecar_file(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
     return None, {}
 
 
-def _parsed(file: Path, settings: dict[str, Any], channels: Sequence[str], used: Sequence[UsedColumn]) -> Sidecar:
-    data = dict(settings)
-    for key in ("columns", "units", "table", "settings"):
-        data.pop(key, None)
-    declared = data.pop("noise", {})
-    if not isinstance(declared, dict):
-        raise TableError(f"[noise] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(declared)}.")
-    noise: dict[str, float] = {}
-    findings: list[Finding] = []
-    offsets = declared.pop(OF_RUNS.rstrip("."), {})
-    if not isinstance(offsets, dict):
-        raise TableError(f"[noise.run] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(offsets)}.")
-    declared |= {OF_RUNS + key: value for key, value in offsets.items()}
-    texts = {key: str(data.pop(key)) for key in ("test_object", "notes") if key in data}
-    for key, value in (data | declared).items():
-        column = _channel(key, channels, used)
-        if key not in declared and isinstance(value, dict):
-            column = None  # a table of another kind of file, a drawing's [hall] say
-        if column is None:
-            near = get_close_matches(key[:100], channels, n=1)
-            if key in declared or (near and not isinstance(value, dict)):
-                raise TableError(_no_channel(key, str(file), channels))
-            facts = {"key": quoted(key), "file": file.name, "channels": ", ".join(channels)}
-            findings.append(finding("unused-setting", **facts))
-            continue
-        noise[column.name] = _deviation(key, value, str(file)) * column.factor
-    return Sidecar(noise, texts.get("test_object", ""), texts.get("notes", ""), tuple(findings))
+def _table(data: Mapping[str, Any], key: str, file: Path | None) -> dict[str, Any]:
+    """A table of a sidecar, empty where there is none."""
+    kinds, example = _TABLES[key]
+    value = data.get(key.rpartition(".")[2], {})
+    if not isinstance(value, dict) or not all(isinstance(meant, kinds) for meant in value.values()):
+        raise TableError(f"[{key}] of {file} must hold lines like {example}; instead received {quoted(value)}.")
+    return value
+
+
+def constant_settings(settings: object, where: str) -> dict[str, float]:
+    """Column to value in SI of what a sidecar or an option says: ``distance_mm = 2.0``."""
+    if not isinstance(settings, Mapping):
+        raise TableError(
+            f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(settings)}."
+        )
+    result, of_circuits = {}, filter(is_current, circuit_columns(map(str, settings), fewest=1))
+    names = (*SETTINGS, *of_circuits)
+    for key, value in settings.items():
+        column, number = match_column(str(key), names), finite_number(value)
+        if column is None or column.assumed or number is None:
+            raise TableError(
+                f"A setting in {where} must be like distance_mm = 2.0, one of {', '.join(SETTINGS)} in any unit, and a "
+                f"number; instead received {quoted(f'{key} = {value}')}."
+            )
+        result[column.name] = column.factor * number
+    return result
+
+
+def declared_noise(
+    words: Words, channels: Sequence[str], used: Sequence[UsedColumn]
+) -> tuple[dict[str, float], list[Finding]]:
+    """The standard deviation of each channel that one is declared of, in the channel's unit.
+
+    In a sidecar it stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
+    header of its column, whose unit it then has; that of what all readings of a run share under ``[noise.run]``, or as
+    ``run.force_N``. What the caller declares counts in its place.
+    """
+    listed = _table(words.noted, "noise", words.sidecar)
+    of_runs = {OF_RUNS + key: value for key, value in _table(listed, "noise.run", words.sidecar).items()}
+    listed = {key: value for key, value in listed.items() if key != OF_RUNS.rstrip(".")} | of_runs
+    loose = {key: value for key, value in words.noted.items() if key not in {"noise", *words.texts, *listed}}
+    findings, noise = [], {}
+    beside, called = str(words.sidecar), "the declared noise"
+    for where, entries in ((beside, loose | listed), (called, words.noise)):
+        for key, value in entries.items():
+            # What nobody calls noise may be a table of another kind of file, a drawing's [hall] say
+            unsure = where == beside and key not in listed
+            foreign = unsure and isinstance(value, dict)
+            column = None if foreign else _channel(key, channels, used)
+            if column is not None:
+                noise[column.name] = _deviation(key, value, where) * column.factor
+            elif unsure and (foreign or not get_close_matches(key[:100], channels, n=1)):
+                facts = {"key": quoted(key), "file": Path(where).name, "channels": ", ".join(channels)}
+                findings.append(finding("unused-setting", **facts))
+            else:
+                raise TableError(_no_channel(key, where, channels))
+    return noise, findings
 
 
 def _channel(key: str, channels: Sequence[str], used: Sequence[UsedColumn]) -> UsedColumn | None:

@@ -13,7 +13,16 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import quoted
 
 _NUMBER_LIKE = re.compile(r"[-+]?(?:\d[\d.,'\s]*|[.,]\d+)(?:[eEdD][-+]?\d{1,3})?$")
-_PARSED = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,3})?$")
+_NUMBER = {
+    mark: re.compile(
+        rf"[-+]?(?:[1-9]\d{{0,2}}(?:[{group}]\d{{3}})+(?:[{mark}]\d*(?:[eEdD][-+]?\d{{1,3}})?)?|"
+        rf"(?=[{mark}]?\d)\d*(?:[{mark}]\d*)?(?:[eEdD][-+]?\d{{1,3}})?)"
+    )
+    for mark, group in ((".", ","), (",", "."))
+}
+"""Decimal mark to what is a number with it, where the other mark groups thousands: a cell that is one under one mark
+alone decides between them."""
+
 _CLOCK = re.compile(r"(?:(?P<day>\S+)[ T])?(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?$")
 _INFINITE = frozenset(("inf", "-inf", "+inf"))
 EMPTY = frozenset(("", "-", "--", "nan", "-nan", "na", "n/a", "#n/a", "null", "none", "<na>", "1.#qnan", "-1.#ind"))
@@ -65,25 +74,12 @@ def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
 
 def parse_number(text: str, decimal: str) -> float:
     """Convert a cell; the mark that is not ``decimal`` groups thousands. NaN where it is no finite number."""
-    if len(text) > _LONGEST:
-        return math.nan
     cleaned = normalise(text)
-    grouping = "," if decimal == "." else "."
-    if grouping in cleaned:
-        integer = cleaned.split(decimal, maxsplit=1)[0]
-        tail = cleaned.split(decimal, maxsplit=1)[1] if decimal in cleaned else ""
-        if grouping in tail or not _grouped(integer.lstrip("+-").split(grouping)):
-            return math.nan
-        cleaned = cleaned.replace(grouping, "")
-    cleaned = cleaned.replace(decimal, ".").replace("D", "e").replace("d", "e").replace("E", "e")
-    if not _PARSED.match(cleaned):
+    if len(text) > _LONGEST or not _NUMBER[decimal].fullmatch(cleaned):
         return math.nan
-    value = float(cleaned)
+    grouping = "," if decimal == "." else "."
+    value = float(cleaned.replace(grouping, "").replace(decimal, ".").replace("D", "e").replace("d", "e"))
     return value if abs(value) < LARGEST else math.nan
-
-
-def _grouped(groups: list[str]) -> bool:
-    return 1 <= len(groups[0]) <= 3 and all(len(group) == 3 for group in groups[1:])
 
 
 def clock_seconds(cells: Sequence[str], column: str) -> FloatArray | None:
@@ -134,12 +130,15 @@ def find_decimal(cells: Iterable[str], source: str, otherwise: str | None = None
     says what it means.
     """
     certain: dict[str, str] = {}
-    open_marks: dict[str, str] = {}
+    unsure = None
     for text in map(normalise, cells):
-        if "," in text or "." in text:
-            mark, sure = _decimal_of(text)
-            if mark:
-                (certain if sure else open_marks).setdefault(mark, text)
+        marks = [mark for mark, number in _NUMBER.items() if number.fullmatch(text)]
+        if "," in text and "." in text:  # such as 1234,0.5, whose thousands are damaged
+            marks = [max(",.", key=text.rfind)]
+        if len(marks) == 1 and ("," in text or "." in text):
+            certain.setdefault(marks[0], text)
+        elif marks and "," in text:
+            unsure = unsure or text
     if len(certain) == 2:
         raise TableError(
             f"{source} writes numbers both as {quoted(certain['.'])} and as {quoted(certain[','])}; say which mark is "
@@ -147,24 +146,9 @@ def find_decimal(cells: Iterable[str], source: str, otherwise: str | None = None
         )
     if certain:
         return next(iter(certain))
-    if "," in open_marks and otherwise is None:
+    if unsure and otherwise is None:
         raise TableError(
-            f"{source} holds {quoted(open_marks[','])}, which may mean a decimal comma or thousands; say which with "
+            f"{source} holds {quoted(unsure)}, which may mean a decimal comma or thousands; say which with "
             "--decimal ',' or --decimal '.'."
         )
-    return (otherwise or ".") if "," in open_marks else "."
-
-
-def _decimal_of(text: str) -> tuple[str, bool]:
-    """Decimal mark that a cell suggests (empty: none, it is a date), and whether it is certain."""
-    mantissa = re.split("[eEdD]", text)[0].lstrip("+-")
-    if "," in mantissa and "." in mantissa:
-        return (",", True) if mantissa.rfind(",") > mantissa.rfind(".") else (".", True)
-    mark = "," if "," in mantissa else "."
-    if mantissa.count(mark) > 1:
-        return ("." if mark == "," else ",", True) if _grouped(mantissa.split(mark)) else ("", False)
-    head, _, tail = mantissa.partition(mark)
-    thousands_possible = (
-        len(tail) == 3 and 1 <= len(head) <= 3 and not head.startswith("0") and mantissa == text.lstrip("+-")
-    )
-    return mark, not thousands_possible
+    return (otherwise or ".") if unsure else "."

@@ -1,29 +1,33 @@
-"""What each number of a drawing changes over a sweep, as ``signatures.parquet`` and ``.json`` beside its table.
+"""What each number of a drawing changes over a sweep, as files beside its table.
+
+``signatures.parquet`` and ``.json`` are of the force, the flux linkages and the Hall field at rest,
+``impedance_slopes.npz`` of the inductances at frequencies.
 
 A row is of one number at one point; its ``force_N``, ``flux_linkage_Wb`` and ``hall_T`` are slopes, per unit of the
 number as the drawing has it, or per one whole of a number without a unit.
 """
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
-from femfit.core.errors import TableError
 from femfit.core.files import replacing, write_json
+from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import is_flux
-from femfit.core.text import amount, quoted
+from femfit.core.text import amount
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.tables.files import read_settings
+from femfit.tables.files import read_arrays, read_settings, reading, write_arrays
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STEM = "signatures"
+_NUMBERS = TypeAdapter(tuple[NumberFacts, ...])
+_REMEDY = "Sweep again with --signatures."
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,13 +76,14 @@ def _words(column: str) -> str:
 
 def write_signatures(signatures: Signatures | None, directory: Path) -> None:
     """Write both files, or remove those of an earlier sweep where there are none."""
+    parquet, listed = (directory / f"{STEM}{suffix}" for suffix in (".parquet", ".json"))
     if signatures is None:
-        for suffix in (".parquet", ".json"):
-            (directory / f"{STEM}{suffix}").unlink(missing_ok=True)
+        parquet.unlink(missing_ok=True)
+        listed.unlink(missing_ok=True)
         return
-    with replacing(directory / f"{STEM}.parquet") as partial:
+    with replacing(parquet) as partial:
         signatures.rows.to_parquet(partial, index=False)
-    write_json(directory / f"{STEM}.json", {"numbers": [asdict(number) for number in signatures.numbers]})
+    write_json(listed, {"numbers": [asdict(number) for number in signatures.numbers]})
 
 
 def read_signatures(directory: Path) -> Signatures | None:
@@ -90,24 +95,55 @@ def read_signatures(directory: Path) -> Signatures | None:
         If a file is damaged.
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
-    import pyarrow as pa  # noqa: PLC0415
 
-    listed, file = directory / f"{STEM}.json", directory / f"{STEM}.parquet"
-    if not (listed.is_file() and file.is_file()):
+    parquet, listed = (directory / f"{STEM}{suffix}" for suffix in (".parquet", ".json"))
+    if not (listed.is_file() and parquet.is_file()):
         return None
-    try:
-        rows = pd.read_parquet(file)
-        numbers = _numbers(read_settings(listed, '"numbers": []'))
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. Sweep again with --signatures.") from error
-    lacking = {"number", "distance_m", "force_N"} - set(rows)
-    if lacking:
-        raise TableError(f"{file} lacks {', '.join(sorted(lacking))}. Sweep again with --signatures.")
+    with reading(parquet, _REMEDY):
+        rows = pd.read_parquet(parquet)
+        numbers = _NUMBERS.validate_python(read_settings(listed, '"numbers": []').get("numbers"))
+        if lacking := {"number", "distance_m", "force_N"} - set(rows):
+            raise ValueError(f"it lacks {', '.join(sorted(lacking))}")
     return Signatures(numbers, rows)
 
 
-def _numbers(settings: Mapping[str, Any]) -> tuple[NumberFacts, ...]:
-    try:
-        return TypeAdapter(tuple[NumberFacts, ...]).validate_python(settings.get("numbers"))
-    except ValidationError as error:
-        raise ValueError(str(error)) from error
+SLOPES_NAME = "impedance_slopes.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class ImpedanceSlopes:
+    """Slopes of L(s) in Z = R + s L at some distances of a sweep, in their order.
+
+    Parameters
+    ----------
+    distances_m : array, shape (d,)
+    frequencies_Hz : array, shape (f,)
+    slopes : array, shape (numbers, d, f, n, n)
+        In H per unit of the number, or per one whole of a number without a unit.
+    """
+
+    numbers: tuple[NumberFacts, ...]
+    distances_m: FloatArray
+    frequencies_Hz: FloatArray
+    slopes: ComplexArray
+
+
+def write_slopes(slopes: ImpedanceSlopes | None, directory: Path) -> None:
+    """Write the file, or remove that of an earlier sweep where there are none."""
+    numbers = None if slopes is None else _NUMBERS.dump_json(slopes.numbers).decode()
+    write_arrays(None if slopes is None else vars(slopes) | {"numbers": numbers}, directory / SLOPES_NAME)
+
+
+def read_slopes(directory: Path) -> ImpedanceSlopes | None:
+    """Read what :func:`write_slopes` wrote; None where there is nothing.
+
+    Raises
+    ------
+    TableError
+        If the file is damaged.
+    """
+    return read_arrays(directory / SLOPES_NAME, _of_arrays, _REMEDY)
+
+
+def _of_arrays(arrays: dict[str, Any]) -> ImpedanceSlopes:
+    return ImpedanceSlopes(**arrays | {"numbers": _NUMBERS.validate_json(str(arrays["numbers"]))})

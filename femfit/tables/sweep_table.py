@@ -18,8 +18,14 @@ from femfit.core.text import counted, quoted
 from femfit.tables.eddy_table import NAME as EDDY_NAME
 from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
 from femfit.tables.files import read_settings
-from femfit.tables.impedance_table import ImpedanceSlopes, read_slopes, write_slopes
-from femfit.tables.signatures import Signatures, read_signatures, write_signatures
+from femfit.tables.signatures import (
+    ImpedanceSlopes,
+    Signatures,
+    read_signatures,
+    read_slopes,
+    write_signatures,
+    write_slopes,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

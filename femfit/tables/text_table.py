@@ -13,11 +13,10 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.core.text import quoted
-from femfit.tables.channels import CHANNELS
 from femfit.tables.header import match_score, parse_header
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
 from femfit.tables.raw_table import RawTable, check_width, decode
-from femfit.tables.units import is_unit
+from femfit.tables.units import CHANNELS, is_unit
 
 _DELIMITERS = (";", "\t", "|", ",", " ")
 _DELIMITER_NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
@@ -47,6 +46,7 @@ class Line(NamedTuple):
     number: int
     text: str
     comment: bool
+    cells: tuple[str, ...] = ()  # Once the delimiter is known
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,10 @@ def parse_text(
     if all(line.comment for line in lines):
         raise TableError(f"{source} is empty; it needs a header line and rows of numbers.")
     lines, layout = find_layout(lines, source, delimiter)
-    body, rows, notes = _readings(lines, layout)
-    ragged = tuple(line.number for line, row in zip(body, rows, strict=True) if len(row) != layout.width)
-    if ragged:  # shifted cells would stand in wrong columns
-        rows = [row if len(row) == layout.width else [""] * layout.width for row in rows]
+    body, notes = _readings(lines, layout)
+    ragged = tuple(line.number for line in body if len(line.cells) != layout.width)
+    blank = ("",) * layout.width  # in place of cells that may be shifted, and stand in wrong columns
+    rows = [line.cells if len(line.cells) == layout.width else blank for line in body]
     decimal = decimal or find_decimal(_deciding(rows, layout), source, open_decimal)
     texts = list(zip(*rows, strict=True)) if rows else [()] * layout.width
     return RawTable(
@@ -95,25 +95,26 @@ def parse_text(
     )
 
 
-def _readings(lines: list[Line], layout: Layout) -> tuple[list[Line], list[list[str]], list[str]]:
-    """The lines of readings with their cells: without repeated headers, blank rows, and what stands below the last."""
-    split_lines = [(line, split(line.text, layout.delimiter)) for line in lines if not line.comment]
-    header = [cells for line, cells in split_lines if line.number in layout.used]
-    below = [(line, cells) for line, cells in split_lines if line.number >= layout.first]
-    repeated = [line.number for line, cells in below if cells in header]
-    body = [(line, cells) for line, cells in below if any(cells) and cells not in header]
+def _readings(lines: list[Line], layout: Layout) -> tuple[list[Line], list[str]]:
+    """The lines of readings: without repeated headers, blank rows, and what stands below the last."""
+    header = [line.cells for line in lines if line.number in layout.used and not line.comment]
+    below = [line for line in lines if line.number >= layout.first and not line.comment]
+    repeated = [line.number for line in below if line.cells in header]
+    body = [line for line in below if any(line.cells) and line.cells not in header]
     notes = [f"repeated header at line {listing(repeated)} passed over"] if repeated else []
     end = len(body)
-    while end and _is_no_reading(body[end - 1][1], layout.width):
+    while end and _is_no_reading(body[end - 1].cells, layout.width):
         end -= 1
     if 0 < end < len(body):
-        text = listing(line.text.strip() for line, _ in body[end:])
-        notes.append(f"line {listing(line.number for line, _ in body[end:])} below the readings passed over ({text})")
+        text, numbers = (
+            listing(values) for values in zip(*((x.text.strip(), x.number) for x in body[end:]), strict=True)
+        )
+        notes.append(f"line {numbers} below the readings passed over ({text})")
         body = body[:end]
-    return [line for line, _ in body], [cells for _, cells in body], notes
+    return body, notes
 
 
-def _is_no_reading(cells: list[str], width: int) -> bool:
+def _is_no_reading(cells: Sequence[str], width: int) -> bool:
     """Whether a line at the end of a table is a footnote, or a mean or sum of the lines above."""
     words = re.findall(r"[^\W\d_]+", next(filter(None, cells), ""))
     return (bool(words) and words[0].casefold() in _SUMMARIES) or (len(cells) != width and not _is_data(cells))
@@ -142,7 +143,7 @@ def text_lines(text: str, source: str) -> list[Line]:
     return lines
 
 
-def split(text: str, delimiter: str) -> list[str]:
+def split(text: str, delimiter: str) -> Sequence[str]:
     """Split a line into cells; a delimiter inside double quotes does not count, a blank stands for any run of them."""
     if '"' not in text:
         return text.split() if delimiter == " " else [cell.strip() for cell in text.split(delimiter)]
@@ -157,14 +158,13 @@ def find_layout(lines: list[Line], source: str, delimiter: str | None = None) ->
     delimiter = delimiter or _find_delimiter(sample)
     if _ends_each_line(sample, delimiter):
         lines = [line._replace(text=line.text.rstrip(" ").removesuffix(delimiter)) for line in lines]
-        sample = [line.text for line in lines if not line.comment][:_SAMPLE]
-    rows = [split(text, delimiter) for text in sample]
+    lines = [line._replace(cells=tuple(split(line.text, delimiter))) for line in lines]
+    rows = [line.cells for line in lines if not line.comment][:_SAMPLE]
     check_width(max(map(len, rows)), source)
     widths = Counter(len(cells) for cells in rows if _is_data(cells))
     if not widths:
         return lines, _only_names(lines, source, delimiter)
-    width = widths.most_common(1)[0][0]
-    return lines, _find_header(lines, width, delimiter)
+    return lines, _find_header(lines, widths.most_common(1)[0][0], delimiter)
 
 
 def _only_names(lines: list[Line], source: str, delimiter: str) -> Layout:
@@ -200,7 +200,7 @@ def _find_delimiter(sample: list[str]) -> str:
     return _DELIMITERS[scores.index(max(scores))]
 
 
-def _is_data(cells: list[str]) -> bool:
+def _is_data(cells: Sequence[str]) -> bool:
     """Whether at least half of the cells that are not empty are numbers."""
     filled = [cell for cell in cells if cell]
     return len(cells) > 1 and 0 < len(filled) <= 2 * sum(map(looks_measured, filled))
@@ -211,45 +211,39 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
 
     Of several lines of words that one is taken in which most cells name a quantity, of equal ones the last.
     """
-    start = _first_row(lines, width, delimiter)
+    start = _first_row(lines, width)
     above = [line for line in lines if line.number < start][-_SAMPLE:]
-    best: tuple[int, tuple[str, ...], int] | None = None
-    for line in reversed(above):
-        cells = _header_cells(line.text, delimiter, width)
-        if cells is None or all(map(looks_numeric, cells)) or _is_units_line(cells):
-            continue
-        count = sum(map(_is_known, cells))
-        if best is None or count > best[0]:
-            best = (count, cells, line.number)
-    if best is None:
-        headers, used = _axis_line(above, width, delimiter)
+    headed = [(line, _header_cells(line, delimiter, width)) for line in above]
+    named = [
+        (sum(map(_is_known, cells)), line.number, cells)
+        for line, cells in headed
+        if cells is not None and not all(map(looks_numeric, cells)) and not _units_of(cells)
+    ]
+    if not named:
+        headers, used = _axis_line(above, width)
         return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
-    _, headers, number = best
+    _, number, headers = max(named)
     used = frozenset((number,))
-    below = [(line.number, _header_cells(line.text, delimiter, width)) for line in above if line.number > number]
-    for line_number, cells in below:
-        if cells is None:
-            continue
-        if _is_units_line(cells):
-            units = [re.sub(r"^in\s+", "", cell.strip("[](){} ")) for cell in cells]
+    below = [(line, cells) for line, cells in headed if line.number > number]
+    for line, cells in below:
+        if cells is not None and (units := _units_of(cells)):
             headers = tuple(
-                name if parse_header(name).unit or unit in {"", "-", "1"} else f"{name} [{unit}]"
+                name if parse_header(name).unit or unit in _NO_UNITS else f"{name} [{unit}]"
                 for name, unit in zip(headers, units, strict=True)
             )
-        elif line_number == below[0][0] and len(set(headers)) < width and sum(map(bool, cells)) > 1:
+            used |= {line.number}
+        elif cells is not None and line is below[0][0] and len(set(headers)) < width and sum(map(bool, cells)) > 1:
             headers = _two_lines(headers, cells)
-        else:
-            continue
-        used |= {line_number}
-    damaged = [line for line in above if line.number > number and line.number not in used and _is_row(line, delimiter)]
+            used |= {line.number}
+    damaged = [line for line, _ in below if line.number not in used and _is_row(line)]
     notes = [f"line {line.number} was left out, a row that cannot be read ({quoted(line.text)})" for line in damaged]
     passed = _passed_over(above, used | {line.number for line in damaged})
     return Layout(delimiter, width, headers, start, used, (*notes, *passed))
 
 
-def _is_row(line: Line, delimiter: str) -> bool:
+def _is_row(line: Line) -> bool:
     """Whether a line below the headers is a row of readings that is damaged: some of its cells begin with a number."""
-    return not line.comment and any(re.match(r"[-+]?[.,]?\d", cell) for cell in split(line.text, delimiter))
+    return not line.comment and any(re.match(r"[-+]?[.,]?\d", cell) for cell in line.cells)
 
 
 def _two_lines(groups: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
@@ -262,27 +256,25 @@ def _two_lines(groups: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ..
     return tuple(headers)
 
 
-def _first_row(lines: list[Line], width: int, delimiter: str) -> int:
+def _first_row(lines: list[Line], width: int) -> int:
     """Number of the first line of data; lines with numbers above a line of known names are title lines."""
     first, rows = None, 0
     for line in lines[: 2 * _SAMPLE]:
-        cells = split(line.text, delimiter)
-        if line.comment or len(cells) != width:
+        if line.comment or len(line.cells) != width:
             continue
-        if _is_data(cells):
+        if _is_data(line.cells):
             first = first or line.number
-            rows += all(map(looks_numeric, cells))
-        elif first is not None and rows < 2 and sum(map(_is_known, cells)) >= 2:
+            rows += all(map(looks_numeric, line.cells))
+        elif first is not None and rows < 2 and sum(map(_is_known, line.cells)) >= 2:
             first = None
     return first or lines[-1].number + 1
 
 
-def _axis_line(above: list[Line], width: int, delimiter: str) -> tuple[tuple[str, ...], frozenset[int]]:
+def _axis_line(above: list[Line], width: int) -> tuple[tuple[str, ...], frozenset[int]]:
     """A matrix whose upper left corner is blank has a first line with one number less."""
     for line in reversed(above):
-        cells = split(line.text, delimiter)
-        if not line.comment and len(cells) == width - 1 and all(map(looks_numeric, cells)):
-            return ("", *cells), frozenset((line.number,))
+        if not line.comment and len(line.cells) == width - 1 and all(map(looks_numeric, line.cells)):
+            return ("", *line.cells), frozenset((line.number,))
     return (), frozenset()
 
 
@@ -290,32 +282,33 @@ def _passed_over(above: list[Line], used: frozenset[int]) -> tuple[str, ...]:
     numbers = [line.number for line in above if line.number not in used]
     if not numbers:
         return ()
-    lines = "line {} above the readings is text, such as a title, and was"
-    if len(numbers) > 1:
-        lines = "lines {} above the readings are text, such as titles, and were"
-    return (f"{lines.format(listing(numbers))} ignored",)
+    words = "lines {} above the readings are text, such as titles, and were"
+    if len(numbers) == 1:
+        words = "line {} above the readings is text, such as a title, and was"
+    return (f"{words.format(listing(numbers))} ignored",)
 
 
-def _is_units_line(cells: tuple[str, ...]) -> bool:
-    """Whether most cells are units and few are names: ``mm;A;furlong`` is such a line, ``t;s;F`` is none."""
+_NO_UNITS = frozenset(("", "-", "1"))
+
+
+def _units_of(cells: Sequence[str]) -> list[str]:
+    """Units of a line in which most cells are units and few names; none of another: ``mm;A;furlong``, not ``t;s;F``."""
     texts = [re.sub(r"^in\s+", "", cell.strip("[](){} ")) for cell in cells]
-    filled = [text for text in texts if text not in {"", "-", "1"}]
+    filled = [text for text in texts if text not in _NO_UNITS]
     units = sum(map(is_unit, filled))
-    if units == len(filled):
-        return units > 0
-    return 2 * units > len(filled) >= 2 * sum(map(_is_known, filled))
+    some = 2 * units > len(filled) >= 2 * sum(map(_is_known, filled))
+    return texts if some or units == len(filled) > 0 else []
 
 
-def _header_cells(text: str, delimiter: str, width: int) -> tuple[str, ...] | None:
+def _header_cells(line: Line, delimiter: str, width: int) -> tuple[str, ...] | None:
     """Cells of a line that may be the header of so many columns; with blanks, words that belong together are joined."""
-    cells = split(text, delimiter)
-    if len(cells) == width:
-        return tuple(cells)
-    words = text.split()
+    if len(line.cells) == width:
+        return line.cells
+    words = line.text.split()
     if delimiter not in {" ", "\t"} or len(words) > _MOST_WORDS:
         return None
     for wide in (r"\t+", r"\s{2,}", r"\s*[,;]\s*"):
-        parts = [cell.strip().strip('"') for cell in re.split(wide, text.strip())]
+        parts = [cell.strip().strip('"') for cell in re.split(wide, line.text.strip())]
         if len(parts) == width:
             return tuple(parts)
     joined: list[str] = []

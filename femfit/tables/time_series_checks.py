@@ -13,9 +13,9 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, counted
-from femfit.tables.channels import CHANNELS, Channel
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.findings import finding
+from femfit.tables.units import CHANNELS, Channel
 
 _PAUSE = 5.0
 """Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
@@ -27,7 +27,7 @@ _NO_SENSOR, _ORDER = 1e-7, 7
 """Derived: noise over the range of a channel below the step of a converter of 23 bits, which no sensor's is; taken from
 seventh differences, in which a motion of ten samples a radian has fallen to its 1e-7th part."""
 
-_NORMAL_MEDIAN = 0.6745
+NORMAL_MEDIAN = 0.6745
 """Derived: median of the magnitude of a normal number of deviation one."""
 
 _MOST_IMPOSSIBLE = 0.02
@@ -110,27 +110,30 @@ def _channel(column: str) -> Channel:
     return CHANNELS.get(parts_of(column)[0], Channel())
 
 
-def _lengths(values: FloatArray) -> tuple[IntArray, IntArray]:
-    """Length of each stretch of one and the same reading, and the stretch of each sample."""
-    stretch = np.cumsum(np.concatenate([[False], np.diff(values) != 0.0]))
+def equal_stretches(values: FloatArray, run: FloatArray | None = None) -> tuple[IntArray, IntArray]:
+    """Length of each stretch of one and the same reading, within a run, and the stretch of each sample."""
+    changes = np.diff(values, prepend=values[:1]) != 0.0
+    if run is not None:
+        changes |= np.diff(run, prepend=run[:1]) != 0.0
+    stretch = np.cumsum(changes)
     return np.bincount(stretch), stretch
 
 
 def _is_noiseless(values: FloatArray) -> bool:
     """Whether what moves of a channel is finer than any sensor reads it."""
-    length, stretch = _lengths(values)
+    length, stretch = equal_stretches(values)
     moving = sliding_window_view((length < _LEAST_CLIPPED // 2)[stretch], _ORDER + 1).all(axis=-1)
     differences = np.abs(np.diff(values, _ORDER))[moving]
     differences = differences[np.isfinite(differences)]
     if len(differences) < _LEAST_STUCK:
         return False
     # Of white noise of one the seventh difference has the variance of a sum of squared binomial coefficients
-    noise = float(np.median(differences)) / (_NORMAL_MEDIAN * comb(2 * _ORDER, _ORDER) ** 0.5)
+    noise = float(np.median(differences)) / (NORMAL_MEDIAN * comb(2 * _ORDER, _ORDER) ** 0.5)
     return bool(noise < _NO_SENSOR * np.ptp(values[np.isfinite(values)]))
 
 
 def _stuck(values: FloatArray) -> BoolArray:
-    length, stretch = _lengths(values)
+    length, stretch = equal_stretches(values)
     usual = float(np.quantile(length, 0.95)) if len(length) > 1 else 0.0  # nothing moves it at all
     long = length > max(_LEAST_STUCK, _MUCH_LONGER * usual)
     return np.asarray(long[stretch] & np.isfinite(values) & (values != 0.0))  # a current that is off rests at zero
@@ -139,7 +142,7 @@ def _stuck(values: FloatArray) -> BoolArray:
 def _clipped(values: FloatArray) -> BoolArray:
     result = np.zeros(len(values), dtype=bool)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    length, stretch = _lengths(values)
+    length, stretch = equal_stretches(values)
     for end, side in ((low, 1.0), (high, -1.0)):
         at_end = values == end
         beside = np.abs(values - (end + 0.005 * side * (high - low))) <= 0.005 * (high - low)

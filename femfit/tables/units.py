@@ -1,4 +1,6 @@
-"""Units as they are written in column headers, and their factors to SI.
+"""What a column may hold, and in which unit: the registry of channels, units and their factors to SI.
+
+``channels.toml`` and ``units.toml`` say what each field means.
 
 Numbers that no actuator has: the usual sign of a unit that was not named.
 """
@@ -6,6 +8,7 @@ Numbers that no actuator has: the usual sign of a unit that was not named.
 import math
 import tomllib
 import unicodedata
+from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
@@ -15,8 +18,42 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
-from femfit.tables.channels import CHANNELS
 from femfit.tables.findings import finding
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A row of the registry."""
+
+    names: tuple[str, ...] = ()
+    noun: str = ""
+    bench: str = ""  # setting, reading, or empty for what is no column of a bench table
+    absent: float = math.nan
+    record: int = 0
+    sensor: bool = False
+    usual: float = math.inf
+    possible: float = math.inf
+    units: tuple[str, ...] = ()
+
+
+_ENTRIES = tomllib.loads((files("femfit.tables") / "channels.toml").read_text(encoding="utf-8"))
+
+CHANNELS: dict[str, Channel] = {
+    name: Channel(
+        **entry
+        | {
+            "names": tuple(word.lstrip("?") for word in entry.get("names", "").split()),
+            "units": tuple(entry.get("units", ())),
+        }
+    )
+    for name, entry in _ENTRIES.items()
+}
+"""Channel to its row."""
+
+NEEDS_UNIT = frozenset(
+    word[1:] for entry in _ENTRIES.values() for word in entry.get("names", "").split() if word.startswith("?")
+)
+"""Names that mean their channel only beside a unit of its kind."""
 
 _FOLDED_PREFIX = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 _CASED_PREFIX = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}

@@ -23,7 +23,7 @@ from femfit.fit.build import fit_model
 from femfit.model.with_effects import with_effects
 from femfit.tables.eddy_table import NAME, read_eddy, write_eddy
 from femfit.tables.impedance_table import NAME as IMPEDANCE
-from femfit.tables.impedance_table import SLOPES_NAME
+from femfit.tables.signatures import SLOPES_NAME
 from femfit.tables.sweep_table import read_sweep_table
 from support.eddy_pot import POT
 

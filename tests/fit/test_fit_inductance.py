@@ -10,7 +10,7 @@ from femfit.core.results import Finding
 from femfit.device.load import read_actuator
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model
-from femfit.tables.impedance_table import InductanceTable, is_inductance_table, read_inductance_table
+from femfit.tables.measured_tables import InductanceTable, is_inductance_table, read_inductance_table
 from support.actuators import GEOMETRY
 from support.command import femfit, worked
 from support.one_current import flat

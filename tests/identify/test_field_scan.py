@@ -11,7 +11,7 @@ from femfit.core.errors import DomainError, TableError
 from femfit.device.load import read_actuator
 from femfit.field.problem import axial_field
 from femfit.identify.field_scan import compare_field_scan
-from femfit.tables.field_scan import FieldScan, read_field_scan
+from femfit.tables.measured_tables import FieldScan, read_field_scan
 from support.actuators import swept_at
 from support.command import femfit
 

@@ -17,7 +17,7 @@ import femfit as ff
 from femfit.estimate.found_noise import with_noise
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model, write_model
-from femfit.tables.impedance_table import read_inductance_table
+from femfit.tables.measured_tables import read_inductance_table
 from support.command import femfit
 from support.one_current import flat
 

@@ -35,7 +35,7 @@ class Law:
         distances = np.linspace(5e-3, 25e-3, 21) if distances is None else np.asarray(distances)
         i, d = (axis.ravel() for axis in np.meshgrid(currents, distances, indexing="ij"))
         return pd.DataFrame(
-            {"current": i, "distance": d, "force": self.force(d, i), "flux_linkage": self.flux_linkage(d, i)}
+            {"current_A": i, "distance_m": d, "force_N": self.force(d, i), "flux_linkage_Wb": self.flux_linkage(d, i)}
         )
 
 

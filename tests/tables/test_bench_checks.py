@@ -156,6 +156,64 @@ def test_a_stuck_channel_is_set_aside_from_where_it_sticks_and_a_coarse_one_is_n
     assert table.findings == ()
 
 
+MEASURED = {"voltage_V": 1e-2, "distance_m": 2e-6, "current_A": 1e-3, "force_N": 0.0}
+"""The noise of what a bench measures, beside that of the force which it has."""
+
+
+def measured(runs, decimals=12):
+    """A bench whose settings and voltage are readings as well, with so many decimals."""
+    generator = np.random.default_rng(4)
+    rows = bench(runs).assign(voltage_V=lambda rows: 5.0 * rows["current_A"] + 0.1)
+    noise = {name: rows[name] + size * generator.standard_normal(len(rows)) for name, size in MEASURED.items()}
+    return rows.assign(**noise).round({name: min(decimals, 12) for name in MEASURED})
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize("column", MEASURED)
+@pytest.mark.parametrize("count", [4, 5, 20])
+def test_a_column_with_noise_is_stuck_from_five_equal_readings_on(tmp_path, runs, column, count):
+    rows = measured(runs)
+    rows.loc[50 : 50 + count - 1, column] = rows.loc[50, column]
+    table = read(tmp_path, rows)
+    lost = list(range(50, 50 + count)) if count >= 5 else []
+    assert np.flatnonzero(table.rows[column].isna()).tolist() == lost
+    assert [(one.code, one.column) for one in table.findings] == [("stuck", column)] * bool(lost)
+
+
+def test_a_computed_force_that_is_zero_without_a_current_is_not_stuck(tmp_path):
+    rows = bench(1)[["current_A", "distance_m"]].drop_duplicates().sort_values(["current_A", "distance_m"])
+    force = 1e-5 * rows["current_A"] ** 2 / rows["distance_m"] ** 2
+    assert codes(read(tmp_path, rows.assign(force_N=force))) == []
+
+
+STAIRCASE = np.linspace(0.005, 0.02, 30)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"voltage_V": 12.0},  # a supply's
+        {"voltage_V": np.where(bench()["distance_m"] > 0.03, 12.0, 6.0)},
+        {"voltage_V": measured(3)["voltage_V"].round(1)},  # a coarse voltmeter's
+        {name: measured(3)[name].round(decimals) for name, decimals in (("distance_m", 4), ("current_A", 2))},
+    ],
+    ids=["constant", "two levels", "coarse", "coarse settings"],
+)
+def test_a_column_that_is_commanded_or_coarse_is_not_stuck(tmp_path, settings):
+    assert "stuck" not in codes(read(tmp_path, bench().assign(**settings)))
+
+
+@pytest.mark.parametrize(
+    "distance",
+    [STAIRCASE, 0.005 * 1.01 ** np.arange(30), np.concatenate([STAIRCASE, STAIRCASE[::-1]])],
+    ids=["once", "finer towards the pole", "there and back"],
+)
+def test_a_distance_that_is_held_after_a_staircase_is_not_stuck(tmp_path, distance):
+    rows = pd.DataFrame({"current_A": 1.0, "distance_m": [*distance, *np.full(8, 0.01)]})
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(len(rows))
+    assert codes(read(tmp_path, rows.assign(force_N=curve(rows["distance_m"], 1.0) + noise))) == []
+
+
 def test_rows_that_stand_twice_count_once_and_runs_without_a_column_are_told_apart(tmp_path):
     rows = bench(1)
     table = read(tmp_path, pd.concat([rows, rows[:50]]))

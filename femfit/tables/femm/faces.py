@@ -74,12 +74,10 @@ def is_straight(line: FemLine) -> bool:
 def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
     """The corners of a segment or arc in mm, both ends included."""
     start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
-    half = math.radians(line.angle) / 2.0
     if is_straight(line):
         return [(start.real, start.imag), (end.real, end.imag)]
-    centre = (start + end) / 2.0 + 1j * (end - start) / 2.0 / math.tan(half)
-    count = math.ceil(line.angle / arc_degrees - 1e-9)
-    turned = centre + (start - centre) * np.exp(2j * half * np.arange(1, count) / count)
+    arc, count = _arc(line), math.ceil(line.angle / arc_degrees - 1e-9)
+    turned = arc.centre + (start - arc.centre) * np.exp(1j * arc.span * np.arange(1, count) / count)
     inner = [(round(point.real, DIGITS), round(point.imag, DIGITS)) for point in turned.tolist()]
     return [(start.real, start.imag), *inner, (end.real, end.imag)]
 
@@ -114,7 +112,7 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: No
         inside = tree.query(Point(label.r, label.z), predicate="within").tolist()
         if len(inside) == 1:
             owners.setdefault(inside[0], []).append(label)
-        elif label.material is not None:
+        elif label.meshed:
             notes.say("label outside", place=label.place)
     default = next((label for label in labels if label.default), None)
     faces = []

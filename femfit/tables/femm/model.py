@@ -70,6 +70,10 @@ class FemMaterial:
         return bool(self.coercivity or self.curve or max(abs(self.mu_x - 1.0), abs(self.mu_y - 1.0)) > NON_MAGNETIC)
 
 
+NO_MESH = FemMaterial("<No Mesh>")
+"""The material of a region that is not solved."""
+
+
 @dataclass(frozen=True)
 class FemBoundary:
     """A boundary property.
@@ -130,7 +134,7 @@ class FemLine:
 
 @dataclass(frozen=True)
 class FemLabel:
-    """A block label with its place in the file's list, from 1; no material is a region without mesh.
+    """A block label with its place in the file's list, from 1.
 
     The magnetization is in degrees from the r axis, or a Lua expression; ``external`` lies in the mapped region, and
     ``default`` stands for every region without a label.
@@ -139,7 +143,7 @@ class FemLabel:
     number: int
     r: float
     z: float
-    material: FemMaterial | None
+    material: FemMaterial
     circuit: FemCircuit | None = None
     turns: float = 1.0
     magnetization: float = 0.0
@@ -149,10 +153,14 @@ class FemLabel:
     default: bool = False
 
     @property
+    def meshed(self) -> bool:
+        """Whether its region is solved."""
+        return self.material != NO_MESH
+
+    @property
     def place(self) -> str:
         """How messages name it."""
-        name = "<No Mesh>" if self.material is None else self.material.name
-        return f"block {name!r} at (r, z) = ({self.r:g}, {self.z:g}) mm"
+        return f"block {self.material.name!r} at (r, z) = ({self.r:g}, {self.z:g}) mm"
 
 
 @dataclass(frozen=True)
@@ -182,14 +190,14 @@ SIGNIFICANT_SHARE = 1e-6
 def check_limits(model: FemModel, notes: Notes) -> None:
     """Report everything in the file's properties that cannot be taken."""
     _check_kind(model, notes)
-    used = [label for label in model.labels if label.material is not None and not label.external]
-    materials = list(dict.fromkeys(label.material for label in used if label.material is not None))
+    used = [label for label in model.labels if label.meshed and not label.external]
+    materials = list(dict.fromkeys(label.material for label in used))
     for n, material in enumerate(materials):
         _check_material(material, notes)
         if material.name in {earlier.name for earlier in materials[:n]}:
             notes.say("material twice", name=material.name)
     for label in used:
-        if label.material is not None and label.material.coercivity and label.direction_formula:
+        if label.material.coercivity and label.direction_formula:
             notes.say("label formula", place=label.place, formula=label.direction_formula)
     for point in model.points:
         held = point.property
@@ -206,7 +214,7 @@ Direction = tuple[float, float]
 
 def magnet_direction(label: FemLabel) -> Direction | None:
     """Where a block's magnetization points; None for no magnet. A negative H_c turns the magnet round."""
-    if label.material is None or not label.material.coercivity:
+    if not label.material.coercivity:
         return None
     angle = (label.magnetization + (0.0 if label.material.coercivity > 0 else 180.0)) % 360.0
     nearest = 90.0 * round(angle / 90.0)
@@ -239,13 +247,13 @@ def in_terms_of_femfit(model: FemModel, notes: Notes) -> FemModel:
     """The model with materials that an actuator file can hold, as far as there are such; it is said what changed."""
     if model.frequency:
         notes.say("frequency", frequency=model.frequency)
-    used = dict.fromkeys(label.material for label in model.labels if label.material is not None and not label.external)
+    used = dict.fromkeys(label.material for label in model.labels if label.meshed and not label.external)
     taken = {material: _straightened(_solid(material, notes), notes) for material in used}
     return replace(model, labels=tuple(_with(label, taken) for label in model.labels))
 
 
 def _with(label: FemLabel, taken: Mapping[FemMaterial, FemMaterial]) -> FemLabel:
-    material = None if label.material is None else taken.get(label.material, label.material)
+    material = taken.get(label.material, label.material)
     try:
         angle = float(label.direction_formula)
     except ValueError:

@@ -220,5 +220,5 @@ def _spacers(moving: Sequence[FemPart | FemCoil], air: Sequence[FemFace]) -> tup
     return tuple(
         FemPart(face.polygon, face.label.material, (face.label,), None)
         for face in air
-        if face.label.material is not None and face.label.group in groups
+        if face.label.meshed and face.label.group in groups
     )

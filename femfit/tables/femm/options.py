@@ -45,16 +45,10 @@ class FemOptions:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        numbers = {
-            "--mass-g": self.mass_g,
-            "--density-g-per-cm3": self.density_g_per_cm3,
-            "--resistance-ohm": self.resistance_ohm,
-            "--wire-diameter-mm": self.wire_diameter_mm,
-        }
         problems = [
-            f"{option} must be a positive number; instead received {value:g}."
-            for option, value in numbers.items()
-            if value is not None and not 0.0 < value < math.inf
+            f"--{name.replace('_', '-')} must be a positive number; instead received {value:g}."
+            for name in ("mass_g", "density_g_per_cm3", "resistance_ohm", "wire_diameter_mm")
+            if (value := getattr(self, name)) is not None and not 0.0 < value < math.inf
         ]
         if not MIN_ARC_DEGREES <= self.arc_degrees <= MAX_ARC_DEGREES:
             problems.append(

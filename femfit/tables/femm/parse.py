@@ -1,11 +1,23 @@
-"""From the parts of a ``.fem`` file to its model: numbers, units, references from one list to another."""
+"""A ``.fem`` file to its model: text, numbers, units, references from one list to another.
 
+FEMM 4.0 file format: ``[Key] = value`` lines; properties as ``<BeginX> ... <EndX>`` blocks of ``<Key> = value``; lists
+as ``[NumX] = n`` followed by n rows. Keys are read without regard to case; what follows ``[Solution]`` (an ``.ans``
+file) is left alone. What blocks and rows hold stands in ``format.toml``.
+"""
+
+import math
+import re
+import shlex
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from dataclasses import replace
+from importlib.resources import files
+from typing import Any, NamedTuple
 
 from femfit.core.errors import FemFileError
 from femfit.core.text import counted
 from femfit.tables.femm.model import (
+    NO_MESH,
     FemBoundary,
     FemCircuit,
     FemLabel,
@@ -15,7 +27,6 @@ from femfit.tables.femm.model import (
     FemPoint,
     FemPointProperty,
 )
-from femfit.tables.femm.text import FemText, split_fem, unquoted
 
 UNITS_MM = {
     "inches": 25.4,
@@ -34,167 +45,257 @@ DIGITS = 6
 LARGEST_MM = 1e5
 """As in actuator files."""
 
-MATERIAL = {
-    "mu_x": "mu_x",
-    "mu_y": "mu_y",
-    "coercivity": "h_c",
-    "coercivity_angle": "h_cangle",
-    "current_density": "j_re",
-    "conductivity": "sigma",
-    "lamination_type": "lamtype",
-    "lamination_fill": "lamfill",
-    "strands": "nstrands",
-    "wire_diameter_mm": "wired",
-    "curve": "curve",
+OTHER_PHYSICS = {
+    "heat flow (.feh)": {"kx", "ky", "tkpoints"},
+    "current flow (.fec)": {"ox", "oy"},
+    "electrostatics (.fee)": {"ex", "ey"},
 }
-BOUNDARY = {"kind": "bdrytype", "a0": "a_0", "a1": "a_1", "a2": "a_2", "c0": "c0", "c1": "c1"}
-CIRCUIT = {"current_A": "totalamps_re", "kind": "circuittype"}
-POINT = {"potential": "a_re", "current_A": "i_re"}
-WHOLE = {"kind", "lamination_type", "strands"}
-"""The model's names of the keys of a property's block, and those that are whole numbers."""
+"""FEMM's other solvers, by keys that only their block properties have; the first that fits."""
 
-Item = TypeVar("Item")
+_KEY = re.compile(r"\[(\w+)\]\s*=?\s*(.*)")
+_PROPERTY = re.compile(r"<(\w+)>\s*=?\s*(.*)")
+_FIELD = re.compile(r'"[^"]*"?|\S+')
 
 
-class _Parser:
-    """Turns the text's fields into the model's objects; what cannot be read is a problem of the text."""
+class _Value(NamedTuple):
+    """A value of a block or a row."""
 
-    def __init__(self, text: FemText) -> None:
-        self.text = text
-        self.unit = text.header.get("lengthunits", "inches").lower()
+    field: str
+    key: str
+    kind: str
+    missing: str | None = None
+
+
+class _Part(NamedTuple):
+    """What the entries of a list are."""
+
+    what: str
+    values: list[_Value]
+    first: int
+
+
+_PARTS = {
+    name: _Part(
+        entry["what"],
+        [_Value(*shlex.split(line)) for line in entry["values"].strip("\n").splitlines()],
+        entry.get("first", 0),
+    )
+    for name, entry in tomllib.loads(files("femfit.tables.femm").joinpath("format.toml").read_text("utf-8")).items()
+}
+
+
+def _label(flags: int = 0, material: FemMaterial | None = None, **values: Any) -> FemLabel:
+    return FemLabel(0, material=material or NO_MESH, external=bool(flags & 1), default=bool(flags & 2), **values)
+
+
+_RECORDS: Mapping[str, Callable[..., Any]] = {
+    "pointprops": FemPointProperty,
+    "bdryprops": FemBoundary,
+    "blockprops": FemMaterial,
+    "circuitprops": FemCircuit,
+    "numpoints": FemPoint,
+    "numsegments": FemLine,
+    "numarcsegments": FemLine,
+    "numblocklabels": _label,
+    "numholes": _label,
+}
+
+
+class _Reader:
+    """A file's header, and the records of its parts; what cannot be read is a problem, and nothing is made of it."""
+
+    def __init__(self, content: bytes, source: str) -> None:
+        self.source = source
+        self.problems: list[str] = []
+        self.header: dict[str, str] = {}
+        entries = self.split(content)
+        self.check_kind(entries)
+        self.unit = self.header.get("lengthunits", "inches").lower()
         if self.unit not in UNITS_MM:
             units = ", ".join(UNITS_MM)
-            text.problems.append(f"[LengthUnits] must be one of {units}; instead received {self.unit[:40]!r}.")
-        self.scale = UNITS_MM.get(self.unit, 1.0)
-        self.held = self.properties("pointprops", FemPointProperty, "point property", "pointname", POINT)
-        self.boundaries = self.properties("bdryprops", FemBoundary, "boundary", "bdryname", BOUNDARY)
-        self.materials = self.properties("blockprops", FemMaterial, "block property", "blockname", MATERIAL)
-        self.circuits = self.properties("circuitprops", FemCircuit, "circuit", "circuitname", CIRCUIT)
-        self.points = [self.point(row, n) for n, row in enumerate(text.rows["numpoints"])]
+            self.problems.append(f"[LengthUnits] must be one of {units}; instead received {self.unit[:40]!r}.")
+        self.made: dict[str, list[Any]] = {}
+        for name, kind in _PARTS.items():
+            self.made[name] = [self.record(name, *entry) for entry in enumerate(entries.get(name, ()), kind.first)]
 
-    def properties(
-        self, section: str, build: Callable[..., Item], what: str, name_key: str, keys: Mapping[str, str]
-    ) -> list[Item]:
-        """The objects of a section's blocks."""
-        items = []
-        for block in self.text.properties.get(section, ()):
-            name = unquoted(block.get(name_key, ""))
-            values: dict[str, Any] = {}
-            for field, key in keys.items():
-                if key == "curve" and key in block:
-                    values[field] = self.curve(block[key], f"{what} {name!r}")
-                elif key in block:
-                    read = self.text.integer if field in WHOLE else self.text.number
-                    values[field] = read(block[key], f"{what} {name!r}: {key}")
-            items.append(build(name, **values))
-        return items
+    def split(self, content: bytes) -> dict[str, list[Any]]:
+        """Fill the header; each part's entries as text, blocks by their keys and rows by place."""
+        if b"\x00" in content:
+            raise FemFileError(self.source, ["it is no text file. Give a .fem file as FEMM's Save writes it."])
+        try:
+            decoded = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            decoded = content.decode("latin-1")
+        lines, place = [line.strip() for line in decoded.splitlines()], 0
+        entries: dict[str, list[Any]] = {}
+        while place < len(lines):
+            match = _KEY.match(lines[place])
+            place += 1
+            if match is None:
+                continue
+            key, value = match[1].lower(), match[2].strip()
+            if key == "solution":
+                break
+            if key in _PARTS:
+                entries[key], place = _rows(lines, place) if key.startswith("num") else self.blocks(lines, place)
+                self.check_count(match[1], value, len(entries[key]))
+            else:
+                self.header[key] = value.strip('"').strip()
+        return entries
 
-    def curve(self, rows: str, where: str) -> tuple[tuple[float, float], ...]:
-        """Points B and H."""
-        points = [row.split() for row in rows.splitlines()]
-        if any(len(row) < 2 for row in points):
-            self.text.problems.append(f"{where}: each of its BHPoints must be B and H.")
-            return ()
-        number = self.text.number
-        return tuple((number(b, f"{where}: B"), number(h, f"{where}: H")) for b, h, *_ in points)
+    def blocks(self, lines: list[str], place: int) -> tuple[list[dict[str, str]], int]:
+        """The blocks from a line on, and the line behind them; a curve has the lines of its points."""
+        blocks: list[dict[str, str]] = []
+        while place < len(lines) and (not lines[place] or lines[place].startswith("<")):
+            match = _PROPERTY.match(lines[place])
+            place += 1
+            if match is None:
+                continue
+            key, value = match[1].lower(), match[2].strip()
+            if key.startswith("begin"):
+                blocks.append({})
+            elif blocks and not key.startswith("end"):
+                blocks[-1][key] = value
+                if key == "bhpoints":
+                    curve, place = _rows(lines, place)
+                    blocks[-1][key] = "\n".join(map(" ".join, curve))
+                    self.check_count(f"BHPoints of block {blocks[-1].get('blockname', '')}", value, len(curve))
+        return blocks, place
 
-    def point(self, row: Sequence[str], n: int) -> FemPoint:
-        """A node."""
-        where = f"point {n}"
-        r, z, reference = self.fields(row, where, ("0", "0", "0"), needed=2)
-        held = self.referenced(reference, self.held, f"{where}: its point property")
-        return FemPoint(self.length(r, where), self.length(z, where), held)
+    def check_count(self, what: str, value: str, count: int) -> None:
+        """Whether as many rows follow as a line says."""
+        if value != str(count):
+            says = f"{what} says {value[:40] or 'nothing'} but {count} follow"
+            self.problems.append(f"{says}; the file is cut or edited wrongly.")
 
-    def line(self, row: Sequence[str], n: int, *, angled: bool) -> FemLine | None:
-        """A segment or an arc; None if its points or its angle are none."""
-        where, text, angle_text = f"arc {n}" if angled else f"segment {n}", self.text, "0"
-        if angled:
-            start, end, angle_text, _, reference = self.fields(row, where, ("0", "0", "0", "-1", "0"), needed=3)
+    def check_kind(self, entries: Mapping[str, Sequence[Mapping[str, str]]]) -> None:
+        """Refuse a file of FEMM's other solvers by its name, and what is no file of FEMM at all."""
+        keys = {key for block in entries.get("blockprops", ()) for key in block}
+        physics = next((name for name, markers in OTHER_PHYSICS.items() if markers & keys), None)
+        if physics is None and "conductorprops" in self.header:
+            physics = "electrostatics, heat flow or current flow"
+        if physics is not None:
+            raise FemFileError(
+                self.source, [f"it is FEMM's {physics} file; femfit reads magnetics. Give the magnetics (.fem) file."]
+            )
+        there = self.header.keys() | entries.keys()
+        missing = [name for name in ("[Format]", "[NumPoints]", "[NumBlockLabels]") if name[1:-1].lower() not in there]
+        if missing:
+            what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
+            raise FemFileError(self.source, [f"{what} Give a .fem file as FEMM saves it."])
+
+    def record(self, name: str, n: int, entry: Sequence[str] | Mapping[str, str]) -> Any:
+        """What an entry is in the model; None for a row that is too short."""
+        kind = _PARTS[name]
+        if isinstance(entry, Mapping):
+            where = f"{kind.what} {_unquoted(entry.get(kind.values[0].key, ''))!r}: "
+            texts = {value: entry[value.key] for value in kind.values if value.key in entry}
         else:
-            start, end, _, reference = self.fields(row, where, ("0", "0", "-1", "0"), needed=2)
-        ends = [text.integer(index, f"{where}: its point") for index in (start, end)]
-        if any(not 0 <= index < len(self.points) for index in ends):
-            there = f"there are points 0 to {len(self.points) - 1}"
-            text.problems.append(f"{where} runs from point {start} to {end}; {there}.")
-            return None
-        angle = text.number(angle_text, f"{where}: its angle")
-        if angled and not 0 < angle < 360:
-            text.problems.append(f"{where} must span an angle between 0 and 360 degrees; it has {angle:g}.")
-            return None
-        boundary = self.referenced(reference, self.boundaries, f"{where}: its boundary property")
-        return FemLine(self.points[ends[0]], self.points[ends[1]], angle, boundary)
+            where, needed = f"{kind.what} {n}", sum(value.missing is None for value in kind.values)
+            if len(entry) < needed:
+                self.problems.append(f"{where} has {counted(len(entry), 'value')}; it needs {needed} at least.")
+                return None
+            rest = [value.missing or "" for value in kind.values[len(entry) :]]
+            texts, where = dict(zip(kind.values, [*entry, *rest], strict=False)), f"{where}: its "
+        read = {value.field: self.value(value.kind, text, where + value.key) for value, text in texts.items()}
+        read.pop("-", None)
+        return _RECORDS[name](**{"name": ""} | read if isinstance(entry, Mapping) else read)
 
-    def label(self, row: Sequence[str], number: int) -> FemLabel:
-        """A block label."""
-        where, text = f"block label {number}", self.text
-        defaults = ("0", "0", "0", "-1", "0", "0", "0", "1", "0", "")
-        r, z, material, _, circuit, direction, group, turns, flags, formula = self.fields(row, where, defaults, 3)
-        flag = text.integer(flags, f"{where}: its external flag")
-        return FemLabel(
-            number,
-            self.length(r, where),
-            self.length(z, where),
-            self.referenced(material, self.materials, f"{where}: its block property"),
-            self.referenced(circuit, self.circuits, f"{where}: its circuit"),
-            text.number(turns, f"{where}: its turns"),
-            text.number(direction, f"{where}: its magnetization"),
-            unquoted(formula),
-            text.integer(group, f"{where}: its group"),
-            external=bool(flag & 1),
-            default=bool(flag & 2),
-        )
+    def value(self, kind: str, text: str, where: str) -> Any:
+        """A value by its kind; a problem and what can be gone on with where it is none."""
+        if kind in self.made:
+            return self.referenced(kind, self.integer(text, where), where)
+        if kind in {"length", "span"}:
+            return self.measured(kind, self.number(text, where), where)
+        kinds: dict[str, Callable[[str, str], Any]] = {
+            "number": self.number,
+            "integer": self.integer,
+            "curve": self.curve,
+        }
+        return kinds[kind](text, where) if kind in kinds else _unquoted(text)
 
-    def hole(self, row: Sequence[str], number: int) -> FemLabel:
-        """A region without mesh."""
-        r, z, group = self.fields(row, "hole", ("0", "0", "0"), needed=2)
-        place = self.length(r, "hole"), self.length(z, "hole")
-        return FemLabel(number, *place, None, group=self.text.integer(group, "hole: its group"))
+    def measured(self, kind: str, number: float, where: str) -> float:
+        """A length in mm, or an angle in degrees, within the limits of a drawing."""
+        problem = ""
+        if kind == "length":
+            number = round(UNITS_MM.get(self.unit, 1.0) * number, DIGITS) + 0.0  # no minus zero
+            if abs(number) > LARGEST_MM:
+                problem = f"{where} is {number:g} mm; lengths must be within {LARGEST_MM:g} mm."
+        elif not 0 < number < 360:
+            problem = f"{where} must lie between 0 and 360 degrees; it is {number:g}."
+        self.problems += [problem] if problem else []
+        return 0.0 if problem else number
 
-    def fields(self, row: Sequence[str], where: str, defaults: Sequence[str], needed: int) -> list[str]:
-        """A row's values, with defaults for those that old files leave out."""
-        if len(row) < needed:
-            self.text.problems.append(f"{where} has {counted(len(row), 'value')}; it needs {needed} at least.")
-            return list(defaults)
-        return [*row[: len(defaults)], *defaults[len(row) :]]
+    def curve(self, text: str, where: str) -> tuple[tuple[float, float], ...]:
+        """Points B and H, one a line."""
+        points = [row.split() for row in text.splitlines()]
+        if any(len(row) < 2 for row in points):
+            self.problems.append(f"{where}: each point must be B and H.")
+            return ()
+        return tuple((self.number(b, f"{where}: B"), self.number(h, f"{where}: H")) for b, h, *_ in points)
 
-    def length(self, value: str, where: str) -> float:
-        """In mm."""
-        length = self.scale * self.text.number(value, f"{where}: its coordinate")
-        if abs(length) > LARGEST_MM:
-            self.text.problems.append(f"{where} lies {length:g} mm off; lengths must be within {LARGEST_MM:g} mm.")
+    def number(self, text: str, where: str) -> float:
+        """A finite number; a problem and 0 if it is none."""
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            self.problems.append(f"{where} must be a number; instead received {text[:40]!r}. Save it again with FEMM.")
             return 0.0
-        return round(length, DIGITS) + 0.0  # no minus zero
+        return value
 
-    def referenced(self, index: str, items: Sequence[Item], where: str) -> Item | None:
-        """The item that a reference (from 1; 0 or less for none) names."""
-        place = self.text.integer(index, where)
-        if place > len(items):
-            self.text.problems.append(f"{where} is number {place}; the file defines {len(items)}.")
+    def integer(self, text: str, where: str) -> int:
+        """A whole number of at most nine digits; a problem and 0 if it is none."""
+        value = self.number(text, where)
+        if not value.is_integer() or abs(value) > 1e9:
+            self.problems.append(f"{where} must be a whole number; instead received {text[:40]!r}.")
+            return 0
+        return int(value)
+
+    def referenced(self, name: str, place: int, where: str) -> Any:
+        """The entry that a reference names: points count from 0; properties from 1, and 0 or less is none."""
+        entries, of_points = self.made[name], name == "numpoints"
+        index = place if of_points else place - 1
+        if index >= len(entries) or (of_points and index < 0):
+            there = f"there are points 0 to {len(entries) - 1}" if of_points else f"the file defines {len(entries)}"
+            self.problems.append(f"{where} is number {place}; {there}.")
             return None
-        return items[place - 1] if place > 0 else None
+        return entries[index] if index >= 0 else None
+
+
+def _unquoted(text: str) -> str:
+    """A quoted name without its quotes and without control characters."""
+    return "".join(character for character in text.strip().strip('"') if character.isprintable())[:60]
+
+
+def _rows(lines: list[str], place: int) -> tuple[list[list[str]], int]:
+    rows = []
+    while place < len(lines) and not lines[place].startswith(("[", "<")):
+        if lines[place]:
+            rows.append(_FIELD.findall(lines[place]))
+        place += 1
+    return rows, place
 
 
 def parse_fem(content: bytes, source: str) -> FemModel:
     """Read a FEMM magnetics file."""
-    text = split_fem(content, source)
-    parser, header, rows = _Parser(text), text.header, text.rows
-    lines = [parser.line(row, n, angled=False) for n, row in enumerate(rows.get("numsegments", ()))]
-    lines += [parser.line(row, n, angled=True) for n, row in enumerate(rows.get("numarcsegments", ()))]
-    labels = [parser.label(row, n + 1) for n, row in enumerate(rows["numblocklabels"])]
-    labels += [parser.hole(row, len(labels) + n + 1) for n, row in enumerate(rows.get("numholes", ()))]
+    reader = _Reader(content, source)
+    header, made = reader.header, reader.made
     model = FemModel(
         source=source,
-        version=text.number(header["format"], "[Format]"),
+        version=reader.number(header["format"], "[Format]"),
         problem_type=header.get("problemtype", "planar").lower(),
-        frequency=text.number(header.get("frequency", "0"), "[Frequency]"),
-        unit=parser.unit,
+        frequency=reader.number(header.get("frequency", "0"), "[Frequency]"),
+        unit=reader.unit,
         previous_solution=header.get("prevsoln", ""),
-        previous_type=text.integer(header.get("prevtype", "0"), "[PrevType]"),
-        comment=unquoted(header.get("comment", "")),
-        points=tuple(parser.points),
-        lines=tuple(line for line in lines if line is not None),
-        labels=tuple(labels),
+        previous_type=reader.integer(header.get("prevtype", "0"), "[PrevType]"),
+        comment=_unquoted(header.get("comment", "")),
+        points=tuple(made["numpoints"]),
+        lines=(*made["numsegments"], *made["numarcsegments"]),
+        labels=(),
     )
-    if text.problems:
-        raise FemFileError(source, list(dict.fromkeys(text.problems)))
-    return model
+    if reader.problems:
+        raise FemFileError(source, list(dict.fromkeys(reader.problems)))
+    labels = enumerate((*made["numblocklabels"], *made["numholes"]), 1)
+    return replace(model, labels=tuple(replace(label, number=n) for n, label in labels))

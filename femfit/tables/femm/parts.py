@@ -35,8 +35,7 @@ def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPart, ...]:
     """Join faces that touch and have material, magnetization and group in common."""
     kinds: dict[tuple[FemMaterial, Direction | None, int], list[FemFace]] = {}
     for face in sorted(faces, key=lambda face: face.label.number):
-        if face.label.material is not None:
-            kinds.setdefault((face.label.material, magnet_direction(face.label), face.label.group), []).append(face)
+        kinds.setdefault((face.label.material, magnet_direction(face.label), face.label.group), []).append(face)
     parts = []
     for (material, direction, _), alike in kinds.items():
         for polygon, joined in connected_faces(alike):
@@ -57,12 +56,12 @@ _PERIODIC = {4, 5}
 
 def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -> tuple[FemFace, ...] | None:
     """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
-    meshed, kelvin = _interior([face for face in faces if face.label.material is not None], notes)
+    meshed, kelvin = _interior([face for face in faces if face.label.meshed], notes)
     if not meshed:
         return None
     domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
     for face in faces:
-        if face.label.material is None and Polygon(domain.exterior).contains(face.polygon.representative_point()):
+        if not face.label.meshed and Polygon(domain.exterior).contains(face.polygon.representative_point()):
             notes.say("surroundings wall", place=face.label.place)
     shells = _shells(meshed, domain)
     inside = [face for face in meshed if face not in shells]
@@ -92,9 +91,8 @@ def _interior(meshed: Sequence[FemFace], notes: Notes) -> tuple[list[FemFace], l
 
 def _is_part(face: FemFace) -> bool:
     material = face.label.material
-    if material is None or face.label.external:
-        return False
-    return material.magnetic or bool(material.current_density) or face.label.circuit is not None
+    driven = bool(material.current_density) or face.label.circuit is not None
+    return face.label.meshed and not face.label.external and (material.magnetic or driven)
 
 
 def _shells(faces: Sequence[FemFace], domain: Polygon) -> list[FemFace]:
@@ -102,8 +100,7 @@ def _shells(faces: Sequence[FemFace], domain: Polygon) -> list[FemFace]:
     remaining = [
         face
         for face in faces
-        if face.label.material is not None
-        and _SHELL_NAME.fullmatch(face.label.material.name)
+        if _SHELL_NAME.fullmatch(face.label.material.name)
         and not (face.label.material.coercivity or face.label.material.curve or face.label.circuit)
     ]
     shells: list[FemFace] = []
@@ -165,7 +162,7 @@ def _say(
     if kelvin and kinds & _PERIODIC:
         return
     if shells:
-        names = sorted({face.label.material.name for face in shells if face.label.material})
+        names = sorted({face.label.material.name for face in shells})
         notes.say("open-boundary", shells=len(shells), names=", ".join(names))
     elif _DUAL_IMAGE in kinds:
         notes.say("dual-image")

@@ -159,7 +159,7 @@ def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[Fe
         notes.say("circuit resistance", coils=len(coils))
     if len(notes.problems) > before:
         return None
-    parts = merge_parts([face for face in inside if face.label.material is not None and face.label.material.magnetic])
+    parts = merge_parts([face for face in inside if face.label.material.magnetic])
     bodies = divide(parts, coils, [face for face in faces if face not in inside], options, notes)
     return None if bodies is None else trim_windings(windings, bodies, notes)
 
@@ -169,12 +169,10 @@ def _say_changes(model: FemModel, bodies: FemBodies, notes: Notes) -> None:
     angled = [
         label
         for label in model.labels
-        if label.material is not None
-        and label.material.coercivity
-        and label.material.coercivity_angle not in {0.0, label.magnetization}
+        if label.material.coercivity and label.material.coercivity_angle not in {0.0, label.magnetization}
     ]
     if angled:
-        notes.say("material-angle", name=angled[0].material.name if angled[0].material else "")
+        notes.say("material-angle", name=angled[0].material.name)
     for material in dict.fromkeys(part.material for part in (*bodies.fixed, *bodies.moving)):
         dropped = len(material.curve) - len(material.rising_curve)
         if dropped:

@@ -62,9 +62,9 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
     for block in blocks:
         material = block.label.material
         facts = {"place": block.label.place, "name": circuit.name}
-        if material is not None and material.magnetic:
+        if material.magnetic:
             notes.say("circuit magnetic", **facts)
-        if material is not None and (density := material.current_density):
+        if density := material.current_density:
             notes.say("circuit-and-density", size=density * block.polygon.area, density=density, **facts)
         if block.label.turns == 0:
             notes.say("circuit turns", **facts)
@@ -73,7 +73,7 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
 def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> list[FemCircuit]:
     """The circuits that are taken: those that the user names, else those with current, all of coils alone."""
     circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
-    materials = [face.label.material for face in faces if face.label.material is not None]
+    materials = [face.label.material for face in faces]
     if not names:
         live = [circuit for circuit in circuits if circuit.current_A]
         coils_alone = not any(material.magnetic for material in materials)  # which feel no force but each other's
@@ -101,10 +101,10 @@ def _by_density(faces: Sequence[FemFace], notes: Notes) -> list[FemWinding]:
     blocks = [
         (face, face.label.material.current_density)
         for face in faces
-        if face.label.circuit is None and face.label.material is not None and face.label.material.current_density
+        if face.label.circuit is None and face.label.material.current_density
     ]
     for face, _ in blocks:
-        if face.label.material is not None and face.label.material.magnetic:
+        if face.label.material.magnetic:
             notes.say("circuit density", place=face.label.place)
     windings = []
     for size in dict.fromkeys(abs(density) for _, density in blocks):
@@ -136,11 +136,10 @@ def _coils(blocks: Sequence[tuple[FemFace, float]]) -> tuple[FemCoil, ...]:
             turns = sum(densities[id(face)] * face.polygon.area for face in joined)
             labels = tuple(face.label for face in joined)
             material = labels[0].material
-            if material is not None:
-                coils += [
-                    FemCoil(polygon, material, labels, turns * polygon.area / section.area)
-                    for polygon in without_holes(section)
-                ]
+            coils += [
+                FemCoil(polygon, material, labels, turns * polygon.area / section.area)
+                for polygon in without_holes(section)
+            ]
     return tuple(sorted(coils, key=lambda coil: coil.labels[0].number))
 
 
