@@ -147,9 +147,12 @@ FLUX_ERROR = 0.1
 SHORTEST_PIECE, LONGEST_PIECE = 250, 2000
 """Conventional: samples of a piece of a record; pieces run side by side, and a filter forgets its start within one."""
 
-JOINED = 1e-12
-"""Numerical: a piece begins where the one before ended if no state differs by more than this of its deviation, and
-no variance by more than this of itself; the record is then followed as by one filter after the other."""
+JOINED, ROUNDING = 1e-12, 1e-15
+"""Numerical: a piece begins where the one before ended if no state differs by more than this of its deviation or this
+of itself, and no variance by more than the first of itself: the record is then followed sample by sample."""
+
+TURNS = 25
+"""Conventional: a filter that has not forgotten its starts after so many turns runs one piece after the other."""
 
 LAGS = 20
 """Conventional: lags of the innovations' autocorrelation, and of a delay between channels, in samples."""

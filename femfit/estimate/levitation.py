@@ -12,6 +12,7 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (32) and (33), as corre
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -37,8 +38,7 @@ from femfit.estimate.noise import (
 from femfit.estimate.process import FilterProcess, Output
 from femfit.estimate.process_graph import ProcessGraph, process_graph
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import blocked_by_diodes, is_plain, winding_voltage
-from femfit.model.dynamics import half_way
+from femfit.model.drive import is_plain
 from femfit.model.hall import HallSensor
 from femfit.model.sensors import HALL, reading_of, readings_span, sensor_named, sensors_of
 
@@ -75,9 +75,9 @@ def levitation_process(
         freewheel diode and a current amplifier then have their say.
     """
     model.require_dynamics()
-    driven = commanded and not is_plain(model.circuits)
     sensors = chosen_sensors(model, sensors)
     graph = process_graph(model, sensors, chosen_biases(sensors, biases, hall_bias))
+    graph = replace(graph, driven=commanded and not is_plain(model.circuits))
     distance = operating_distance(model) if distance is None else distance
     noise = default_noise(model, distance) if noise is None else noise
     outputs = tuple(_output(graph, name, noise) for name in sensors)
@@ -89,10 +89,10 @@ def levitation_process(
     return FilterProcess(
         names=graph.names,
         step_s=model.sample_time_s,
-        transition=partial(_driven_transition, graph) if driven else graph.transition,
+        transition=graph.transition,
         outputs=outputs,
         process_covariance=block_diag(covariance, np.diag(_sample_variances(graph, outputs))),
-        transition_jacobian=None if driven or not graph.light else graph.transition_jacobian,
+        transition_jacobian=graph.transition_jacobian if graph.light else None,
         lower=lower,
         upper=upper,
         start_covariance=np.diag(np.square(np.append(deviations, remembered))),
@@ -170,14 +170,6 @@ def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bia
             f"received {biases!r}. A bias of a sensor that is not read cannot be estimated."
         )
     return tuple(biases)
-
-
-def _driven_transition(graph: ProcessGraph, states: FloatArray, command: FloatArray) -> FloatArray:
-    """States one sample later for commands of drivers that are no bridges; no diode lets a current turn round."""
-    model = graph.model
-    command = command[:, None] if command.ndim == 1 else command
-    volts = winding_voltage(model, half_way(states, model.sample_time_s), command, model.sample_time_s)
-    return blocked_by_diodes(model, graph.transition(states, volts))
 
 
 def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:

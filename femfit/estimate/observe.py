@@ -24,6 +24,7 @@ from femfit.estimate.seating import Seating, find_seatings
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+from femfit.model.sample_step import COARSE
 from femfit.tables.findings import finding
 from femfit.tables.measurement import Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
@@ -174,6 +175,7 @@ def observe(
             *prepared.findings,
             *_told_by_estimate(prepared, runs[0]),
             *_soft_stops(prepared.model, runs[0]),
+            *_coarse_sample(prepared.model),
             *([NO_NOISE_FOUND] if find and shown is None else []),
         ),
         noise=shown,
@@ -224,6 +226,14 @@ def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
         )
         findings.append(finding("outside-domain", outside=int(outside.sum()), samples=f"{samples}", ranges=ranges))
     return findings
+
+
+def _coarse_sample(model: ActuatorModel) -> list[Finding]:
+    """Whether the steps of a filter follow what happens within a sample."""
+    error = model.sample_step.error
+    if error <= COARSE:
+        return []
+    return [finding("coarse-sample", share=f"{100.0 * error:.2g} %" if np.isfinite(error) else "all", size=error)]
 
 
 def _soft_stops(model: ActuatorModel, run: OneFilter) -> list[Finding]:

@@ -27,6 +27,7 @@ from femfit.model.impedance import Answer, answered, checked_frequency, field_of
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.model_text import sentence
 from femfit.model.network_magnetics import NetworkMagnetics
+from femfit.model.sample_step import SampleStep
 from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 from femfit.model.validity import ActuatorKind, FiledBox, Misfit, ProcessNoise, ValidityBox
 from femfit.model.windings import Windings
@@ -266,6 +267,11 @@ class ActuatorModel(Printed):
     def equations(self) -> Equations:
         """The equations of its motion."""
         return Equations(self)
+
+    @cached_property
+    def sample_step(self) -> SampleStep:
+        """The steps that filters take of them."""
+        return SampleStep(self)
 
     @property
     def has_magnet(self) -> bool:

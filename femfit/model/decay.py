@@ -25,10 +25,6 @@ from femfit.core.graph import settled
 ComplexExpressions: TypeAlias = NDArray[Any]
 """An array of :class:`Complex`."""
 
-FASTEST_GROWTH = 1.0
-"""Chosen: a current that iron lets grow within a step, where R is negative, grows by its exponential of this at most;
-a co-energy that is extended to a negative inductance would let it grow without end."""
-
 SERIES_TERMS = 14
 """Derived: of f3 up to z = 1, where further ones are less than 1e-16 of it."""
 
@@ -59,7 +55,7 @@ def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX,
     m, k = driving.shape
     if m == 1:
         rate = driving / inductance
-        first, second, third = shares(ca.fmax(step * resistances / inductance, -FASTEST_GROWTH))
+        first, second, third = shares(step * resistances / inductance)
         return first * rate, second * rate, third * rate
     totals = SX.zeros(m, k), SX.zeros(m, k), SX.zeros(m, k)
     own, right = step * resistances, [[Complex(x, SX(0.0)) for x in row] for row in _rows(driving)]

@@ -11,7 +11,8 @@ currents u = i + C e, so that u' = G w' + C' e v. The bracket L + (dl/dz) (dz'/d
 A step of the filters takes forces and inductances where the body is half-way, and is exact for currents that decay or
 grow at any stiffness: what a current does to its own rate is R + dL/dt, with the dL/dt of iron that saturates and of a
 body that moves, and what a body induces grows with its speed (:mod:`femfit.model.decay`). The force follows the
-currents' mean over the step, and their mean square. The step is of second order.
+currents' mean over the step, and their mean square. The step is of second order; :mod:`femfit.model.sample_step` makes
+samples of it.
 
 References
 ----------
@@ -19,7 +20,7 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 M. Hochbruck and A. Ostermann, Acta Numerica 19 (2010) 209, section 2.4: exponential Rosenbrock methods.
 """
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -29,7 +30,6 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable, slope
-from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
@@ -43,11 +43,6 @@ if TYPE_CHECKING:
 
 _LEAKAGE = 0.05
 """Least part of the inductance that a changing state leaves: leakage flux passes air, whatever the core does."""
-
-
-MOST_STEPS, ALIKE, SPEED = 4, 4e-3, 0.005
-"""Chosen: a step of second order is then off by 5.3e-3 of the change that a sample brings, where four suffice; bodies
-cross their stroke in two hundred samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +60,15 @@ class _Symbols:
     def inputs(self) -> list[SX]:
         """As every function of the equations takes them."""
         return [self.state, self.voltage, ca.vertcat(self.disturbance, self.step, self.time, self.free)]
+
+
+@dataclass(frozen=True, eq=False)
+class Diode:
+    """A freewheel diode over a step."""
+
+    circuit: int
+    idle: SX  # Whether nothing else feeds the winding
+    least: SX  # Its drop beside the voltage that the step is given, in V
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +121,6 @@ class Equations:
         length = length if self.linear else None
         return self._function(("step", length), lambda at: self._step(at, length))
 
-    def step_slope(self, length: float | None) -> GraphFunction:
-        """Jacobian of :meth:`step` by the state, column after column."""
-        length = length if self.linear else None
-        return self._function(("slope", length), lambda at: ca.vec(ca.jacobian(self._step(at, length), at.state)))
-
     def reading(self, sensor: AnySensor) -> GraphFunction:
         """What a sensor reads."""
         return self._function(("reading", id(sensor)), lambda at: self._reading(sensor, at), sensor)
@@ -159,44 +158,6 @@ class Equations:
         """Whether effects bring states of their own."""
         return bool(self.model.memories)
 
-    @cached_property
-    def steps(self) -> int:
-        """Steps in a sample: half their length changes what a sample brings by less than :data:`ALIKE`."""
-        if not self.model.circuits:
-            return 1
-        box, last, (states, volts) = self.model.validity, 2 + len(self.model.circuits), self._all_over()
-        steps, ends = 1, self._after(states, volts, 1)
-        while steps < MOST_STEPS:
-            finer = self._after(states, volts, 2 * steps)
-            within = box.contains(finer[0], finer[2:last].T)  # beyond, no model says how far a body comes
-            moved, apart = (np.square(finer - other)[1:last, within].sum(axis=1) for other in (states, ends))
-            if (apart <= np.square(ALIKE) * moved).all():
-                break
-            steps, ends = 2 * steps, finer
-        return steps
-
-    def _all_over(self) -> tuple[FloatArray, FloatArray]:
-        """States (order, N) all over the validity domain, of bodies that move both ways, and voltages (n, N)."""
-        model, box, n = self.model, self.model.validity, len(self.model.circuits)
-        distance, currents = box.grid(5, 5, several=3)
-        speed = SPEED * (box.distance_max_m - box.distance_min_m) / model.sample_time_s
-        ends = np.array([(circuit.voltage_min_V, circuit.voltage_max_V) for circuit in model.circuits]).T
-        ends = np.where(np.isfinite(ends), ends, box.current_limits_A[:n].T * model.resistances_ohm)
-        cases = [(v, u) for v in (-speed, speed) for u in ends]
-        states = np.zeros((model.order, len(cases), len(distance)))
-        states[0], states[2 : 2 + n] = distance, currents[:, :n].T[:, None]
-        states[1] = np.array([v for v, _ in cases])[:, None]
-        volts = np.repeat(np.array([u for _, u in cases]).T[..., None], len(distance), axis=2)
-        return states.reshape(model.order, -1), volts.reshape(n, -1)
-
-    def _after(self, states: FloatArray, volts: FloatArray, steps: int) -> FloatArray:
-        """States (order, N) a sample later, by so many steps."""
-        length, count = self.model.sample_time_s / steps, states.shape[1]
-        others = np.tile([[0.0], [length], [0.0], [1.0]], (1, count))
-        for _ in range(steps):
-            states = self.step(length)(states, volts, others, self.model.magnetics.given_values)
-        return states
-
     def _responses(self, length: float) -> ResponseTable:
         key = "responses", length
         if key not in self._known:
@@ -218,59 +179,18 @@ class Equations:
         """Time derivative of an expression's state, of a body that is free where it is not said."""
         return self._rates(state, _expressed(state, voltage, free=free))
 
-    def any_step_of(self, state: SX, voltage: SX, step: SX, free: SX) -> SX:
-        """An expression's state a step of any length later, of a body that is free or goes on at its speed."""
-        return self._step(_expressed(state, voltage, step, free), None)
+    def step_at(self, state: SX, voltage: SX, length: SX | float, free: SX | None = None, **between: Any) -> SX:
+        """An expression's state a step in s later.
 
-    def step_between_stops(self, state: SX, voltage: SX, held: bool = False) -> SX:
-        """An expression's state one of :attr:`steps` later, of a body that its stops hold, or that stands still.
-
-        Across a winding whose voltage is nought the freewheel diode has its drop while a current goes on.
+        Parameters
+        ----------
+        stops : Mechanics or None
+            Between whose ends the body's way lies along which it induces a voltage.
+        diodes : sequence of Diode
+            That end a current within the step at nought.
         """
-        motion, step = self.model.require_motion(), self.model.sample_time_s / self.steps
-        length = step if self.linear else None
-        voltage = self._fed(voltage, state)
-        if held:
-            after = self._step(_expressed(ca.vertcat(state[0], 0.0, state[2:]), voltage, SX(step), SX(0.0)), length)
-            return self._blocked(after)
-        state = ca.vertcat(between(state[0], motion.ends), state[1:])
-        after = self._step(_expressed(state, voltage, SX(step)), length, motion)
-        distance, velocity = met_stops(motion, (state[0], state[1]), (after[0], after[1]), step)
-        return self._blocked(ca.vertcat(distance, velocity, after[2:]))
-
-    def _fed(self, voltage: SX, state: SX) -> SX:
-        """Voltages across the windings, with the drops of freewheel diodes that carry a current."""
-        result = [*ca.vertsplit(voltage)]
-        for k, drop in self._diodes:
-            idle = ca.logic_and(result[k] == 0.0, state[2 + k] > 0.0)
-            result[k] = ca.if_else(idle, -drop, result[k])
-        return ca.vertcat(SX(0, 1), *result)
-
-    def _blocked(self, state: SX) -> SX:
-        """A state whose currents do not turn round where a diode feeds the winding; eddy currents keep their flux."""
-        if not self._diodes:
-            return state
-        n, end = len(self.model.circuits), self.model.windings.end
-        currents = [*ca.vertsplit(state[2:end])]
-        for k, _ in self._diodes:
-            currents[k] = ca.if_else(currents[k] < 0.0, 0.0, currents[k])
-        if self.model.eddy is not None:
-            memory = self.parts(state)[3]
-            linked = of_variable(
-                lambda x: ca.vec(ca.hessian(self.coenergy(memory)(x[0], x[1:]), x)[0][1:, 1 + n :]),
-                ca.vertcat(state[0], state[2:end]),
-            )
-            linked = ca.reshape(linked, end - 2, end - 2 - n)
-            lost = linked[:n, :].T @ (ca.vertcat(*currents[:n]) - state[2 : 2 + n])
-            eddies = state[2 + n : end] - eliminated(linked[n:, :], lost)
-            currents[n:] = ca.vertsplit(eddies)
-        return ca.vertcat(state[:2], *currents, state[end:])
-
-    @cached_property
-    def _diodes(self) -> list[tuple[int, float]]:
-        """Circuits that a freewheel diode feeds, and its drop in V."""
-        drops = [None if circuit.drive.kind == "current" else circuit.drive.diode_V for circuit in self.model.circuits]
-        return [(k, drop) for k, drop in enumerate(drops) if drop is not None]
+        of_one_length = length if self.linear and not isinstance(length, SX) else None
+        return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **between)
 
     @cached_property
     def _symbols(self) -> _Symbols:
@@ -285,7 +205,9 @@ class Equations:
         end, names = self.model.windings.end, self.model.memory_names
         return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
 
-    def _step(self, at: _Symbols, length: float | None, stops: Mechanics | None = None) -> SX:
+    def _step(
+        self, at: _Symbols, length: float | None, stops: Mechanics | None = None, diodes: Sequence[Diode] = ()
+    ) -> SX:
         """The state one step later. With stops, the voltage that motion induces follows the body's way between them."""
         h, state = at.step, at.state
         middle = ca.vertcat(state[0] + 0.5 * h * state[1], state[1:])
@@ -298,7 +220,7 @@ class Equations:
             met = ca.fabs(reached - free) > 0.0
             return ca.if_else(met, (reached - state[0]) / h, v), ca.if_else(met, 0.0, acceleration)
 
-        return state + h * self._rates(middle, at, length=length, way=way)
+        return state + h * self._rates(middle, at, length=length, way=way, diodes=diodes)
 
     def _rates(self, state: SX, at: _Symbols, **options: Any) -> SX:
         """Of a body that its stops let no further, though a stage of a step may."""
@@ -312,6 +234,7 @@ class Equations:
         *,
         length: float | None = None,
         way: Callable[[SX, SX], tuple[SX, SX]] | None = None,
+        diodes: Sequence[Diode] = (),
         driven: tuple[int, ...] = (),
         dry_friction: bool = True,
     ) -> tuple[SX, SX]:
@@ -372,12 +295,17 @@ class Equations:
         else:
             at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant)
             circuits = inductance, resistances, driving
-            v, acceleration, rate = self._means(at, length, at_first, circuits)
+            v, acceleration, rate = self._means(at, length, at_first, circuits, diodes)
         followed = self._memory_rates(memory, core, ca.dot(turns, rate) + drift, conditions, (first, rate[0]))
         return ca.vertcat(v, acceleration, rate, followed), commanded
 
     def _means(
-        self, at: _Symbols, length: float | None, first: "_AtFirst", circuits: tuple[SX, SX, SX]
+        self,
+        at: _Symbols,
+        length: float | None,
+        first: "_AtFirst",
+        circuits: tuple[SX, SX, SX],
+        diodes: Sequence[Diode],
     ) -> tuple[SX, SX, SX]:
         """Means over a step of velocity, acceleration and the currents' rates.
 
@@ -389,15 +317,25 @@ class Equations:
         h, w, constant, speed, gain = at.step, first.currents, first.motional_constant, *first.way
         inductance, resistances, driving = circuits
         slope_by_currents = ca.jacobian(constant, w)
-        both = ca.horzcat(driving, constant * gain)
-        if length is None:
-            against = ca.diag(resistances)
-            if not self.linear:
-                rate = eliminated(inductance, driving)
-                against += _rate_along(first.linkage, w, rate) - speed * slope_by_currents
+        units = SX.eye(w.numel())[:, [diode.circuit for diode in diodes]]
+        both = ca.horzcat(driving, constant * gain, units)
+        against, responses = ca.diag(resistances), None
+        if length is not None:
+            responses = self._responses(length).at(first.distance)
+        if self.linear:  # dL/dt of the way, by the currents' mean rates
+            growth = decayed(inductance, against, driving, h)[0] if responses is None else responses[0] @ driving
+            both[:, 1] += speed * slope_by_currents @ growth
+        else:
+            change = _rate_along(first.linkage, w, eliminated(inductance, driving)) - speed * slope_by_currents
+            against += _slowed(change, ca.diag(inductance) / h + resistances)
+        if responses is None:
             ends, means, ways = decayed(inductance, against, both, h)
         else:
-            ends, means, ways = (response @ both for response in self._responses(length).at(first.distance))
+            ends, means, ways = (response @ both for response in responses)
+        if diodes:
+            more = _ending(diodes, w / h + ends[:, 0] + h * means[:, 1], ends[:, 2:])
+            for parts in (ends, means, ways):
+                parts[:, 0] += parts[:, 2:] @ more
         changed, lag = h * (means[:, 0] + h * ways[:, 1]), first.freedom / self.model.require_motion().mass_kg
         curved = ca.dot(changed, slope_by_currents @ changed)  # the mean square of even growth is 4/3 of this
         late = first.acceleration / 2.0 - lag * (h * ca.dot(constant, ways[:, 0]) + curved / 6.0)
@@ -481,6 +419,32 @@ def _rate_along(linkage: SX, w: SX, rate: SX) -> SX:
     """dL/dt of currents with these rates, (m, m)."""
     direction = SX.sym("r", w.numel())
     return ca.substitute(ca.jacobian(ca.jtimes(linkage, w, direction), w), direction, rate)
+
+
+def _ending(diodes: Sequence[Diode], reached: SX, response: SX) -> SX:
+    """Voltages of diodes beside those given, that end their currents with the step, or are as low as their drops.
+
+    Parameters
+    ----------
+    reached : SX
+        All windings' currents after the step over its length.
+    response : SX
+        What a volt at each diode's winding adds to it.
+    """
+    places = [diode.circuit for diode in diodes]
+    idle, least = (ca.vertcat(*(getattr(diode, name) for diode in diodes)) for name in ("idle", "least"))
+    own, apart = idle @ idle.T * response[places, :], ca.diag(1.0 - idle)
+    more = idle * ca.fmax(least, eliminated(own + apart, -idle * reached[places]))
+    for k, place in enumerate(places):  # where another is as low as its drop
+        more[k] += ca.if_else(
+            idle[k], ca.fmax(least[k] - more[k], -(reached + response @ more)[place] / own[k, k]), 0.0
+        )
+    return more
+
+
+def _slowed(change: SX, room: SX) -> SX:
+    """dL/dt, made less where a current would grow more than e-fold within a step: of a negative inductance beyond."""
+    return change / ca.fmax(1.0, ca.mmax(-ca.diag(change) / room))
 
 
 def _imposed(inductance: SX, driving: SX, places: list[int], rates: SX) -> tuple[SX, SX]:

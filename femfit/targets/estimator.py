@@ -116,7 +116,8 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
         "upper": _plain(upper),
         "scaling": UnscentedFilter(process).scaling,
         "stops": f"({', '.join(map(_number, model.require_motion().ends))})",
-        "steps": model.equations.steps,
+        "steps": model.sample_step.count,
+        "diodes": bool(model.sample_step.diodes),
         "substeps": Plant(model).substeps,
         "plant_order": model.order,
         "plant_method": _RUNGE_KUTTA if model.eddy is None else _EXTRAPOLATED,
@@ -148,11 +149,16 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
             rates = GraphFunction([x, u, free], equations.rates_at(x, u, free))
             found.append(("rates", rates, ("x", "u", "free")))
         else:
-            decayed = GraphFunction([x, u, h, free], equations.any_step_of(x, u, h, free))
+            decayed = GraphFunction([x, u, h, free], equations.step_at(x, u, h, free=free))
             found.append(("decayed", decayed, ("x", "u", "h", "free")))
         after = SX.sym("after", 2)
         met = ca.vertcat(*met_stops(model.require_motion(), (x[0], x[1]), (after[0], after[1]), h))
         found.append(("met_stops", GraphFunction([x, after, h], met), ("x", "after", "h")))
+    if model.sample_step.diodes:
+        with building():
+            x, u = SX.sym("x", model.order), SX.sym("u", len(model.circuits))
+            found.append(("fed", GraphFunction([x, u], model.sample_step.fed(u, x)[0]), ("x", "u")))
+            found.append(("blocked", GraphFunction([x], model.sample_step.blocked(x)), ("x",)))
     return found
 
 

@@ -188,6 +188,7 @@ def test_readings_that_are_equal_by_their_coarse_digit_are_repeats_of_their_nois
     assert np.mean(floors) == pytest.approx(np.hypot(SIGMA, digit / np.sqrt(12.0)), rel=0.2)
 
 
+@pytest.mark.nightly
 def test_what_is_off_is_named_by_its_rows_its_ammeter_and_no_impossible_unit(folder, bench, levitation_model):
     half = bench["distance_m"].where(bench.index % 2 == 0, 1e3 * bench["distance_m"])
     second = bench["force_N"].where(bench["run"] == 1.0, 1e3 * bench["force_N"])

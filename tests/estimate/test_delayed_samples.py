@@ -165,7 +165,7 @@ def test_the_halves_of_a_coil_arrive_at_a_stop_as_the_whole_does():
     _, whole = arriving(model, 0.6)
     state = np.array([[0.25e-3, -3.0, 0.6, 0.6]])
     cut = cut_in_two(model)
-    assert model.equations.steps == cut.equations.steps
+    assert model.sample_step.count == cut.sample_step.count
     halves = alone(cut).transition(state, np.full((1, 2), 0.25))
     np.testing.assert_allclose(halves[0], whole[0, [0, 1, 2, 2]], rtol=1e-9)
 

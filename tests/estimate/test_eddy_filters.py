@@ -149,25 +149,41 @@ def test_a_filter_s_step_up_to_a_stop_and_back_is_that_of_runge_and_kutta(circui
     assert np.abs(found - wanted)[:, 2:].max() < (0.015 if circuits == 1 else 0.03) * size[2:].max()
 
 
+@pytest.mark.parametrize("eddies", [(), (8e-3, 2e-4)])
 @pytest.mark.parametrize("circuits", [1, 2])
-def test_a_diode_has_its_drop_until_its_current_is_zero_and_eddy_currents_keep_their_flux(circuits):
-    """Where the voltage is exactly nought; against the same windings at the drop, which a bridge takes below zero."""
+def test_a_diode_has_its_drop_until_its_current_is_zero(circuits, eddies):
+    """Where the voltage is exactly nought: against the same windings at the drop, and against short steps."""
     diode = replace(solenoid(drive=Drive(diode_V=0.7)), sample_time_s=1e-4)
-    bridge, eddies = replace(diode, circuits=(replace(diode.circuit, drive=Drive()),)), (8e-3, 2e-4)
-    of = with_eddies if circuits == 1 else lambda model, times: halves_with_eddies(with_eddies(model, times))
-    diode, bridge = of(diode, eddies), of(bridge, eddies)
-    states, volts = np.zeros((3, diode.order)), np.zeros((3, circuits) if circuits > 1 else 3)
-    states[:, 0], states[:, 2 : 2 + circuits] = 2e-3, np.array([[0.5], [1e-4], [0.0]])
-    flowing, through = (
-        kalman_filter(with_two_sensors(model), sensors=("shunt",)).process.transition(states, applied)
-        for model, applied in ((diode, volts), (bridge, volts - 0.7 / circuits))
-    )
-    np.testing.assert_allclose(flowing[0], through[0], rtol=1e-12)
-    assert (through[1, 2 : 2 + circuits] < 0.0).all()
-    np.testing.assert_array_equal(flowing[1:, 2 : 2 + circuits], 0.0)
-    linked = diode.windings.magnetics.flux_linkage(flowing[:, 0], flowing[:, 2 : diode.windings.end])
-    wanted = diode.windings.magnetics.flux_linkage(through[:, 0], through[:, 2 : diode.windings.end])
-    np.testing.assert_allclose(linked[1, circuits:], wanted[1, circuits:], rtol=1e-6, atol=1e-12)
+    bridge = replace(diode, circuits=(replace(diode.circuit, drive=Drive()),))
+    short = replace(diode, sample_time_s=1e-4 / 200)
+
+    def transition(model):
+        model = with_eddies(model, eddies) if eddies else model
+        model = model if circuits == 1 else halves_with_eddies(model) if eddies else cut_in_two(model)
+        return kalman_filter(with_two_sensors(model), sensors=("shunt",)).process.transition
+
+    states = np.zeros((4, 2 + circuits + len(eddies)))
+    states[:, 0], states[:, 2 : 2 + circuits] = 2e-3, np.array([[1.0], [2e-3], [1e-9], [0.0]])
+    states[:, 2 + circuits :] = -0.02  # holds the flux up as the current falls
+    volts = np.zeros((4, circuits) if circuits > 1 else 4)
+    found, in_short, moved = transition(diode)(states, volts), states, transition(short)
+    np.testing.assert_allclose(found[0], transition(bridge)(states, volts - 0.7 / circuits)[0], rtol=1e-12)
+    for _ in range(200):
+        in_short = moved(in_short, volts)
+    assert (np.abs(found - in_short).max(axis=0) < 0.01 * np.abs(in_short - states).max(axis=0)).all()
+    assert (found[:, 2 : 2 + circuits] >= 0.0).all()
+    assert found[1:, 2 : 2 + circuits].max() < 1e-9
+    np.testing.assert_allclose(found[2], found[3], rtol=1e-6, atol=1e-9)  # as much noise moves nothing
+
+
+@pytest.mark.parametrize("bandwidth", [None, 300.0])
+def test_an_amplifier_brings_the_current_to_its_target_in_each_of_several_steps(bandwidth):
+    model = with_two_sensors(replace(solenoid(drive=Drive("current", bandwidth_Hz=bandwidth)), sample_time_s=1e-3))
+    assert model.sample_step.count == 4
+    process = kalman_filter(model, sensors=("shunt",), commanded=True).process
+    left = 0.0 if bandwidth is None else np.exp(-2.0 * np.pi * bandwidth * 1e-3)
+    after = process.transition(np.array([[2e-3, 0.0, 0.5]]), np.array([0.505]))
+    assert after[0, 2] == pytest.approx(0.505 - 0.005 * left, abs=5e-5)
 
 
 @pytest.mark.parametrize("drive", [Drive(diode_V=0.7), Drive("current"), Drive("current", bandwidth_Hz=300.0)])

@@ -54,6 +54,7 @@ def test_observe_by_volts_is_observe_by_the_distance(recorded):
     assert by_volts.trusted
 
 
+@pytest.mark.nightly
 def test_compare_takes_the_distance_from_the_sensor_and_says_so(recorded):
     compared = ff.compare(model(), read_measurement(recorded / "volts.csv"))
     plain = ff.compare(model(), read_measurement(recorded / "metres.csv"))

@@ -58,12 +58,14 @@ def test_a_resistance_that_accounts_for_little_of_the_misfit_is_not_blamed_for_i
     assert set(seen.noise.lines(lost=False)) <= set(lines)
 
 
+@pytest.mark.nightly
 def test_a_small_resistance_that_accounts_for_the_misfit_is_said_first():
     seen = seen_by_the_drawn_model(1.012)
     assert seen.of_resistance
     assert "1.2 % larger" in str(seen).splitlines()[0]
 
 
+@pytest.mark.nightly
 def test_an_ammeter_of_another_gain_looks_like_a_resistance_and_is_named_beside_it():
     """It reads 3 % too little, so that voltage over current is 1 / 0.97 of the resistance."""
     right = record(1.0)

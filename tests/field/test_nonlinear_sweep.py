@@ -49,6 +49,7 @@ def test_table_has_the_contracts_columns_with_iterations_and_residual(whole, act
     assert not whole.rows.isna().any(axis=None)
 
 
+@pytest.mark.nightly
 def test_a_sweep_cut_short_resumes_to_the_same_table_bit_for_bit(whole, directory, actuator, tmp_path):
     shutil.copytree(directory, tmp_path, dirs_exist_ok=True)
     journal = tmp_path / "journal.jsonl"

@@ -215,6 +215,7 @@ def test_a_tolerance_that_changes_no_reading_is_dropped_and_said(levitation_mode
     assert running_resistance(result.model) == pytest.approx(1.0 + 3.93e-3 * 25.0, abs=0.01)
 
 
+@pytest.mark.nightly
 def test_the_diagnosis_or_a_file_can_be_given(levitation_model, tmp_path):
     table = campaign(levitation_model, 51, [HALL], distances=6, currents=5)
     table.rows.to_csv(tmp_path / "bench.csv", index=False)

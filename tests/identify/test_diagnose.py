@@ -348,6 +348,7 @@ def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(device, cl
     assert decide(gathered(device, seed, [hidden(name, **{amplitude: size})])).verdict != "nothing_missing"
 
 
+@pytest.mark.nightly
 def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levitation_model):
     finer = {"distance_m": [1.25e-3, 2.75e-3], "current_A": [0.35]}
     model, table = coarse(replace(levitation_model, provenance={"fit": {"finer_sweep": finer}}))
@@ -481,6 +482,7 @@ def files(levitation_model, tmp_path):
     return str(tmp_path / "model.json"), tmp_path / "bench.csv"
 
 
+@pytest.mark.nightly
 def test_a_model_may_be_given_by_its_file(levitation_model, files):
     model, bench = files
     assert str(compare(model, bench)) == str(compare(levitation_model, bench))

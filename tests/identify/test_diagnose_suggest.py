@@ -238,6 +238,7 @@ def test_the_advice_holds_over_the_whole_catalogue(levitation_model, solenoid, c
     assert len({(text, truth) for text, truth, _ in broken}) <= 0.05 * tried + 2.33 * np.sqrt(0.05 * tried), broken
 
 
+@pytest.mark.nightly
 def test_an_lcr_meter_is_advised_where_it_tells_turns_from_a_gain_of_the_current(levitation_model):
     table, diagnosis = measured(levitation_model, 3, {"turns": {"turns_error": 0.05}}, **SMALL)
     assert {"turns", "current_gain"} <= set(diagnosis.missing[0].members)

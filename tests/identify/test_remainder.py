@@ -146,6 +146,7 @@ def test_clean_readings_teach_nothing(levitation_model):
     assert result.to_dict()["remainder"]["parts"] == []
 
 
+@pytest.mark.nightly
 def test_a_name_that_explains_as_much_comes_first(levitation_model):
     table = campaign(levitation_model, 7, [hidden("force_gain", gain_error=0.04)])
     result = add_effects(levitation_model, table, NAME)

@@ -328,6 +328,7 @@ def test_a_stiffer_suspension_is_no_pair_of_stops_and_no_other_preload(hidden):
     assert low < 0.0 < high
 
 
+@pytest.mark.nightly
 def test_an_effect_that_raises_the_error_on_runs_left_out_is_not_accepted_without_a_word():
     """Two swings with suspensions 40 % stiffer and 40 % softer: what one of them shows is wrong of the other."""
     drawn, stiff, soft = (suspended(k) for k in (2000.0, 2800.0, 1200.0))

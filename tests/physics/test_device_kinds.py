@@ -141,6 +141,7 @@ def test_a_bearings_stiffness_and_force_per_current_are_those_of_its_gaps():
     assert abs(sources @ middle @ sources) < 1e-3 * by_current  # in the middle the sides are even
 
 
+@pytest.mark.nightly
 def test_a_saturating_bearings_circuits_are_reciprocal():
     # dF/di_k = -d(flux linkage_k)/dd and dlambda_1/di_2 = dlambda_2/di_1, by differences between meshes of their own.
     step, change = 2e-5, 0.2

@@ -13,6 +13,7 @@ from support.eddy_transient import departures, mesh_for, pot_step, step_of_volta
 OHMS = 5.0  # of the pot's winding
 
 
+@pytest.mark.nightly
 def test_patterns_of_one_distance_follow_a_step_of_voltage():
     actuator, distance, shifts = actuator_from_toml(POT), 1.5e-3, 2.0 * np.pi * np.geomspace(3.0, 3e3, 4)
     moving = mesh_for(actuator, distance, 1000.0)

@@ -365,6 +365,7 @@ def test_every_verdict_has_its_page(name, levitation_model, advised, renew):
         check_page("diagnosis-class-advised", told, renew, page)
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("undrawn")
 def test_what_was_added_and_what_is_left_unexplained_have_pages(levitation_model, advised, tmp_path, renew):
     def bent(readings, rows):

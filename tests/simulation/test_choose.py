@@ -66,6 +66,7 @@ def test_noise_in_the_command_cuts_the_margin_and_a_loop_that_grows_comes_last(o
     assert list(found) == ["backstepping", "pid", "state-feedback"]
 
 
+@pytest.mark.nightly
 def test_a_controller_whose_linear_loop_grows_is_none_of_the_design(growing):
     grows = {name: growing.bench("ekf").growth(growing.controller(name)) > 0.0 for name in CONTROLLERS}
     assert grows["backstepping"]

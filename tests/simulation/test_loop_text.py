@@ -128,7 +128,13 @@ CAUSES = {
         of_rig, DIRECT | {"stuck_after_s": 0.05}, "The sensors' noise", "sensor stuck",
     ),
 }  # fmt: skip
-LONG = ("no filter", "noise beside the signal of 0.9 V", "a fault where the loop is lost without it")
+LONG = (
+    "authority",
+    "a fault that was asked for",
+    "no filter",
+    "noise beside the signal of 0.9 V",
+    "a fault where the loop is lost without it",
+)
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.nightly] * (n in LONG)) for n in CAUSES])
@@ -143,6 +149,7 @@ def test_the_loop_itself_is_held(optical):
     assert run(optical).held == 2
 
 
+@pytest.mark.nightly
 def test_an_authority_that_suffices_with_the_exact_state_is_not_the_cause(optical, monkeypatch):
     """1.055 times the voltage that holds the body, and 0.1 V of noise: the exact state holds it."""
     monkeypatch.setattr(why_lost, "hardware_limit", lambda loop: Cause("authority", bearable(loop) | {"room": None}))
@@ -184,6 +191,7 @@ def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(opt
     assert short_of_room(loop).room == pytest.approx(room)
 
 
+@pytest.mark.nightly
 def test_a_sensor_that_ends_before_the_driver_does_is_named(optical):
     """At 22 mm the laser reads 2.2 V; the driver brings the body back from more than the 0.1 mm up to 2.21 V."""
     assert bearable(lost_loop(optical))["reach_m"][1] > 1e-3
@@ -194,6 +202,7 @@ def test_a_sensor_that_ends_before_the_driver_does_is_named(optical):
     assert "farther, although" in words
 
 
+@pytest.mark.nightly
 def test_a_loop_next_to_its_longest_latency_is_called_thin_and_told_what_it_would_keep_without(optical):
     words = {latency: told_margins(optical, latency) for latency in (0, 26)}
     assert "stable with gains" in words[26]

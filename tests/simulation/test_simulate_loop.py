@@ -153,6 +153,7 @@ def test_no_run_is_lost_by_dropouts_before_its_loop_is_closed(levitation_model):
     assert result[0].outcome_time_s.min() > 0.0
 
 
+@pytest.mark.nightly
 def test_a_held_run_whose_filter_errs_far_more_than_it_expects_is_remarked_on(levitation_model):
     options = {"targets_m": (0.022,), "runs": 4, "seconds": 0.3, "controller": "backstepping", "estimator": "ukf"}
     good = close_loop(levitation_model, **options)
@@ -163,6 +164,7 @@ def test_a_held_run_whose_filter_errs_far_more_than_it_expects_is_remarked_on(le
     assert drifting.findings[0].size == drifting.normalised_innovation_squared > UNCERTAIN
 
 
+@pytest.mark.nightly
 def test_a_body_held_in_a_limit_cycle_is_not_said_to_be_stable(optical):
     options = {"runs": 2, "seconds": 0.3, "controller": "backstepping", "estimator": "ukf"}
     stable, swinging = (close_loop(optical, **options, gains={"current": ohm}) for ohm in (8.7, 173.0))
@@ -175,6 +177,7 @@ def test_a_body_held_in_a_limit_cycle_is_not_said_to_be_stable(optical):
     assert "unstable about its rest" in str(swinging).splitlines()[0]
 
 
+@pytest.mark.nightly
 def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
     magnetics = with_force_scale(levitation_model, 1.6).magnetics
     strong = replace(levitation_model, magnetics=magnetics, name="strong")
@@ -183,6 +186,7 @@ def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
     assert (lost.cause.code, lost.cause.numbers) == ("asked-for", {"asked_for": ("plant",)})
 
 
+@pytest.mark.nightly
 def test_a_name_from_a_model_file_does_not_steer_the_terminal(levitation_model):
     named = replace(levitation_model, name="\x1b[31mrig")
     loop = close_loop(named, plant=named, runs=1, seconds=0.01)

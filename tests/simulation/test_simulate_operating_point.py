@@ -105,6 +105,7 @@ def reversed_magnetics(model, of="magnetics"):
     return replace(function, spline=replace(spline, y_knots=-ends[::-1], coefficients=spline.coefficients[:, ::-1]))
 
 
+@pytest.mark.nightly
 def test_a_coil_with_its_leads_reversed_is_held_by_currents_of_the_other_sign(levitation_model):
     circuit = replace(levitation_model.circuit, voltage_min_V=-3.0, voltage_max_V=-0.5)
     box = within(levitation_model.validity, low=-1.4, high=0.0)

@@ -62,6 +62,7 @@ def test_the_share_of_noise_grows_with_the_time_between_readings_as_runs_do(slow
     assert one / other == pytest.approx(command_rms(slow) / command_rms(prompt), rel=0.15)
 
 
+@pytest.mark.nightly
 def test_noise_that_comes_between_samples_without_a_reading_is_told_as_a_lower_bound(slow, prompt):
     words = [sentence("loop", "standing", one, judged_loop(one, "pid", "ekf")) for one in (slow, prompt)]
     assert ["at least" in each for each in words] == [True, False]

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from femfit.core.numerics import central_differences
@@ -107,7 +108,12 @@ def step_slopes(model, states, volts, seconds):
 
 def exponential_jacobian(model, states, volts, seconds):
     """Jacobians (points, order, order) of a step, column after column in the equations."""
-    values = evaluated(model, model.equations.step_slope(seconds), states, volts, step=seconds)
+    length = seconds if model.equations.linear else None
+    equations = model.equations
+    slope = equations._function(
+        ("slope", length), lambda at: ca.vec(ca.jacobian(equations._step(at, length), at.state))
+    )
+    values = evaluated(model, slope, states, volts, step=seconds)
     return values.reshape(len(states), model.order, model.order).swapaxes(1, 2)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import MissingPartError, RunDirectoryError, UsageError
-from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
 from femfit.device.mechanics import Stop
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.json_file import write_model
@@ -171,6 +171,20 @@ def test_many_bodies_are_followed_and_moved_together_where_numpy_is(model, expor
         moved.append(np.array(plant.step(list(given.T))).T)
     assert_alike(np.array(followed), of_femfit(model, kind, start, volts, readings))
     assert_alike(np.array(moved), of_plant(model, start, volts))
+
+
+def test_the_simulated_body_has_its_freewheel_diode(levitation_model, tmp_path):
+    circuit = replace(levitation_model.circuit, voltage_min_V=0.0, drive=Drive(diode_V=0.7))
+    model = replace(levitation_model, circuits=(circuit,))
+    (written, *_) = [path for path in export_estimator(model, tmp_path / "out") if path.suffix == ".py"]
+    volts, start = [1.5] * 5 + [0.0] * 60, [0.022, 0.0, 0.3]
+    code = (
+        f"import sys; sys.path.insert(0, '.'); from {written.stem} import Plant; plant = Plant({start}); "
+        f"print([plant.step([u]) for u in {volts}])"
+    )
+    found = np.array(ast.literal_eval(run_bare(tmp_path / "out", code=code)))
+    assert_alike(found, of_plant(model, np.array([start]), np.array(volts)[:, None, None])[:, 0])
+    assert found[-1, 2] == 0.0
 
 
 def test_a_record_is_followed_from_the_command_line(model, exported, tmp_path):
