@@ -193,7 +193,8 @@ def watch_run(
     watch, wired = RecordWatch(1.0, step), RecordWatch(1.0, step, "current_A")
     watch.see(CoilBlock(time, between))
     wired.see(CoilBlock(time, induced, current=current))
-    return (*watch.findings(), *(remark for remark in wired.findings() if remark.code == "sign"))
+    remarks = [remark for remark in watch.findings() if remark.code != "stuck-voltage"]  # the plateaus were made equal
+    return (*remarks, *(remark for remark in wired.findings() if remark.code == "sign"))
 
 
 def resistance_finding(voltage: FloatArray, current: FloatArray, expected: float | None) -> Finding | None:

@@ -13,18 +13,33 @@ LARGEST_VOLTAGE_V = 1e6
 """No coil on a bench has more. Chosen."""
 
 CLIPPED_RUN = 4
-"""So many equal samples in a row at the largest |voltage| of a block look clipped. Chosen: two neighbours are equal by
-chance on a converter of few steps, four in a row at the very top hardly ever."""
+"""So many equal samples in a row at the largest |voltage| look clipped. Chosen: two neighbours are equal by chance on a
+converter of few steps, four in a row at the very top hardly ever."""
 
 CLIPPED_STEPS = 16
-"""A block of fewer different voltages is quiet noise on a coarse converter, which repeats its top too. Chosen."""
+"""A record of fewer different voltages is quiet noise on a coarse converter, or computed. Chosen."""
+
+STEPS_COMPARED = 7
+"""Of the steps below the largest |voltage|, these are held against as many beside them. Derived: twice as many and the
+outermost one are no more than :data:`CLIPPED_STEPS`."""
+
+BEYOND_A_STEP = 1.5
+"""Readings that differ by more steps than this differ by more than one. Derived: half a step is left for rounding."""
 
 STUCK_TIME_S = 0.05
-"""For so long a living Hall probe never repeats a reading exactly. Chosen: its noise is above its resolution."""
+"""For so long a living instrument never repeats a reading exactly. Chosen: its noise is above its resolution."""
 
 STUCK_SHARE = 0.01
-"""A probe is stuck if the coil saw the field move by this share of the largest reading meanwhile. Chosen: far above a
-probe's noise, far below a ramp."""
+"""A reading is stuck if coil and probe meanwhile saw the field move differently by this share of all that they saw in
+the record. Chosen: far above a probe's noise, far below a ramp."""
+
+STUCK_OFFSET_V = 60e-6
+"""What a coil makes of so much is no motion of the field. Derived: three standard deviations of an offset voltage that
+nothing took off, as in :data:`FIRST_OFFSET_SIGMA_V`."""
+
+NIL_CHANCE = 1e-9
+"""Expected number of stretches of equal readings in a whole record that its own noise is not believed to make.
+Chosen."""
 
 GAIN_TOLERANCE = 0.05
 """Relative disagreement of coil and reference over the ramps that is put down to a wrong area or gain. Chosen: areas

@@ -159,13 +159,16 @@ class CoilIntegral(Printed):
     def refuted_by(self) -> tuple[str, ...]:
         """Codes of the findings beside which neither the value at the end nor its uncertainty can be believed.
 
-        A feed-forward method hangs on the coil alone, a filter also on its reference; innovations that only a wrong
+        A feed-forward method hangs on the coil alone, but for ffa2, which takes its plateaus from a current; a filter
+        also on its reference. Innovations that only a wrong
         gain explains leave the condition that the gain be exact.
         """
         codes = tuple(finding.code for finding in self.findings)
         spoiled = {"sign", "clipped", "stuck-voltage"}
         if self.method == "cs1-offset":
             spoiled |= {"stuck", "saturated"}
+        if self.method in {"ffa2", "cs2", "cs2-identified"}:
+            spoiled |= {"stuck-current"}
         if "gain" not in codes:
             spoiled |= {"innovations"}
         return tuple(code for code in codes if code in spoiled)

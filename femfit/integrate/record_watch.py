@@ -11,21 +11,20 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.integrate.constants import (
     AGREEMENT,
-    CLIPPED_RUN,
-    CLIPPED_STEPS,
     COMPARED_S,
     GAIN_TOLERANCE,
     GAP,
     INNOVATION_BAND,
     INNOVATIONS_AVERAGED,
     RANGE_SLACK,
+    STUCK_OFFSET_V,
     STUCK_SHARE,
-    STUCK_TIME_S,
 )
+from femfit.integrate.equal_readings import EqualReadings
 from femfit.integrate.identified_field import GainTest
 from femfit.integrate.uncertainty import FieldBlock
 from femfit.integrate.words import finding
@@ -41,39 +40,6 @@ class Tally:
     count: int = 0
     first: float = float("nan")
     amount: float = 0.0
-
-
-@dataclass
-class Repeats:
-    """Runs of one and the same reading, across the blocks of a record, and how far something else moved meanwhile."""
-
-    reading: float = float("nan")  # The last one
-    run: int = 0  # How often it came in a row
-    moved: float = 0.0
-
-    def see(self, readings: FloatArray, change: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Begins, lengths and motions of the block's runs; the first may go on from the block before.
-
-        Parameters
-        ----------
-        readings, change : array, shape (samples,)
-            What repeats, and by how much the other quantity moved up to each sample.
-        """
-        new = np.flatnonzero(readings != np.concatenate([[self.reading], readings[:-1]]))
-        goes_on = len(new) == 0 or new[0] > 0
-        begins = np.concatenate([[0], new]) if goes_on else new
-        ends = np.concatenate([begins[1:], [len(readings)]])
-        path = np.concatenate([[0.0], np.cumsum(change)])
-        lengths, moved = ends - begins, path[ends] - path[begins]
-        if goes_on:
-            lengths[0] += self.run
-            moved[0] += self.moved
-        self.reading, self.run, self.moved = float(readings[-1]), int(lengths[-1]), float(moved[-1])
-        return begins, lengths, moved
-
-    def forget(self) -> None:
-        """Begin a run that was counted anew."""
-        self.run, self.moved = 0, 0.0
 
 
 class RecordWatch:
@@ -108,11 +74,9 @@ class RecordWatch:
         self.gain_sigma, self._gain = gain_sigma, GainTest()
         self._tallies: dict[str, Tally] = {}
         self._time = self._voltage = float("nan")
-        self._probe, self._coil = Repeats(), Repeats()
-        self._steps = 0  # Different voltages in the block that has most
-        self._field = float("nan")  # The reference's last field in T
-        # The probe's largest |reading|, and the largest at which it stood still; the reference's largest field in T
-        self._highest, self._stuck_at, self._largest = 0.0, 0.0, 0.0
+        self._equal = {name: EqualReadings() for name in ("voltage", "hall", "current")}
+        # What the coil saw the field move by since the record began, and between which values that went, T
+        self._path, self._low, self._high = 0.0, 0.0, 0.0
         self._waiting = np.empty((4, 0))  # times, normalised squares and what GainTest sums of the latest innovations
         self._products = np.zeros(3)  # sums of xx, xy, yy of the changes that coil (x, T) and reference (y) saw
 
@@ -132,30 +96,29 @@ class RecordWatch:
         self._time, self._voltage = float(block.time[-1]), float(block.voltage[-1])
         if out is not None:
             self._watch_innovations(out)
-        if block.hall is not None:
-            self._watch_probe(block.time, block.hall, rise)
+        path = self._path + np.cumsum(rise)
+        self._path = float(path[-1])
+        self._low, self._high = min(self._low, float(path.min())), max(self._high, float(path.max()))
+        comparable = self.reference == "hall_T" and self.scale is not None
+        field = block.hall if comparable and block.hall is not None else np.full(len(block), np.nan)
+        for name, equal in self._equal.items():
+            if (readings := getattr(block, name)) is not None:
+                equal.see(block.time, readings, field if name == "voltage" else path)
         reading = {"hall_T": block.hall, "current_A": block.current, None: None}[self.reference]
-        clipped = _clipped(block.voltage)
         if reading is not None:
-            clipped &= ~self._watch_voltage(block, clipped, rise, reading)
             self._compare(rise, reading)
-        self._add("clipped", block.time[clipped])
 
     def findings(self) -> tuple[Finding, ...]:
         """What was seen."""
-        findings = []
-        stuck = "saturated" if self._stuck_at >= (1.0 - 1e-9) * self._highest else "stuck"
-        for source in _TALLIED:
-            if source in self._tallies:
-                code = stuck if source == "stuck" else source
-                findings.append(finding(code, **asdict(self._tallies[source])))
+        tallies = self._tallies | self._repeated()
+        findings = [finding(code, **asdict(tallies[code])) for code in _TALLIED if code in tallies]
         findings += self._disagreement()
         if not {remark.code for remark in findings} & _NO_GAIN:
             findings += self._gain_of_changes() or self._gain_finding()
-        if "innovations" in self._tallies:
+        if "innovations" in tallies:
             codes = {remark.code for remark in findings}
             suspect = next((code for code in _SUSPECTS if code in codes), self.reference)
-            findings.append(finding("innovations", suspect=suspect, **asdict(self._tallies["innovations"])))
+            findings.append(finding("innovations", suspect=suspect, **asdict(tallies["innovations"])))
         return tuple(findings)
 
     def _add(self, code: str, times: FloatArray, amount: float = 0.0) -> None:
@@ -184,46 +147,48 @@ class RecordWatch:
             tally.amount = max(tally.amount, float(means.max()))
         self._waiting = innovations[:, complete:]
 
-    def _watch_probe(self, time: FloatArray, hall: FloatArray, rise: FloatArray) -> None:
-        """Runs of one and the same reading while the coil sees the field move."""
-        finite = np.isfinite(hall)
-        if not finite.any():
-            return
-        self._highest = max(self._highest, float(np.abs(hall[finite]).max()))
-        begins, lengths, moved = self._probe.see(hall, rise)
-        stuck = self._lasting(lengths) & (np.abs(moved) > STUCK_SHARE * self._highest)
-        self._add("stuck", time[begins[stuck]], float(np.sum(lengths[stuck])) * self.sample_time)
-        self._stuck_at = max(self._stuck_at, float(np.abs(hall[begins[stuck]]).max(initial=0.0)))
-        if stuck[-1]:
-            self._probe.forget()
+    def _repeated(self) -> dict[str, Tally]:
+        """What stretches of equal readings say of each column.
 
-    def _watch_voltage(self, block: CoilBlock, clipped: BoolArray, rise: FloatArray, reading: FloatArray) -> BoolArray:
-        """Runs of one and the same voltage while the reference sees the field move otherwise than it says, as a mask.
-
-        Where the converter seems to clip, only those that say more than the field moves: a cut voltage says less.
+        A coil's voltage is contradicted by its own noise, or by a Hall probe that saw the field move by another amount;
+        where it looks cut off at its limit, by one that saw it move by less. A Hall probe may stand still where the
+        field does, and a current besides at what its meter shows of none: they are contradicted by a coil that saw the
+        field move. A field may creep behind a current; so the current's own noise must contradict it too.
         """
-        none = np.zeros(len(block), dtype=np.bool_)
-        if self.scale is None:
-            return none
-        field = pd.Series(np.concatenate([[self._field], self.scale * reading])).ffill().to_numpy()
-        change = np.nan_to_num(np.diff(field))
-        self._field = float(field[-1])
-        self._largest = max(self._largest, float(np.nanmax(np.abs(field), initial=0.0)))
-        self._steps = max(self._steps, len(np.unique(block.voltage)))
-        begins, lengths, apart = self._coil.see(block.voltage, change - rise)
-        stuck = self._lasting(lengths) & (np.abs(apart) > STUCK_SHARE * self._largest)
-        stuck &= ~clipped[begins] | (apart * block.voltage[begins] < 0.0)
-        if self._steps < CLIPPED_STEPS or not stuck.any():
-            return none
-        self._add("stuck-voltage", block.time[begins[stuck]], float(np.sum(lengths[stuck])) * self.sample_time)
-        if stuck[-1]:
-            self._coil.forget()
-        ends = np.append(begins[1:], len(block))
-        return np.repeat(stuck, ends - begins)
+        tables = {name: equal.stretches() for name, equal in self._equal.items()}
+        unlikely = {name: equal.unlikely(tables[name]) for name, equal in self._equal.items()}
+        voltage, hall, current = tables.values()
+        limit = self._equal["voltage"].cut_off(voltage)
+        per_volt = np.nan_to_num(abs(self._slope()), nan=1.0) / self.area  # T/s of a Hall probe, whatever its gain
+        more = per_volt * voltage["reading"].abs() * (voltage["end"] - voltage["begin"]) - _motion(voltage)
+        step = float(self._equal["voltage"].step.min())
+        slack = STUCK_SHARE * self._equal["hall"].highest + self._drift(voltage, step)
+        once = _motion(voltage).isna() & (np.sum(limit) == 1) & unlikely["voltage"]
+        cut_off = limit & ~(more > slack) & ~once
+        dead = unlikely["voltage"] | (voltage["lasting"] & (more.abs() > slack))
+        still = hall["lasting"] & self._moved(hall)
+        frozen = unlikely["current"] & ~current["least"] & self._moved(current)
+        chosen = {
+            "clipped": voltage[cut_off],
+            "stuck": hall[still & ~hall["highest"]],
+            "saturated": hall[still & hall["highest"]],
+            "stuck-voltage": voltage[dead & ~cut_off],
+            "stuck-current": current[frozen],
+        }
+        tallies = {}
+        for code, rows in chosen.items():
+            if len(rows):
+                lasted = float((rows["end"] - rows["begin"] + self.sample_time).sum())
+                tallies[code] = Tally(int(rows["samples"].sum()), float(rows["begin"].iloc[0]), lasted)
+        return tallies
 
-    def _lasting(self, lengths: IntArray) -> BoolArray:
-        """Which runs are longer than a living reading repeats."""
-        return (lengths * self.sample_time >= STUCK_TIME_S) & (lengths > CLIPPED_RUN)
+    def _moved(self, stretches: pd.DataFrame) -> "pd.Series[bool]":
+        """During which stretches the coil saw the field move, by more than an offset voltage makes of their time."""
+        return _motion(stretches) > STUCK_SHARE * (self._high - self._low) + self._drift(stretches)
+
+    def _drift(self, stretches: pd.DataFrame, step: float = 0.0) -> "pd.Series[float]":
+        """What a coil makes of an offset voltage and of half a step of its converter meanwhile, T."""
+        return (STUCK_OFFSET_V + 0.5 * step) / self.area * (stretches["end"] - stretches["begin"])
 
     def _compare(self, rise: FloatArray, reading: FloatArray) -> None:
         """Sum up what coil and reference saw of the same changes."""
@@ -237,28 +202,23 @@ class RecordWatch:
         x, y = x[used], y[used]
         self._products += x @ x, x @ y, y @ y
 
+    def _slope(self) -> float:
+        """The reference's changes over the coil's, in its unit per T; NaN where the two are not the same thing."""
+        xx, xy, yy = self._products.tolist()
+        return xy / xx if xy**2 > AGREEMENT * xx * yy else math.nan  # also where one of them saw no change at all
+
     def _disagreement(self) -> list[Finding]:
         """Whether coil and reference see the field move in opposite directions."""
-        xx, xy, yy = self._products.tolist()
-        opposite = xy < 0.0 and xy**2 > AGREEMENT * xx * yy
-        return [finding("sign", of_hall=self.reference == "hall_T")] if opposite else []
+        return [finding("sign", of_hall=self.reference == "hall_T")] if self._slope() < 0.0 else []
 
     def _gain_of_changes(self) -> list[Finding]:
         """Whether coil and reference see the field move by different amounts."""
-        xx, xy, yy = self._products.tolist()
-        if xy**2 <= AGREEMENT * xx * yy:  # also where one of them saw no change at all
+        slope = self._slope() * (self.scale or math.nan)
+        if not abs(slope - 1.0) > GAIN_TOLERANCE:
             return []
+        numbers: dict[str, Any] = {"slope": slope, "area_m2": self.area / slope, "ratio_A_per_T": self._slope()}
         of_hall = self.reference == "hall_T"
-        slope = xy / xx * (self.scale or 0.0)
-        if self.scale is None or abs(slope - 1.0) <= GAIN_TOLERANCE:
-            return []
-        numbers: dict[str, Any] = {
-            "of_hall": of_hall,
-            "slope": slope,
-            "area_m2": self.area / slope,
-            "ratio_A_per_T": xy / xx,
-        }
-        return [finding("gain", words="gain_of_changes", size=slope - 1.0, **numbers)]
+        return [finding("gain", words="gain_of_changes", size=slope - 1.0, of_hall=of_hall, **numbers)]
 
     def _gain_finding(self) -> list[Finding]:
         """Whether the innovations show that coil and Hall probe differ by a gain."""
@@ -277,28 +237,18 @@ class RecordWatch:
         return [finding("gain", size=ratio - 1.0, **numbers)]
 
 
-_TALLIED = ("gap", "clock", "clipped", "stuck", "stuck-voltage", "range")
+_TALLIED = ("gap", "clock", "clipped", "stuck", "saturated", "stuck-voltage", "stuck-current", "range")
 """Codes of what is counted, in the order in which it is told."""
 
-_NO_GAIN = {"sign", "stuck", "saturated", "clipped", "stuck-voltage"}
+_NO_GAIN = {"sign", "stuck", "saturated", "clipped", "stuck-voltage", "stuck-current"}
 """Codes of findings that make coil and reference differ as a wrong gain does."""
 
-_SUSPECTS = ("sign", "stuck", "saturated", "stuck-voltage", "clipped", "gain", "gap", "clock", "range")
+_SUSPECTS = (
+    *("sign", "stuck", "saturated", "stuck-voltage", "clipped", "stuck-current", "gain", "gap", "clock", "range"),
+)
 """Codes of findings that may cause large innovations; the first that applies is suspected."""
 
 
-def _clipped(voltage: FloatArray) -> BoolArray:
-    """Samples in runs of equal values at the largest |voltage| of the block, as a mask."""
-    highest = float(np.abs(voltage).max())
-    at_top = np.abs(voltage) == highest
-    clipped = np.zeros(len(voltage), dtype=np.bool_)
-    if highest == 0.0 or int(at_top.sum()) < CLIPPED_RUN:
-        return clipped
-    edges = np.flatnonzero(np.diff(at_top, prepend=False, append=False))
-    begins, ends = edges[::2], edges[1::2]
-    long = ends - begins >= CLIPPED_RUN
-    if not long.any() or len(np.unique(voltage)) < CLIPPED_STEPS:
-        return clipped
-    for begin, end in zip(begins[long], ends[long], strict=True):
-        clipped[begin:end] = True
-    return clipped
+def _motion(stretches: pd.DataFrame) -> "pd.Series[float]":
+    """How far something else moved during each stretch; NaN where that is not known."""
+    return stretches["high"] - stretches["low"]

@@ -1,0 +1,154 @@
+"""A column that repeats one reading is named where it cannot have been alive, and a quiet one is left in peace."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+
+from femfit.integrate.equal_readings import EqualReadings
+from femfit.integrate.integrate_coil import integrate_coil
+
+AREA, RATE = 0.05, 500.0
+TIME = np.arange(30_000) / RATE
+SET_CURRENT = np.interp(TIME % 20.0, [0.0, 5.0, 8.0, 15.0, 18.0, 20.0], [0.0, 0.0, 80.0, 80.0, 0.0, 0.0])
+LAG = 0.3 * RATE  # Samples of eddy currents
+FIELD = lfilter([1.0 / LAG], [1.0, 1.0 / LAG - 1.0], 0.01 * SET_CURRENT)
+INDUCED = AREA * np.gradient(FIELD, 1.0 / RATE)
+LARGEST = np.abs(INDUCED).max()
+STEP = 2.44e-4
+"""Of a converter of 12 bits, V: twelve times the noise."""
+
+
+def record(noise_V=2e-5, noise_A=0.01):
+    """Three cycles of 20 s to 0.8 T."""
+    random = np.random.default_rng(5)
+    white = random.normal(size=(3, len(TIME)))
+    columns = {
+        "time_s": TIME,
+        "coil_voltage_V": INDUCED + 8e-6 + noise_V * white[0],
+        "hall_T": FIELD + 2e-4 * white[1],
+        "current_A": SET_CURRENT + noise_A * white[2],
+    }
+    return pd.DataFrame(columns)
+
+
+def frozen(rows, column, begin=13_000, end=None):
+    rows = rows.copy()
+    rows.loc[begin:end, column] = rows[column][begin]
+    return rows
+
+
+def coarse(rows, step=STEP):
+    return rows.assign(coil_voltage_V=np.round(rows["coil_voltage_V"] / step) * step)
+
+
+def rounded(values, digits):
+    return np.array([float(f"{value:.{digits}g}") for value in values])
+
+
+RECORD = record()
+VOLTAGE = RECORD["coil_voltage_V"]
+NO_HALL = RECORD.drop(columns="hall_T")
+ALONE = NO_HALL.drop(columns="current_A")
+CLIPPED = RECORD.assign(coil_voltage_V=VOLTAGE.clip(-0.98 * LARGEST, 0.98 * LARGEST))
+COARSE = coarse(RECORD)
+TOP = int(np.argmax(VOLTAGE))
+CS2 = {"method": "cs2", "current_to_field_A_per_T": 100.0, "coil_area_m2": AREA}
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "code", "refuted"),
+    [
+        (frozen(NO_HALL, "coil_voltage_V"), {"coil_area_m2": AREA}, "stuck-voltage", True),
+        (frozen(RECORD, "coil_voltage_V"), {"method": "trapezoid"}, "stuck-voltage", True),
+        (frozen(ALONE, "coil_voltage_V"), {"coil_area_m2": AREA}, "stuck-voltage", True),
+        (frozen(ALONE, "coil_voltage_V", 15_000, 15_200), {"coil_area_m2": AREA}, "stuck-voltage", True),
+        (frozen(COARSE, "coil_voltage_V"), {"coil_area_m2": AREA}, "stuck-voltage", True),
+        # At its largest reading, as if it were cut off there: the probe sees the field stand
+        (frozen(RECORD, "coil_voltage_V", TOP), {"coil_area_m2": AREA}, "stuck-voltage", True),
+        (frozen(NO_HALL, "current_A"), {"coil_area_m2": AREA}, "stuck-current", True),
+        (frozen(NO_HALL, "current_A"), CS2, "stuck-current", True),
+        # These numbers do not rest on the current
+        (frozen(NO_HALL, "current_A"), {"method": "trapezoid"}, "stuck-current", False),
+        (frozen(RECORD, "current_A"), {"coil_area_m2": AREA}, "stuck-current", False),
+        # It goes beyond its range and comes back, so that nothing has moved from begin to end
+        (RECORD.assign(hall_T=RECORD["hall_T"].clip(upper=0.5)), {"coil_area_m2": AREA}, "saturated", True),
+        (RECORD.assign(hall_T=RECORD["hall_T"].clip(upper=0.5)), {"method": "trapezoid"}, "saturated", False),
+        (frozen(RECORD, "hall_T"), {"coil_area_m2": AREA}, "stuck", True),
+        (frozen(RECORD, "hall_T"), {"method": "trapezoid"}, "stuck", False),
+        (CLIPPED, {"coil_area_m2": AREA}, "clipped", True),
+        (CLIPPED[["time_s", "coil_voltage_V"]], {"method": "trapezoid"}, "clipped", True),
+        (CLIPPED[:4000], {"coil_area_m2": AREA}, "clipped", True),
+        # Cut off far below where it would come to rest, by steps that are entered as slowly as a plateau's
+        (
+            coarse(RECORD.assign(coil_voltage_V=VOLTAGE.clip(-0.5 * LARGEST, 0.5 * LARGEST))),
+            {"method": "trapezoid"},
+            "clipped",
+            True,
+        ),
+    ],
+)
+def test_the_column_that_repeats_a_reading_is_named_and_numbers_that_rest_on_it_are_refuted(
+    rows, options, code, refuted
+):
+    integral = integrate_coil(rows, **options)
+    codes = {finding.code for finding in integral.findings}
+    assert codes - {"innovations"} == {code}
+    assert (code in integral.refuted_by) == refuted
+    innovations = [str(finding) for finding in integral.findings if finding.code == "innovations"]
+    word = {"stuck-voltage": "voltage", "clipped": "converter", "stuck-current": "current"}.get(
+        code, "Hall probe, which"
+    )
+    assert all(word in text.split("Suspect:")[1] for text in innovations)
+
+
+OFF = RECORD["current_A"].where(SET_CURRENT > 0.0, 0.0)
+SWING = 0.5 * (1.0 - np.cos(TIME))
+ROUND = RECORD.assign(coil_voltage_V=0.5 * AREA * np.sin(TIME), hall_T=SWING, current_A=100.0 * SWING)
+QUIET = {
+    "as it is": RECORD,
+    "a meter that shows exactly nothing while nothing flows": RECORD.assign(current_A=OFF),
+    "a meter that shows no negative current": RECORD.assign(current_A=RECORD["current_A"].clip(lower=0.0)),
+    "a current as it was set": RECORD.assign(current_A=SET_CURRENT),
+    "a meter of whole amperes": RECORD.assign(current_A=np.round(SET_CURRENT)),
+    "nothing flows": RECORD.assign(current_A=0.0),
+    "a converter of coarse steps": COARSE,
+    "steps as small as the noise": coarse(RECORD, 2e-5),
+    "steps of three times the noise": coarse(RECORD, 6e-5),
+    "a maximum that is round": coarse(ROUND),
+    "computed without noise": RECORD.assign(coil_voltage_V=INDUCED),
+    "a voltage of four digits": RECORD.assign(coil_voltage_V=rounded(record(noise_V=3e-6)["coil_voltage_V"], 4)),
+    "each sample three times": RECORD.assign(coil_voltage_V=VOLTAGE[np.arange(len(TIME)) // 3 * 3].to_numpy()),
+}
+
+
+@pytest.mark.parametrize("options", [{"method": "trapezoid"}, {"method": "ffa2", "coil_area_m2": AREA}])
+@pytest.mark.parametrize("columns", [("hall_T", "current_A"), ("current_A",), ()], ids=", ".join)
+@pytest.mark.parametrize("name", QUIET)
+def test_a_quiet_record_is_left_in_peace(name, columns, options):
+    rows = QUIET[name][["time_s", "coil_voltage_V", *columns]]
+    codes = {finding.code for finding in integrate_coil(rows, **options).findings}
+    assert codes <= {"plateau"}
+
+
+def test_a_wrong_area_beside_a_coarse_converter_is_a_gain_and_nothing_stuck():
+    integral = integrate_coil(COARSE, method="trapezoid", coil_area_m2=1.2 * AREA)
+    assert [finding.code for finding in integral.findings] == ["gain"]
+
+
+@pytest.mark.parametrize("block", [11, 300, 997])
+def test_stretches_do_not_hang_on_how_a_record_is_cut(block):
+    time, readings, path = TIME[2500:4300], CLIPPED["coil_voltage_V"].to_numpy()[2500:4300].copy(), FIELD[2500:4300]
+    readings[200:300], readings[1600:1610] = readings[200], np.nan
+    tables = []
+    pairs = np.arange(0, len(path), block + 1)
+    for cuts in (np.sort([*pairs[1:], *(pairs + 1)]), []):  # one sample, the block, one sample
+        equal = EqualReadings()
+        for rows in zip(*(np.split(column, cuts) for column in (time, readings, path)), strict=True):
+            equal.see(*rows)
+        table = equal.stretches()
+        chosen = table["lasting"] | table["highest"]
+        tables.append(table.assign(unlikely=equal.unlikely(table), cut_off=equal.cut_off(table))[chosen])
+    assert tables[0]["unlikely"].any()
+    assert tables[0]["cut_off"].any()
+    pd.testing.assert_frame_equal(*(table.reset_index(drop=True) for table in tables))
