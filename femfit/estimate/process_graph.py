@@ -237,4 +237,5 @@ class ProcessGraph:
         """Values (N, entries); without inputs where the function does not depend on them."""
         if inputs is None:
             return function(states.T, np.zeros(len(self.model.circuits))).T
-        return function(states.T, np.asarray(inputs, dtype=np.float64).reshape(len(states), -1).T).T
+        volts = np.asarray(inputs, dtype=np.float64).reshape(len(states), len(self.model.circuits))
+        return function(states.T, volts.T).T

@@ -148,6 +148,12 @@ def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
     assert np.isfinite(state.mean).all()
 
 
+def test_no_body_at_all_is_moved_nowhere(process):
+    none = np.zeros((0, process.order))
+    assert process.transition(none, np.zeros(0)).shape == none.shape
+    assert process.transition_jacobian(none, np.zeros(0)).shape == (0, process.order, process.order)
+
+
 @needs_compiler
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
 def test_the_single_step_is_compiled_to_the_same_numbers(levitation_model, kind, monkeypatch, tmp_path):

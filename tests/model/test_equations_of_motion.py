@@ -159,8 +159,8 @@ def test_steps_converge_with_their_order(name, order, levitation_model):
 
     exact = runge_kutta_step(model, start, volts, seconds, substeps=128 * (order - 1))
     coarse, fine = (np.sqrt(np.mean((moved(steps) - exact) ** 2, axis=0)) for steps in (32, 64))
-    # Asymptotic ratio 2^order; a tenth or a fifth of an order for the pre-asymptotic part
-    np.testing.assert_allclose(np.log2(coarse / fine), order, atol=0.1 * (order - 1))
+    # Asymptotic ratio 2^order; up to 0.15 or 0.3 of an order for the pre-asymptotic part
+    np.testing.assert_allclose(np.log2(coarse / fine), order, atol=0.15 * (order - 1))
 
 
 def test_runge_kutta_converges_with_the_fourth_order(levitation_model):
