@@ -175,7 +175,7 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
     box = model.validity
     stops = model.require_motion().ends
     ends = [stop for stop in stops if np.isfinite(stop)]
-    means = np.convolve(distance, np.full(BLOCK, 1.0 / BLOCK), mode="valid")
+    means = np.convolve(distance, np.full(BLOCK, 1.0 / BLOCK))[BLOCK - 1 : len(distance)]
     means = means[np.isfinite(means)]
     if len(means):
         low, high = means.min() + STILL * noise, means.max() - STILL * noise
@@ -190,7 +190,7 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
         for stop, side in zip(stops, (1.0, -1.0), strict=True):
             depth = side * (stop - distance)
             near[(depth >= 0.0) & (depth <= give)] = 1.0
-    return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
+    return np.asarray(np.convolve(near, np.ones(BLOCK + 1))[BLOCK // 2 :][: len(near)] > 0.5)
 
 
 def _remarks(track: Track, rests: list[Rest]) -> Iterator[Finding]:

@@ -130,10 +130,9 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
     volts = np.array(np.broadcast_to(command, (*currents.shape[:-1], n)))
     diodes = [k for k, one in enumerate(circuits) if one.drive.kind == "voltage" and one.drive.diode_V is not None]
     for k in diodes:
-        idle = np.where(currents[..., k] > 0.0, -(circuits[k].drive.diode_V or 0.0), 0.0)
-        volts[..., k] = np.where(volts[..., k] > 0.0, volts[..., k], idle)
-    if diodes and model.eddy is not None:
-        _hold_off(model, state, volts, diodes, step)
+        volts[..., k] = np.where(volts[..., k] > 0.0, volts[..., k], 0.0)
+    if diodes:
+        _freewheel(model, state, volts, diodes, step)
     amplified = commands_currents(model)
     if amplified.any():
         at = windings.magnetics.state(state[..., 0], currents)
@@ -151,21 +150,24 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
     return volts
 
 
-def _hold_off(model: ActuatorModel, state: FloatArray, volts: FloatArray, diodes: list[int], step: float) -> None:
-    """Windings without current and command get the voltage that keeps it so: eddy currents drive them for long.
+def _freewheel(model: ActuatorModel, state: FloatArray, volts: FloatArray, diodes: list[int], step: float) -> None:
+    """Windings that nothing feeds have their diodes' drops, or the voltage that ends their current with the step.
 
-    Where that is beyond the diode's, the diode conducts. Changes ``volts``.
+    Eddy currents and other windings drive a current for long. Changes ``volts``.
     """
     windings = model.windings
     currents = state[..., 2 : windings.end]
-    idle = [(currents[..., k] <= 0.0) & (volts[..., k] <= 0.0) for k in diodes]
+    idle = [volts[..., k] <= 0.0 for k in diodes]
     if not np.any(idle):
         return
+    drops = [-(model.circuits[k].drive.diode_V or 0.0) for k in diodes]
+    for k, off, drop in zip(diodes, idle, drops, strict=True):
+        volts[..., k] = np.where(off & (currents[..., k] > 0.0), drop, volts[..., k])
     at = windings.magnetics.state(state[..., 0], currents)
     driving = at.motional_constant * state[..., 1:2] - windings.resistances_ohm * currents
     gain = currents_by_voltages(model, state[..., 0], currents, step)
-    for k, off in zip(diodes, idle, strict=True):
+    for k, off, drop in zip(diodes, idle, drops, strict=True):
         others = windings.voltages(volts) + driving
         others[..., k] = driving[..., k]
-        needed = -(gain[..., k, :] * others).sum(axis=-1) / gain[..., k, k]
-        volts[..., k] = np.where(off, np.maximum(needed, -(model.circuits[k].drive.diode_V or 0.0)), volts[..., k])
+        needed = -(currents[..., k] + (gain[..., k, :] * others).sum(axis=-1)) / gain[..., k, k]
+        volts[..., k] = np.where(off, np.maximum(needed, drop), volts[..., k])

@@ -433,12 +433,11 @@ def _ending(diodes: Sequence[Diode], reached: SX, response: SX) -> SX:
     """
     places = [diode.circuit for diode in diodes]
     idle, least = (ca.vertcat(*(getattr(diode, name) for diode in diodes)) for name in ("idle", "least"))
-    own, apart = idle @ idle.T * response[places, :], ca.diag(1.0 - idle)
-    more = idle * ca.fmax(least, eliminated(own + apart, -idle * reached[places]))
+    own = idle @ idle.T * response[places, :] + ca.diag(1.0 - idle)  # one where a winding is fed
+    more = idle * ca.fmax(least, eliminated(own, -idle * reached[places]))
     for k, place in enumerate(places):  # where another is as low as its drop
-        more[k] += ca.if_else(
-            idle[k], ca.fmax(least[k] - more[k], -(reached + response @ more)[place] / own[k, k]), 0.0
-        )
+        left = -(reached + response @ more)[place] / own[k, k]
+        more[k] += idle[k] * ca.fmax(least[k] - more[k], left)
     return more
 
 

@@ -14,7 +14,7 @@ from casadi import SX
 from femfit.core.graph import of_variable
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.model.contact import between, met_stops
-from femfit.model.decay import eliminated
+from femfit.model.decay import decayed, eliminated
 from femfit.model.equations import Diode
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class SampleStep:
         while True:
             finer, inside = self._after(states, volts, 2 * count)
             judged = within & inside  # beyond the domain no model says how far a body comes
-            moved, apart = (np.square(finer - other)[1:last, judged].sum(axis=1) for other in (states, ends))
+            moved, apart = (np.square((finer - other)[1:last, judged]).sum(axis=1) for other in (states, ends))
             enough = judged.mean() > LEAST_WITHIN
             off = float(np.sqrt(apart / np.maximum(moved, TINY)).max()) if enough else float("inf")
             if off <= ALIKE or count == MOST_STEPS:
@@ -111,6 +111,27 @@ class SampleStep:
             result[k] = ca.if_else(ca.logic_and(idle, state[2 + k] > 0.0), -drop, voltage[k])
             diodes.append(Diode(k, idle, -drop - result[k]))
         return result, diodes
+
+    def freewheeling(self, state: SX, voltage: SX, length: SX) -> SX:
+        """Voltages held over a step of any length in s, as :func:`femfit.model.drive.winding_voltage` has them."""
+        equations, windings, n = self.model.equations, self.model.windings, len(self.model.circuits)
+        d, v, w, memory = equations.parts(state)
+        coenergy, resistances = equations.coenergy(memory), SX(windings.resistances_ohm)
+        slopes = of_variable(
+            lambda x: ca.vec(ca.jacobian(ca.gradient(coenergy(x[0], x[1:]), x)[1:], x)), ca.vertcat(d, w)
+        )
+        slopes = ca.reshape(slopes, w.numel(), w.numel() + 1)
+        driving, inductance = -slopes[:, 0] * v - resistances * w, slopes[:, 1:] + SX(windings.series_H)
+        gain = length * decayed(inductance, ca.diag(resistances), SX.eye(w.numel()), length)[0]
+        result = ca.vertcat(voltage, SX.zeros(w.numel() - n))
+        for k, drop in self.diodes:
+            result[k] = ca.if_else(voltage[k] > 0.0, voltage[k], ca.if_else(w[k] > 0.0, -drop, 0.0))
+        for k, drop in self.diodes:
+            others = result + driving
+            others[k] = driving[k]
+            needed = -(w[k] + gain[k, :] @ others) / gain[k, k]
+            result[k] = ca.if_else(voltage[k] > 0.0, voltage[k], ca.fmax(needed, -drop))
+        return result[:n]
 
     def blocked(self, state: SX) -> SX:
         """A state whose currents do not turn round where a diode feeds the winding; eddy currents keep their flux."""

@@ -156,8 +156,9 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
         found.append(("met_stops", GraphFunction([x, after, h], met), ("x", "after", "h")))
     if model.sample_step.diodes:
         with building():
-            x, u = SX.sym("x", model.order), SX.sym("u", len(model.circuits))
-            found.append(("fed", GraphFunction([x, u], model.sample_step.fed(u, x)[0]), ("x", "u")))
+            x, u, h = SX.sym("x", model.order), SX.sym("u", len(model.circuits)), SX.sym("h")
+            fed = GraphFunction([x, u, h], model.sample_step.freewheeling(x, u, h))
+            found.append(("fed", fed, ("x", "u", "h")))
             found.append(("blocked", GraphFunction([x], model.sample_step.blocked(x)), ("x",)))
     return found
 

@@ -167,6 +167,13 @@ def test_a_stop_that_gives_way_is_said_to_be_held_rigid_with_the_depth_of_the_op
     assert "soft-stop" not in {one.code for one in ff.observe(base, logged([loop]), find=False).findings}
 
 
+@pytest.mark.parametrize("samples", [2, 5, 7, 12])
+def test_a_record_shorter_than_a_rest_is_observed_at_a_stop(samples):
+    model = replace(solenoid(), sample_time_s=STEP_S, other_sensors=damped().other_sensors)
+    record = series(np.zeros(samples), np.zeros(samples), np.linspace(3.9e-3, 4e-3, samples))
+    assert len(ff.observe(model, record, find=False).filters[0].replayed.mean) == samples
+
+
 def test_a_body_on_a_stop_at_the_end_of_the_domain_has_not_left_it():
     model = solenoid()
     loop = switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)

@@ -358,3 +358,4 @@ def test_a_sample_takes_all_the_steps_in_iron_that_saturates_and_where_it_leaves
     assert replace(model_kind("solenoid"), sample_time_s=1e-5).sample_step.count == 1
     endless = replace(model_kind("solenoid"), sample_time_s=10.0).sample_step
     assert (endless.count, endless.error) == (4, np.inf)
+    assert replace(model_kind("solenoid"), sample_time_s=5e-3).sample_step.error > 0.01
