@@ -269,6 +269,12 @@ class ActuatorModel(Printed):
         return Equations(self)
 
     @cached_property
+    def diodes(self) -> list[tuple[int, float]]:
+        """Circuits that a freewheel diode feeds, and its drop in V."""
+        drops = [None if circuit.drive.kind == "current" else circuit.drive.diode_V for circuit in self.circuits]
+        return [(k, drop) for k, drop in enumerate(drops) if drop is not None]
+
+    @cached_property
     def sample_step(self) -> SampleStep:
         """The steps that filters take of them."""
         return SampleStep(self)

@@ -81,9 +81,8 @@ def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
     Eddy currents keep the flux that they link.
     """
     before = None if model.eddy is None else states[:, 2 : 2 + len(model.circuits)].copy()
-    for k, circuit in enumerate(model.circuits, start=2):
-        if circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None:
-            states[:, k] = np.maximum(states[:, k], 0.0)
+    for k, _ in model.diodes:
+        states[:, 2 + k] = np.maximum(states[:, 2 + k], 0.0)
     if before is not None and (change := states[:, 2 : 2 + before.shape[1]] - before).any():
         n, end = before.shape[1], model.windings.end
         linked = model.windings.magnetics.state(states[:, 0], states[:, 2:end]).inductance[:, n:]
@@ -128,11 +127,10 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
         return command
     velocity, currents = state[..., 1], state[..., 2 : windings.end]
     volts = np.array(np.broadcast_to(command, (*currents.shape[:-1], n)))
-    diodes = [k for k, one in enumerate(circuits) if one.drive.kind == "voltage" and one.drive.diode_V is not None]
-    for k in diodes:
+    for k, _ in model.diodes:
         volts[..., k] = np.where(volts[..., k] > 0.0, volts[..., k], 0.0)
-    if diodes:
-        _freewheel(model, state, volts, diodes, step)
+    if model.diodes:
+        _freewheel(model, state, volts, step)
     amplified = commands_currents(model)
     if amplified.any():
         at = windings.magnetics.state(state[..., 0], currents)
@@ -150,24 +148,23 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
     return volts
 
 
-def _freewheel(model: ActuatorModel, state: FloatArray, volts: FloatArray, diodes: list[int], step: float) -> None:
+def _freewheel(model: ActuatorModel, state: FloatArray, volts: FloatArray, step: float) -> None:
     """Windings that nothing feeds have their diodes' drops, or the voltage that ends their current with the step.
 
     Eddy currents and other windings drive a current for long. Changes ``volts``.
     """
     windings = model.windings
     currents = state[..., 2 : windings.end]
-    idle = [volts[..., k] <= 0.0 for k in diodes]
+    idle = [volts[..., k] <= 0.0 for k, _ in model.diodes]
     if not np.any(idle):
         return
-    drops = [-(model.circuits[k].drive.diode_V or 0.0) for k in diodes]
-    for k, off, drop in zip(diodes, idle, drops, strict=True):
-        volts[..., k] = np.where(off & (currents[..., k] > 0.0), drop, volts[..., k])
+    for (k, drop), off in zip(model.diodes, idle, strict=True):
+        volts[..., k] = np.where(off & (currents[..., k] > 0.0), -drop, volts[..., k])
     at = windings.magnetics.state(state[..., 0], currents)
     driving = at.motional_constant * state[..., 1:2] - windings.resistances_ohm * currents
     gain = currents_by_voltages(model, state[..., 0], currents, step)
-    for k, off, drop in zip(diodes, idle, drops, strict=True):
+    for (k, drop), off in zip(model.diodes, idle, strict=True):
         others = windings.voltages(volts) + driving
         others[..., k] = driving[..., k]
         needed = -(currents[..., k] + (gain[..., k, :] * others).sum(axis=-1)) / gain[..., k, k]
-        volts[..., k] = np.where(off, np.maximum(needed, drop), volts[..., k])
+        volts[..., k] = np.where(off, np.maximum(needed, -drop), volts[..., k])

@@ -106,7 +106,7 @@ class SampleStep:
     def fed(self, voltage: SX, state: SX) -> tuple[SX, list[Diode]]:
         """Voltages across the windings, and the diodes, which keep a current going until it is nought."""
         result, diodes = SX(voltage), []
-        for k, drop in self.diodes:
+        for k, drop in self.model.diodes:
             idle = voltage[k] == 0.0
             result[k] = ca.if_else(ca.logic_and(idle, state[2 + k] > 0.0), -drop, voltage[k])
             diodes.append(Diode(k, idle, -drop - result[k]))
@@ -124,9 +124,9 @@ class SampleStep:
         driving, inductance = -slopes[:, 0] * v - resistances * w, slopes[:, 1:] + SX(windings.series_H)
         gain = length * decayed(inductance, ca.diag(resistances), SX.eye(w.numel()), length)[0]
         result = ca.vertcat(voltage, SX.zeros(w.numel() - n))
-        for k, drop in self.diodes:
+        for k, drop in self.model.diodes:
             result[k] = ca.if_else(voltage[k] > 0.0, voltage[k], ca.if_else(w[k] > 0.0, -drop, 0.0))
-        for k, drop in self.diodes:
+        for k, drop in self.model.diodes:
             others = result + driving
             others[k] = driving[k]
             needed = -(w[k] + gain[k, :] @ others) / gain[k, k]
@@ -135,11 +135,11 @@ class SampleStep:
 
     def blocked(self, state: SX) -> SX:
         """A state whose currents do not turn round where a diode feeds the winding; eddy currents keep their flux."""
-        if not self.diodes:
+        if not self.model.diodes:
             return state
         n, end = len(self.model.circuits), self.model.windings.end
         currents = [*ca.vertsplit(state[2:end])]
-        for k, _ in self.diodes:
+        for k, _ in self.model.diodes:
             currents[k] = ca.if_else(currents[k] < 0.0, 0.0, currents[k])
         if self.model.eddy is not None:
             coenergy = self.model.equations.coenergy(self.model.equations.parts(state)[3])
@@ -151,9 +151,3 @@ class SampleStep:
             lost = linked[:n, :].T @ (ca.vertcat(*currents[:n]) - state[2 : 2 + n])
             currents[n:] = ca.vertsplit(state[2 + n : end] - eliminated(linked[n:, :], lost))
         return ca.vertcat(state[:2], *currents, state[end:])
-
-    @cached_property
-    def diodes(self) -> list[tuple[int, float]]:
-        """Circuits that a freewheel diode feeds, and its drop in V."""
-        drops = [None if circuit.drive.kind == "current" else circuit.drive.diode_V for circuit in self.model.circuits]
-        return [(k, drop) for k, drop in enumerate(drops) if drop is not None]

@@ -117,7 +117,7 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
         "scaling": UnscentedFilter(process).scaling,
         "stops": f"({', '.join(map(_number, model.require_motion().ends))})",
         "steps": model.sample_step.count,
-        "diodes": bool(model.sample_step.diodes),
+        "diodes": bool(model.diodes),
         "substeps": Plant(model).substeps,
         "plant_order": model.order,
         "plant_method": _RUNGE_KUTTA if model.eddy is None else _EXTRAPOLATED,
@@ -154,7 +154,7 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
         after = SX.sym("after", 2)
         met = ca.vertcat(*met_stops(model.require_motion(), (x[0], x[1]), (after[0], after[1]), h))
         found.append(("met_stops", GraphFunction([x, after, h], met), ("x", "after", "h")))
-    if model.sample_step.diodes:
+    if model.diodes:
         with building():
             x, u, h = SX.sym("x", model.order), SX.sym("u", len(model.circuits)), SX.sym("h")
             fed = GraphFunction([x, u, h], model.sample_step.freewheeling(x, u, h))
