@@ -2,6 +2,7 @@
 
 import fcntl
 import functools
+import gc
 import os
 
 # Before numpy loads: threads inside the small factorisations of the tests cost more than they save.
@@ -21,8 +22,13 @@ LONGEST_FILES = ("test_house.py", "test_notebooks.py", "test_commands.py", "test
 
 
 def pytest_configure(config):
-    """Compiled functions go beside pytest's own cache, not to the user's."""
+    """Compiled functions go beside pytest's own cache, not to the user's.
+
+    Short tests are over before a compiler would pay: without the long ones, filters and compiled code alone compile.
+    """
     os.environ["XDG_CACHE_HOME"] = str(config.rootpath / ".pytest_cache")
+    if "not nightly" in config.option.markexpr:
+        os.environ.setdefault("FEMFIT_COMPILER", "")
 
 
 def pytest_addoption(parser):
@@ -38,6 +44,17 @@ def expected(request):
 def renew(request):
     """Whether what is got becomes what is expected."""
     return request.config.getoption("--renew")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """What is imported stays: the garbage collector would look at it for a third of the time, again and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 def pytest_collection_modifyitems(items):

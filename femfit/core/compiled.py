@@ -21,7 +21,7 @@ import signal
 import subprocess
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -104,18 +104,25 @@ class Compilation:
 
     Parameters
     ----------
-    function : casadi.Function
-        Of vectors, with one vector as its output, all dense; its name is f.
+    make : callable
+        Gives the casadi.Function of vectors, with one vector as its output, all dense; its name is f. It is called
+        once, where the function is first asked for: most are never called often enough.
     """
 
-    def __init__(self, function: ca.Function) -> None:
-        if function.name() != "f":
-            raise ValueError(f"A function that is compiled must be named f; instead received {function.name()}.")
-        self._function = function
+    def __init__(self, make: Callable[[], ca.Function]) -> None:
+        self._make = make
         self._compiler: _Compiler | None = None
         self._lock = threading.Lock()
         self._library: Library | None = None
         self._points, self._next = 0, float(OFTEN)
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """What is compiled."""
+        function = self._make()
+        if function.name() != "f":
+            raise ValueError(f"A function that is compiled must be named f; instead received {function.name()}.")
+        return function
 
     def after(self, points: int) -> Library | None:
         """The library, as soon as there is one, after so many more points."""
@@ -139,7 +146,7 @@ class Compilation:
                 self._keep(code)
             if _is_whole(self._target):  # by this process or another
                 self._stop()
-                self._library = Library(self._target, self._function.nnz_out(0))
+                self._library = Library(self._target, self.function.nnz_out(0))
             elif self._compiler is None:
                 self._begin()
             if self._library is None:
@@ -168,8 +175,8 @@ class Compilation:
     @cached_property
     def _source(self) -> str:
         generator = ca.CodeGenerator("f.c")
-        generator.add(self._function)
-        f = self._function
+        generator.add(self.function)
+        f = self.function
         sizes = [f.nnz_in(k) for k in range(f.n_in())]
         facts = {"sizes": ", ".join(map(str, sizes)), "count": len(sizes)}
         facts |= {"total": sum(sizes) + 1, "rows": f.nnz_out(0)}

@@ -221,6 +221,43 @@ class Memo(dict[Any, Any]):
         return Memo, ()
 
 
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """Inputs, output and the rows that it reads."""
+
+    inputs: list[SX]
+    output: SX
+    rows: list[_Row]
+
+    @cached_property
+    def stages(self) -> list[tuple[Tape, list[_Row]]]:
+        """Tapes of the rows' coordinates, level by level, and of the output."""
+        stages, known, rest = [], list(self.inputs), list(self.rows)
+        needed = {id(row): _symbols_in(row.coordinates) for row in rest}
+        while rest:
+            waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
+            ready = [row for row in rest if not needed[id(row)] & waiting]
+            stages.append((Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
+            known, rest = [*known, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
+        return [*stages, (Tape(known, self.output), [])]
+
+    def at_a_point(self) -> ca.Function:
+        """The function of one point."""
+        cells = [row.table.shape[1] for row in self.rows]
+        if all(count <= FEW_CELLS for count in cells):
+            output = self.output
+            for row in reversed(self.rows):
+                output = ca.substitute(output, row.symbol, row.by_comparisons(row.coordinates))
+            return ca.Function("f", self.inputs, [ca.cse(output)])
+        at = [ca.MX.sym("x", *x.shape) for x in self.inputs]
+        known = list(at)
+        for tape, ready in self.stages:
+            value = tape.function(*known)
+            places = iter(ca.vertsplit(value, 1)) if ready else iter(())
+            known += [row.by_lookup(ca.vertcat(*(next(places) for _ in row.inner))) for row in ready]
+        return ca.Function("f", at, [value])
+
+
 class GraphFunction:
     """A function of vectors, made of expressions within :func:`building`.
 
@@ -235,63 +272,43 @@ class GraphFunction:
     def __init__(self, inputs: Sequence[SX], output: SX) -> None:
         rows = _LATE.get().rows
         bound, *places = _bound([ca.densify(SX(output)), *(row.coordinates for row in rows)])
-        self._rows: list[_Row] = []
+        kept: list[_Row] = []
         wanted = _symbols_in(bound)
         for row, place in zip(reversed(rows), reversed(places), strict=True):
             if wanted & _symbols_in(row.symbol):
-                self._rows.insert(0, _Row(row.symbol, place, row.inner, row.table))
+                kept.insert(0, _Row(row.symbol, place, row.inner, row.table))
                 wanted |= _symbols_in(place)
-        self._inputs, self._output = [SX(x) for x in inputs], ca.densify(bound)
+        self.graph = Graph([SX(x) for x in inputs], ca.densify(bound), kept)
+        self._compilation = Compilation(self.graph.at_a_point)
 
     def leaves_out(self, symbol: SX) -> bool:
         """Whether the output does not depend on an input, nor does the cell of any row."""
-        cells = [row.coordinates[k] for row in self._rows for k, inner in enumerate(row.inner) if len(inner)]
-        return not ca.depends_on(ca.vertcat(self._output, *cells), symbol)
+        rows = self.graph.rows
+        cells = [row.coordinates[k] for row in rows for k, inner in enumerate(row.inner) if len(inner)]
+        return not ca.depends_on(ca.vertcat(self.graph.output, *cells), symbol)
 
-    @cached_property
-    def stages(self) -> list[tuple[Tape, list[_Row]]]:
-        """Tapes of the rows' coordinates, level by level, and of the output."""
-        stages, known, rest = [], list(self._inputs), list(self._rows)
-        needed = {id(row): _symbols_in(row.coordinates) for row in rest}
-        while rest:
-            waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
-            ready = [row for row in rest if not needed[id(row)] & waiting]
-            stages.append((Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
-            known, rest = [*known, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
-        return [*stages, (Tape(known, self._output), [])]
-
-    @cached_property
+    @property
     def at_a_point(self) -> ca.Function:
         """The function of one point, for the interpreter and for C."""
-        cells = [row.table.shape[1] for row in self._rows]
-        if all(count <= FEW_CELLS for count in cells):
-            output = self._output
-            for row in reversed(self._rows):
-                output = ca.substitute(output, row.symbol, row.by_comparisons(row.coordinates))
-            return ca.Function("f", self._inputs, [ca.cse(output)])
-        at = [ca.MX.sym("x", *x.shape) for x in self._inputs]
-        known = list(at)
-        for tape, ready in self.stages:
-            value = tape.function(*known)
-            places = iter(ca.vertsplit(value, 1)) if ready else iter(())
-            known += [row.by_lookup(ca.vertcat(*(next(places) for _ in row.inner))) for row in ready]
-        return ca.Function("f", at, [value])
+        return self._compilation.function
 
     @cached_property
     def _block(self) -> int:
         """Points that are worked out together."""
-        rows = max(tape.function.sz_w() + tape.function.nnz_in() + tape.function.nnz_out() for tape, _ in self.stages)
+        rows = max(
+            tape.function.sz_w() + tape.function.nnz_in() + tape.function.nnz_out() for tape, _ in self.graph.stages
+        )
         return int(np.clip(WORK // rows, LEAST_BLOCK, LARGEST_BLOCK))
 
     @cached_property
     def _sizes(self) -> list[int]:
         """Numbers of each input."""
-        return [x.numel() for x in self._inputs]
+        return [x.numel() for x in self.graph.inputs]
 
     @cached_property
     def _few(self) -> float:
         """Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic."""
-        count = sum(tape.function.n_instructions() for tape, _ in self.stages)
+        count = sum(tape.function.n_instructions() for tape, _ in self.graph.stages)
         return NUMPY_US * count / (CALL_US + INSTRUCTION_US * count)
 
     def __call__(self, *inputs: FloatArray) -> FloatArray:
@@ -309,7 +326,7 @@ class GraphFunction:
             return self._at_points(inputs, count)
         if count <= (block := self._block):
             return self._in_numpy(inputs, count).copy()
-        result = np.empty((self._output.numel(), count))
+        result = np.empty((self.graph.output.numel(), count))
         for first in range(0, count, block):
             part = slice(first, min(first + block, count))
             own = [x[:, part] if x.ndim == 2 and x.shape[1] > 1 else x for x in inputs]
@@ -318,7 +335,7 @@ class GraphFunction:
 
     def _at_points(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
         """By the interpreter, one point after the other."""
-        result = np.empty((self._output.numel(), count))
+        result = np.empty((self.graph.output.numel(), count))
         for k in range(count):
             result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
         return result
@@ -328,13 +345,9 @@ class GraphFunction:
         """The function of one point: the output (entries,) of inputs (entries,)."""
         return Caller(self.at_a_point, self._compilation)
 
-    @cached_property
-    def _compilation(self) -> Compilation:
-        return Compilation(self.at_a_point)
-
     def _in_numpy(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
         known = list(inputs)
-        for tape, ready in self.stages:
+        for tape, ready in self.graph.stages:
             value, first = tape(known, count), 0
             for row in ready:
                 known.append(row.in_numpy(value[first : first + len(row.inner)]))

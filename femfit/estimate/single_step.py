@@ -154,7 +154,7 @@ class StepFunction:
         output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
         function = ca.Function("f", given, [ca.cse(output) if symbol is ca.SX else output])
         self.function = function
-        self._call, self._order, self._sensors = Caller(function, Compilation(function)), n, m
+        self._call, self._order, self._sensors = Caller(function, Compilation(lambda: function)), n, m
         self._variances = np.array([output.variance for output in outputs])
 
     def __call__(self, mean: FloatArray, matrix: FloatArray, voltage: Any, readings: FloatArray) -> SingleStep:

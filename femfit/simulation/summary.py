@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding, Printed, remembered
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome, LoopResult
-from femfit.simulation.loop_facts import design_data, judged_loop
+from femfit.simulation.loop_facts import JudgedLoop, design_data, judged_loop
 from femfit.simulation.margins import Margins
 from femfit.simulation.open_result import write_table
 from femfit.simulation.why_lost import Cause
@@ -145,8 +145,9 @@ class LoopSummary(Printed):
         return self.experiment.controller, self.experiment.observer
 
     def __str__(self) -> str:
-        judged = judged_loop(self.design, *self.loop)
-        return "\n\n".join([sentence("loop", "summary", self), sentence("loop", "design", self.design, [judged])])
+        return "\n\n".join(
+            [sentence("loop", "summary", self), sentence("loop", "design", self.design, [_judged(self)])]
+        )
 
     def data(self) -> dict[str, Any]:
         """The numbers without the series, ready for JSON."""
@@ -167,3 +168,9 @@ class LoopSummary(Printed):
         """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
         require_outputs([], (path_of(path, "The table of the runs"), LOOP))
         write_table(path, series_table(self.design, self.result))
+
+
+@remembered
+def _judged(summary: LoopSummary) -> JudgedLoop:
+    """What is said of the loop takes seconds where its margins are thin, and a result is printed often."""
+    return judged_loop(summary.design, *summary.loop)

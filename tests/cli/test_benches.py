@@ -149,7 +149,7 @@ def test_a_hover_table_with_another_zero_of_the_distance_is_told_so(levitation_m
     assert finding["size"] == pytest.approx(4e-3, rel=0.05)
 
 
-@pytest.mark.parametrize("runs", [1, 2])
+@pytest.mark.parametrize("runs", [pytest.param(1, marks=pytest.mark.nightly), 2])
 def test_rows_that_were_copied_and_numbered_anew_are_no_repeats(folder, bench, runs):
     rows = bench[bench["run"] <= runs]
     copied = rows.loc[rows.index.repeat(3)]

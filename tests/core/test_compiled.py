@@ -21,6 +21,7 @@ TABLE = np.random.default_rng(3).normal(size=(40, 2))
 def cache(tmp_path, monkeypatch):
     """An empty cache, and functions that are compiled soon."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("FEMFIT_COMPILER", raising=False)
     monkeypatch.setattr(compiled, "OFTEN", 100)
     monkeypatch.setattr(compiled, "ASKED", 1)
     return tmp_path / "femfit"
@@ -39,6 +40,10 @@ def of_everything():
 def a_simple_function(factor=2.0):
     x = SX.sym("x")
     return ca.Function("f", [x], [factor * x])
+
+
+def compilation_of(factor=2.0):
+    return Compilation(lambda: a_simple_function(factor))
 
 
 def value(library, x):
@@ -65,30 +70,30 @@ def test_arrays_points_and_compiled_code_are_equal_to_the_bit(cache):
 @needs_compiler
 def test_threads_and_later_runs_share_what_was_compiled(cache):
     with ThreadPoolExecutor(4) as pool:
-        libraries = list(pool.map(waited_for, [Compilation(a_simple_function()) for _ in range(4)]))
+        libraries = list(pool.map(waited_for, [compilation_of() for _ in range(4)]))
     assert all(value(library, 3.0) == 6.0 for library in libraries)
     (kept,) = cache.iterdir()
     written = kept.stat().st_ino
-    assert value(Compilation(a_simple_function()).after(100), 4.0) == 8.0  # at once
+    assert value(compilation_of().after(100), 4.0) == 8.0  # at once
     assert kept.stat().st_ino == written
 
 
 @needs_compiler
 def test_one_compiler_works_at_a_time_and_none_on_what_takes_minutes(cache, monkeypatch):
-    first, second = (Compilation(a_simple_function(factor)) for factor in (3.0, 4.0))
+    first, second = (compilation_of(factor) for factor in (3.0, 4.0))
     assert first.after(100) is second.after(100) is None
     assert second._compiler is None
     assert value(waited_for(second), 2.0) == 8.0
     assert value(waited_for(first), 2.0) == 6.0
     monkeypatch.setattr(compiled, "LARGEST", 100)
-    large = Compilation(a_simple_function(5.0))
+    large = compilation_of(5.0)
     assert large.after(100) is None
     assert large._next == np.inf
 
 
 def test_without_a_compiler_nothing_is_compiled(cache, monkeypatch):
     monkeypatch.setenv("FEMFIT_COMPILER", "")
-    compilation = Compilation(a_simple_function())
+    compilation = compilation_of()
     assert compilation.after(1000) is None
     assert compilation._next == np.inf
     assert not cache.exists()
@@ -97,7 +102,7 @@ def test_without_a_compiler_nothing_is_compiled(cache, monkeypatch):
 @pytest.mark.parametrize("trouble", ["compiler fails", "no folder", "not a library"])
 def test_trouble_is_said_once_and_goes_without(cache, monkeypatch, trouble):
     monkeypatch.setenv("FEMFIT_COMPILER", "false" if trouble == "compiler fails" else "true")
-    compilation = Compilation(a_simple_function())
+    compilation = compilation_of()
     if trouble == "no folder":
         cache.touch()  # a file in its place
     if trouble == "not a library":
@@ -112,8 +117,17 @@ def test_trouble_is_said_once_and_goes_without(cache, monkeypatch, trouble):
 def test_the_cache_keeps_what_was_used_last(cache, monkeypatch):
     monkeypatch.setattr(compiled, "KEPT", 2)
     for factor in (1.0, 2.0, 3.0):
-        assert value(waited_for(Compilation(a_simple_function(factor))), 2.0) == 2.0 * factor
+        assert value(waited_for(compilation_of(factor)), 2.0) == 2.0 * factor
     assert len(list(cache.iterdir())) == 2
+
+
+@needs_compiler
+def test_the_function_of_a_point_is_made_once_arrays_were_given_often(cache):
+    function = of_everything()
+    function(np.ones((3, 60)), np.array([0.3, -2.0]), np.zeros(0))
+    assert "function" not in vars(function._compilation)
+    assert waited_for(function._compilation)
+    assert function._compilation.function is function.at_a_point
 
 
 def test_inputs_of_wrong_shapes_are_refused_whatever_works_the_function_out():
@@ -128,7 +142,7 @@ def test_inputs_of_wrong_shapes_are_refused_whatever_works_the_function_out():
 
 @needs_compiler
 def test_a_fork_compiles_for_itself_and_leaves_what_its_parent_compiles(cache):
-    compilation = Compilation(a_simple_function(7.0))
+    compilation = compilation_of(7.0)
     assert compilation.after(100) is None
     workplace = compilation._workplace
     here, there = (context := get_context("fork")).Pipe()
@@ -145,12 +159,12 @@ def test_a_fork_compiles_for_itself_and_leaves_what_its_parent_compiles(cache):
 @needs_compiler
 @pytest.mark.parametrize("left", [0, 100, -5000, -1], ids=["empty", "its head", "without its end", "but a byte"])
 def test_a_library_of_which_a_part_is_left_is_compiled_again(cache, left):
-    assert value(waited_for(Compilation(a_simple_function(5.0))), 2.0) == 10.0
+    assert value(waited_for(compilation_of(5.0)), 2.0) == 10.0
     (library,) = cache.iterdir()
     whole = library.read_bytes()
     library.unlink()  # the part that is loaded stays another file
     library.write_bytes(whole[:left])
-    assert value(waited_for(Compilation(a_simple_function(5.0))), 2.0) == 10.0
+    assert value(waited_for(compilation_of(5.0)), 2.0) == 10.0
     assert len(library.read_bytes()) == len(whole)
 
 
@@ -160,10 +174,10 @@ def test_a_cache_that_cannot_be_tidied_is_used(cache, monkeypatch):
         raise PermissionError
 
     monkeypatch.setattr(os, "utime", refused)
-    assert value(waited_for(Compilation(a_simple_function(9.0))), 2.0) == 18.0
+    assert value(waited_for(compilation_of(9.0)), 2.0) == 18.0
 
 
 def test_a_compiler_that_is_not_found_is_said(monkeypatch):
     monkeypatch.setenv("FEMFIT_COMPILER", "no-such-compiler -m64")
     with pytest.warns(RuntimeWarning, match="no-such-compiler -m64 is not found"):
-        assert Compilation(a_simple_function()).after(10**9) is None
+        assert compilation_of().after(10**9) is None

@@ -26,7 +26,11 @@ OF_A_CURRENT, OF_A_SENSOR = ("core_saturation", "hysteresis"), ("external_field"
 IN_THE_FIELD = [effect for effect in BUILT_IN if effect.coenergy is not None]
 
 
-@pytest.fixture(params=CHOSEN)
+COMBINED = ("halves", "eddies")
+"""The halves with eddies are both."""
+
+
+@pytest.fixture(params=[pytest.param(name, marks=[pytest.mark.nightly] * (name in COMBINED)) for name in CHOSEN])
 def model(request, model_kind):
     found = model_kind(request.param)
     if request.param == "law":  # a magnet that falls, instead of one that pulls with a meganewton

@@ -11,6 +11,14 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import runge_kutta_step
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled_steps():
+    """Thousands of samples by few filters: here a compiler pays."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("FEMFIT_COMPILER", raising=False)
+        yield
+
+
 @dataclass(frozen=True)
 class Record:
     truth: np.ndarray  # (steps, runs, 3)

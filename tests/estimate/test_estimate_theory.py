@@ -27,7 +27,7 @@ from support.one_current import flat
 RANDOM = np.random.default_rng(8)
 
 
-@pytest.mark.parametrize("rho", [1e-4, 0.3, 3.0, 30.0])
+@pytest.mark.parametrize("rho", [1e-4, 30.0, *(pytest.param(one, marks=pytest.mark.nightly) for one in (0.3, 3.0))])
 def test_the_steady_filter_of_an_unstable_body_reaches_the_formula(rho):
     pole, step, noise = 33.0, 5e-5, 1e-4
     density = rho * noise**2 * step * pole**4

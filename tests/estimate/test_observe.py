@@ -217,6 +217,7 @@ def test_a_noise_found_is_written_without_the_rounding_that_the_converter_adds()
     assert reading_of(written, "current").white == pytest.approx(4e-3)
 
 
+@pytest.mark.nightly
 def test_a_slow_sensor_whose_readings_the_recorder_repeats_is_the_same_as_one_with_gaps(log):
     model = damped()
     slow = replace(model, other_sensors=(model.other_sensors[0], replace(model.other_sensors[1], sample_time_s=5e-4)))
@@ -227,6 +228,7 @@ def test_a_slow_sensor_whose_readings_the_recorder_repeats_is_the_same_as_one_wi
     assert any(finding.code == "repeated" for finding in ff.observe(slow, held, find=False).findings)
 
 
+@pytest.mark.nightly  # delays are held in test_delayed_samples.py
 def test_a_late_laser_of_a_record_is_followed_where_a_prompt_one_is_not_consistent(log):
     """The same record with a laser that is 1.5 ms late, in which the body moves on by many times its noise."""
     truth, record = log
@@ -391,7 +393,9 @@ def test_dry_friction_that_the_model_lacks_is_told_from_other_noise():
 @pytest.mark.parametrize(
     ("name", "parameters", "record", "state"),
     [
-        ("current_offset", {"offset": 0.01}, lambda d, v, i: (d, i - 0.02), 2),  # of 2 A
+        pytest.param(
+            "current_offset", {"offset": 0.01}, lambda d, v, i: (d, i - 0.02), 2, marks=pytest.mark.nightly
+        ),  # of 2 A
         pytest.param("current_gain", {"gain_error": 0.03}, lambda d, v, i: (d, i / 1.03), 2, marks=pytest.mark.nightly),
         pytest.param(
             "distance_scale", {"scale_error": 0.03}, lambda d, v, i: (d / 1.03, i), 0, marks=pytest.mark.nightly

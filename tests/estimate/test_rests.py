@@ -110,6 +110,7 @@ def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation
         assert not find_rests(wrong, Track(*columns_of(record), 3e-5)).rests
 
 
+@pytest.mark.nightly
 def test_a_body_that_a_loop_moves_has_left_no_place_however_wrong_the_model_is(levitation_model, blocked):
     model = replace(levitation_model, sample_time_s=1e-3)
     record = recorded(closed_loop(model, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)

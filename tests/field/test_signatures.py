@@ -35,8 +35,8 @@ def _table(problem, distance, currents):
     [
         ("emaws-rig", 0.022, 1.0),  # magnet and Hall element
         ("ball", 0.005, 1.0),  # arcs and saturation
-        ("plunger-solenoid", 0.002, 1.0),  # a bore: every distance has its own mesh
-        # a moving coil in a saturating magnet system
+        # a bore, where every distance has its own mesh, and a moving coil in a saturating magnet system
+        pytest.param("plunger-solenoid", 0.002, 1.0, marks=pytest.mark.nightly),
         pytest.param("voice-coil", -0.006, 2.0, marks=pytest.mark.nightly),
     ],
 )

@@ -109,7 +109,7 @@ UNFIT = [
     (of_saturating(lambda a, _: abs(a) == 2.0), {}, "3 currents or more"),
     (of_saturating(lambda a, b: (a == 0.0) | (b == 0.0)), {}, "every combination"),
     (lambda: Saturating().table(currents=(-40.0, -13.0, 13.0, 40.0)), {}, "Sweep more currents"),
-    (few_turns, {}, "positive definite"),
+    pytest.param(few_turns, {}, "positive definite", marks=pytest.mark.nightly),
     (lambda: steel_sweep((0.0, 10.0, 20.0), (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)), {}, "5 and 15 A of bottom"),
     (lambda: steel_sweep((0.0, 3.0), (0.0, 3.0)), {}, "3 currents"),
     (lambda: steel_sweep((0.0, 20.0, 40.0), (0.0, 20.0, 40.0)), {}, "definite; .*Sweep more currents"),

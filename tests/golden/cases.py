@@ -58,7 +58,7 @@ def of_filters(name):
 for _name in MODELS:
     case(f"model-{_name}")(lambda name=_name: of_model(name))
     if _name != "magnet-pair":
-        case(f"filter-{_name}")(lambda name=_name: of_filters(name))
+        case(f"filter-{_name}", long=_name in {"rig-effects", "pot"})(lambda name=_name: of_filters(name))
 
 
 FITS = {
@@ -89,7 +89,9 @@ def of_fit(name, laws):
 
 
 for _name, _laws in FITS.items():
-    case(f"fit-{_name}", long=_name in {"pot", "plunger-network"})(lambda name=_name, laws=_laws: of_fit(name, laws))
+    case(f"fit-{_name}", long=_name in {"rig", "plunger", "pot", "plunger-network"})(
+        lambda name=_name, laws=_laws: of_fit(name, laws)
+    )
 
 
 BENCHES = {
@@ -101,9 +103,10 @@ BENCHES = {
 
 _MAPS = {"rig-two", "bearing-two", "pot-impedance"}
 _UNDETERMINED = {"plunger-saturated", "solenoid-hysteresis"}
+_LONG_BENCHES = {"rig-no-run", "rig-two", "rig-distance", "rig-hall-alone", "bearing-two", "pot-impedance"}
 
 for _name, _of in BENCHES.items():
-    case(f"bench-{_name}")(
+    case(f"bench-{_name}", long=_name in _LONG_BENCHES)(
         lambda name=_name, of=_of: door.bench(
             of, door.bench_file(name), maps=name in _MAPS, alone=name in _UNDETERMINED
         )
@@ -117,7 +120,7 @@ RECORDS = {
 
 for _name, _of in RECORDS.items():
     _filters = ("ukf",) if "solenoid" in _name else ("ukf", "ekf")
-    case(f"observe-{_name}", long=_name in {"rig-heavy", "solenoid_warm"})(
+    case(f"observe-{_name}", long=_name in {"rig-heavy", "solenoid_warm", "bearing-held"})(
         lambda name=_name, of=_of, filters=_filters: {"searched": door.observed(of, name, filter=filters)}
     )
     if "held" not in _name and "heavy" not in _name:  # these hold neither current nor distance
@@ -225,7 +228,9 @@ for _name, _options in {
     "voice-coil": {"controller": "backstepping", "estimator": "ekf"},
     "rig-F1e": {"controller": "pid", "estimator": "ekf4", "plant": "rig-effects"},
 }.items():
-    case(f"loop-{_name}")(lambda name=_name, options=_options: door.closed(name, runs=2, seconds=0.1, rng=1, **options))
+    case(f"loop-{_name}", long=_name in {"rig", "bearing"})(
+        lambda name=_name, options=_options: door.closed(name, runs=2, seconds=0.1, rng=1, **options)
+    )
 
 
 @case("sense")

@@ -88,6 +88,7 @@ def test_several_windings_settle_together():
     assert found.windings_C[0] > found.windings_C[1] > 20.0
 
 
+@pytest.mark.nightly
 def test_a_warm_winding_and_magnet_pull_less(tmp_path):
     """In linear iron the force is a + b i + c i^2 for remanence 1: a s^2 + b s i + c i^2 for s."""
     text = RIG.read_text().replace("remanence_T = 1.45", "remanence_T = 1.45\nremanence_coefficient_per_K = -0.0012")

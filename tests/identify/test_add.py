@@ -319,6 +319,7 @@ def test_a_warming_that_only_begins_is_written_as_far_as_the_record_shows_it(mod
     assert result.filter.mean_square[1] <= result.filter.mean_square[0]
 
 
+@pytest.mark.nightly
 def test_a_filter_is_judged_of_a_record_with_commands_alone(model, clean_record):
     assert ff.compare(model, clean_record).filter.trusted
     assert ff.compare(model, without(clean_record, "voltage_V")).filter is None

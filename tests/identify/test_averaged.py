@@ -84,6 +84,7 @@ def test_a_converter_coarser_than_the_noise_and_what_was_declared_are_no_trouble
     assert ff.compare(levitation_model, coarse).verdict == "agrees"
 
 
+@pytest.mark.nightly  # that means agree is above
 def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_model, tmp_path):
     """7,000 readings: clean ones are not accused, and an offset of a third of their scatter is found."""
     clean, offset = (

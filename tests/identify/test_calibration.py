@@ -212,6 +212,7 @@ def test_the_diagnosis_names_the_number_where_none_is_asked_for(place, built):
     assert result.lack_of_fit.p_value > 0.01
 
 
+@pytest.mark.nightly
 def test_a_pair_that_readings_cannot_separate_is_said(place):
     """The force alone, without current: a stronger magnet material is one of another recoil permeability."""
     rows = run_sweep(actuator_from_toml(BASE), place / "clean", workers=1).rows

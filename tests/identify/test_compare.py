@@ -127,6 +127,7 @@ def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model)
     assert by_channel(declared)["hall_V"].noise_source == "declared"
 
 
+@pytest.mark.nightly
 def test_repeats_and_a_declaration_are_weighed_unless_they_contradict_each_other(levitation_model):
     table = campaign(levitation_model, 15, [HALL], distances=8, currents=5)
     alone = compare(levitation_model, table)
@@ -316,6 +317,7 @@ def test_a_misfit_of_both_signs_without_a_place_is_not_said_to_be_everywhere_twi
     assert sentence.count("20 mV") == 2
 
 
+@pytest.mark.nightly  # of every effect; misfits of one channel are above
 def test_the_channel_is_one_that_is_off_the_most_in_units_of_its_noise(levitation_model):
     observations = bench_observations(levitation_model, campaign(levitation_model, 1, distances=8, currents=5))
     for effect in all_effects().values():

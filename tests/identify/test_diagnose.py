@@ -45,6 +45,7 @@ def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_m
     assert "named" not in verdicts
 
 
+@pytest.mark.nightly
 def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_refits(levitation_model, monkeypatch):
     """What many others stand for as well, beside the same saturation, is small: first order says as much as refits.
 
@@ -86,6 +87,7 @@ def crooked(readings, rows):
     return readings | {"force_N": 1.1 * force - 0.02 * force**2 / np.abs(force).max()}
 
 
+@pytest.mark.nightly
 def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation_model):
     small = hidden("hall_offset", offset_V=0.01)  # a fiftieth of what the force is off by, in units of noise
     alone, beside = (
@@ -320,7 +322,7 @@ def gathered(device, seed, effects=()):
     return gather(bench_observations(model, table(seed, effects)), list(all_effects().values()))
 
 
-@pytest.fixture(params=["levitation", "solenoid"], scope="module")
+@pytest.fixture(params=[pytest.param("levitation", marks=pytest.mark.nightly), "solenoid"], scope="module")
 def device(request, levitation_model, pot):
     return coarse(levitation_model if request.param == "levitation" else pot)
 
@@ -475,11 +477,17 @@ BENCH = "run,current_A,distance_m,force_N\n" + "".join(
 )
 
 
-@pytest.fixture
-def files(levitation_model, tmp_path):
-    write_model(levitation_model, tmp_path / "model.json")
-    (tmp_path / "bench.csv").write_text(BENCH)
-    return str(tmp_path / "model.json"), tmp_path / "bench.csv"
+@pytest.fixture(scope="module")
+def files(levitation_model, tmp_path_factory):
+    place = tmp_path_factory.mktemp("files")
+    write_model(levitation_model, place / "model.json")
+    (place / "bench.csv").write_text(BENCH)
+    return str(place / "model.json"), place / "bench.csv"
+
+
+@pytest.fixture(scope="module")
+def compared(files):
+    return compare(*files)
 
 
 @pytest.mark.nightly
@@ -522,6 +530,6 @@ def test_a_model_may_be_given_by_its_file(levitation_model, files):
         ],
     ],
 )
-def test_an_argument_of_another_kind_is_refused_by_its_name(files, call, error, named):
+def test_an_argument_of_another_kind_is_refused_by_its_name(files, compared, call, error, named):
     with pytest.raises(error, match=named):
-        call(*files, compare(*files))
+        call(*files, compared)

@@ -244,7 +244,7 @@ def test_a_filter_over_the_record_finds_the_sensors_noise_and_that_it_is_not_con
 @pytest.mark.parametrize(
     ("name", "least", "most"),
     [
-        ("Lstep_1.08", 0.98, 1.0),
+        pytest.param("Lstep_1.08", 0.98, 1.0, marks=pytest.mark.nightly),
         pytest.param("Lstep_1.20", 0.98, 1.0, marks=pytest.mark.nightly),  # the same clamp, another place
         ("liftoff_05", 0.8, 0.95),
         # Fifteen seconds of a loop; that the sphere of another loop is not held is tested above

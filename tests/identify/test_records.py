@@ -115,7 +115,9 @@ def test_forty_long_clean_records_are_called_clean_but_for_chance(model):
 @pytest.mark.parametrize(
     ("effect", "key", "rel", "beside"),
     [
-        (hidden("viscous_friction", damping_per_s=6.0), "damping_per_s", 0.2, set()),
+        pytest.param(
+            hidden("viscous_friction", damping_per_s=6.0), "damping_per_s", 0.2, set(), marks=pytest.mark.nightly
+        ),
         pytest.param(hidden("motional_emf", share=1.0), "share", 0.3, set(), marks=pytest.mark.nightly),
         pytest.param(hidden("core_saturation", mmf_loss_3=0.04), "mmf_loss_3", 0.3, set(), marks=pytest.mark.nightly),
         pytest.param(hidden("driver_gain", gain_error=0.03), "gain_error", 0.05, set(), marks=pytest.mark.nightly),

@@ -80,7 +80,7 @@ def learnt(levitation_model):
 @pytest.mark.parametrize(
     ("cause", "parts"),
     [
-        ("load cell", ("force_N",)),
+        pytest.param("load cell", ("force_N",), marks=pytest.mark.nightly),
         ("energy", (COENERGY,)),
         pytest.param("screw", ("distance_m",), marks=pytest.mark.nightly),
     ],
@@ -102,7 +102,7 @@ def test_it_is_learnt_where_it_acts_and_to_the_noise(learnt, cause, parts):
 @pytest.mark.parametrize(
     ("cause", "text"),
     [
-        ("load cell", "(F / "),
+        pytest.param("load cell", "(F / ", marks=pytest.mark.nightly),
         ("energy", "i/(1.4 A) exp(-(d - 15 mm) / "),
         pytest.param("screw", "sin(2 pi d / ", marks=pytest.mark.nightly),
     ],
@@ -183,6 +183,7 @@ def test_names_are_fitted_first(levitation_model):
     assert [one.effect.name for one in anew.model.effects] == ["hall_offset", NAME]
 
 
+@pytest.mark.nightly
 def test_a_remainder_shrinks_where_its_cause_is_found(learnt, levitation_model):
     # Learnt as a load cell's error from readings that a gain explains: beside the gain its share goes to nothing
     table = campaign(levitation_model, 9, effects=[hidden("force_gain", gain_error=0.05)])
@@ -244,7 +245,8 @@ def test_noise_alone_pays_for_nothing():
     assert sum(bool(sets_that_pay(Penalised(rng.normal(size=300), columns), roots)) for _ in range(200)) <= 4
 
 
-@pytest.mark.parametrize(("noise_N", "told"), [pytest.param(1e-3, True, marks=pytest.mark.nightly), (3e-3, False)])
+@pytest.mark.nightly
+@pytest.mark.parametrize(("noise_N", "told"), [(1e-3, True), (3e-3, False)])
 def test_other_parts_that_the_readings_allow_are_said(levitation_model, noise_N, told):
     # From a few noisy forces alone nobody can tell a bent load cell from a changed field
     table = campaign(levitation_model, 10, change=bent_load_cell, noise={"force_N": noise_N}, distances=5, currents=4)

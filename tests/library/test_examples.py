@@ -58,7 +58,7 @@ def one_process(monkeypatch):
     )
 
 
-SLOW = ("CalibrationResult", "calibrate", "observe", "write_report")
+SLOW = ("CalibrationResult", "calibrate", "observe", "suggest", "write_report")
 """They take from five to twenty seconds each."""
 
 TWICE = ("AddResult", "Diagnosis", "LoopSummary", "Observation")

@@ -101,12 +101,17 @@ def states_of(model, low_m, high_m, points=300):
     return result, voltage_of(model, random.uniform(-3.0, 3.0, (points, n)))
 
 
-@pytest.mark.parametrize("circuits", [1, 2])
-@pytest.mark.parametrize("times", PATTERNS)
+@pytest.fixture(scope="module", params=[(circuits, times) for circuits in (1, 2) for times in PATTERNS])
+def decaying(request, levitation_model):
+    """A model with patterns of eddy currents."""
+    circuits, times = request.param
+    return with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model), times)
+
+
 @pytest.mark.parametrize("points", [1, 30, 2000])
-def test_a_step_by_the_table_is_that_by_poles(levitation_model, circuits, times, points):
+def test_a_step_by_the_table_is_that_by_poles(decaying, points):
     """Beyond the knots as well, from 15 to 45 mm, where splines are continued; steps of their own go by poles."""
-    model = with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model), times)
+    model = decaying
     assert model.equations.linear
     states, volts = states_of(model, 0.010, 0.050, points)
     step = model.sample_time_s

@@ -165,6 +165,7 @@ def rows_at_points(actuator, distance, points):
     return {name: np.array(values) for name, values in problem.rows(distance, points).items()}
 
 
+@pytest.mark.nightly  # the same by virtual work in test_other_forces.py
 def test_a_plunger_in_its_bore_is_pulled_with_the_slope_of_its_coenergy():
     step = 1e-4
     distances = (2e-3 - step, 2e-3, 2e-3 + step)

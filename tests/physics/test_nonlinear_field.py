@@ -148,11 +148,8 @@ DISC, BACK = (
 )
 
 
-def long(case):
-    return pytest.param(*case.values, id=case.id, marks=pytest.mark.nightly)
-
-
-@pytest.mark.parametrize("mover", [long(DISC), BACK])  # both magnetisations are in the second
+@pytest.mark.nightly  # the stress tensor's force is a slope in test_force_consistency.py
+@pytest.mark.parametrize("mover", [DISC, BACK])  # both magnetisations are in the second
 def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
     currents = (1.0, 1.1, 1.2, 7.9, 8.0, 8.1)
     actuator = bobbin(distances=DISTANCES, currents=currents, mover=mover)
@@ -171,7 +168,8 @@ def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
     np.testing.assert_allclose((flux[[2, 5]] - flux[[0, 3]]) / 0.2, middle["inductance_H"][at], rtol=2e-3)
 
 
-@pytest.mark.parametrize("mover", [long(DISC), BACK])
+@pytest.mark.nightly  # the peers' forces are below
+@pytest.mark.parametrize("mover", [DISC, BACK])
 def test_force_error_covers_the_error_against_a_finer_run(mover):
     actuator = bobbin(distances=(0.003,), currents=(2.0, 8.0), mover=mover)
     rows, finer = rows_at(actuator), rows_at(actuator, settings=finer_settings(SolverSettings()))

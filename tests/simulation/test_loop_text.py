@@ -43,7 +43,7 @@ def test_the_filters_own_expectation_is_no_bound_of_what_sensors_allow(levitatio
 ONE = {"estimator": "ukf", "runs": 6, "seconds": 0.25, "targets_m": (0.022,), "rng": 1}
 
 
-@pytest.mark.parametrize(("scale", "below"), [(1e-2, False), (40.0, True)])
+@pytest.mark.parametrize(("scale", "below"), [pytest.param(1e-2, False, marks=pytest.mark.nightly), (40.0, True)])
 def test_errors_that_a_plant_does_not_have_are_named_as_the_cause_of_small_innovations(levitation_model, scale, below):
     """Process noise of forty times the model's own misfit, or none to speak of, in a plant without any."""
     own = default_noise(levitation_model)
@@ -129,6 +129,7 @@ CAUSES = {
     ),
 }  # fmt: skip
 LONG = (
+    "gains",
     "authority",
     "a fault that was asked for",
     "no filter",

@@ -130,8 +130,17 @@ def stepping(model, step, volts):
     return np.array(states)
 
 
-@pytest.mark.parametrize("kind", ["rigid", "with eddy currents", "in halves"])
-@pytest.mark.parametrize("restitution", [0.0, 0.2])
+@pytest.mark.parametrize(
+    ("kind", "restitution"),
+    [
+        ("rigid", 0.0),
+        ("rigid", 0.2),
+        ("with eddy currents", 0.2),
+        ("in halves", 0.0),
+        pytest.param("with eddy currents", 0.0, marks=pytest.mark.nightly),
+        pytest.param("in halves", 0.2, marks=pytest.mark.nightly),
+    ],
+)
 def test_plant_and_filters_stay_on_a_stop_with_the_current_of_a_motion_with_events(kind, restitution):
     motion = solenoid().motion.with_ends(0.2e-3, 4e-3)
     motion = replace(motion, near_stop=Stop(0.2e-3, restitution), far_stop=Stop(4e-3, restitution))

@@ -49,10 +49,8 @@ DRIVES = {
 }
 
 
-LONG = [pytest.param(name, marks=pytest.mark.nightly) for name in DRIVES if name != "amplifier"]
-
-
-@pytest.mark.parametrize("drive", ["amplifier", *LONG])
+@pytest.mark.nightly
+@pytest.mark.parametrize("drive", DRIVES)
 def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball, drive):
     loop = close_loop(driven(ball, **DRIVES[drive]), runs=2, seconds=0.9, recorded=1)
     assert loop.held == 2, loop
@@ -116,6 +114,7 @@ def test_a_body_is_lost_where_it_meets_a_stop_whether_it_stays_or_bounces(ball):
     np.testing.assert_array_equal(*lost_s)
 
 
+@pytest.mark.nightly
 def test_a_current_sensor_alone_is_said_not_to_tell_a_body_at_rest(ball):
     blind = replace(ball, other_sensors=(CurrentSensor(name="shunt", circuit="coil", noise=0.2),))
     assert design_loop(blind).settled_errors is None or design_loop(blind).settled_errors[0] > 1e-5

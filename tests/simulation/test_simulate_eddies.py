@@ -69,7 +69,9 @@ SCALED = {
 }
 
 
-@pytest.mark.parametrize("name", SCALED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.nightly] * ("eddy currents" in one)) for one in SCALED]
+)
 def test_runs_with_forces_of_their_own_step_as_each_alone_does(levitation_model, name):
     """By the table of each force; force and motional constant are scaled alike, a force as it is changes nothing."""
     model, scales, random = SCALED[name](levitation_model), np.array([1.1, 1.0, 1.1, 0.95]), np.random.default_rng(2)

@@ -124,7 +124,8 @@ def solenoid_record(tmp_path):
     return damped(), tmp_path / "record.csv"
 
 
-@pytest.mark.parametrize("record", ["solenoid_record", pytest.param("rig_record", marks=pytest.mark.nightly)])
+@pytest.mark.nightly  # by the filter that observe runs it is above
+@pytest.mark.parametrize("record", ["solenoid_record", "rig_record"])
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
 def test_a_record_is_followed_as_by_observe(request, record, kind, tmp_path):
     """In pieces there, sample by sample here; half of the record on both have forgotten how they began."""

@@ -81,7 +81,13 @@ KINDS = {
 }
 
 
-@pytest.fixture(scope="module", params=KINDS)
+ONE_AT_A_TIME = "with eddy currents"
+"""The model between stops has them as well."""
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(one, marks=[pytest.mark.nightly] * (one == ONE_AT_A_TIME)) for one in KINDS]
+)
 def model(request, levitation_model):
     return KINDS[request.param](levitation_model)
 
