@@ -23,8 +23,6 @@ from femfit.core.graph import GraphFunction, Memo, building
 from femfit.core.numerics import FloatArray
 from femfit.estimate.constants import MOST_DELAYED_SAMPLES
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import winding_voltage
-from femfit.model.dynamics import half_way
 from femfit.model.hall import PickupSensor
 from femfit.model.sensing import AnySensor, pickup_flux, reading_expression
 from femfit.model.sensors import reading_of, sample_weights, sensor_named, unit_in_name
@@ -107,7 +105,7 @@ class ProcessGraph:
     def light(self) -> bool:
         """Whether exact Jacobians, and a step as one function, are made in a second; else differences serve."""
         stages = self.function("moved", self.moved).graph.stages
-        return not self.driven and sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
+        return sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
 
     @property
     def steps(self) -> list[tuple[GraphFunction, Callable[[], GraphFunction]]]:
@@ -129,7 +127,9 @@ class ProcessGraph:
     def moved_on(self, x: SX, voltage: SX) -> SX:
         """All states a further step of the sample later."""
         end = self.model.order
-        return ca.vertcat(self.model.sample_step.after(x[:end], voltage, self.held), x[end:])
+        state = ca.vertcat(x[0], 0.0 if self.held else x[1], x[2:end])
+        after = self.model.sample_step.after(state, voltage, driven=self.driven, free=not self.held)
+        return ca.vertcat(after, x[end:])
 
     def begun(self, first: SX) -> SX:
         """All states of a body that was at rest before, from its first states, of which the last may be left out."""
@@ -165,16 +165,9 @@ class ProcessGraph:
 
     def transition(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """States (N, n) one sample later."""
-        steps = self.steps
-        for step, _ in steps:
-            volts = self._fed(states, inputs, self.model.sample_time_s / len(steps)) if self.driven else inputs
-            states = self._values(step, states, volts)
+        for step, _ in self.steps:
+            states = self._values(step, states, inputs)
         return states
-
-    def _fed(self, states: FloatArray, commands: FloatArray, length: float) -> FloatArray:
-        """Voltages that drivers give over a step for commands, (N, circuits)."""
-        commands = commands[:, None] if commands.ndim == 1 else commands
-        return winding_voltage(self.model, half_way(states, length), commands, length)
 
     def transition_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """Jacobians of :meth:`transition`, (N, n, n)."""

@@ -1,4 +1,4 @@
-"""What a driver does to a command: the limits that it keeps, and the voltage that the winding sees.
+"""What a driver does to a command: the limits that it keeps, and the current that an amplifier comes to.
 
 A voltage source gives what is commanded, within its limits. With a freewheel diode it gives positive voltages alone,
 and for a command of zero the diode's while a current goes on. A current amplifier gives the voltage, within its
@@ -11,13 +11,17 @@ for its bandwidth w, or to the command itself without one. Commands have the sha
 
 from functools import cache
 from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
+from casadi import SX
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.electrics import Circuit
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import currents_by_voltages
+from femfit.model.contact import between
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
 
 
 def command_limits(circuit: Circuit, *, current: bool | None = None) -> tuple[float, float]:
@@ -46,7 +50,7 @@ def held_limits(circuit: Circuit) -> tuple[float, float]:
     return low, high
 
 
-def commands_currents(model: ActuatorModel) -> BoolArray:
+def commands_currents(model: "ActuatorModel") -> BoolArray:
     """Which circuits are commanded in A, shape (n,)."""
     return _amplified(model.circuits)
 
@@ -68,103 +72,14 @@ def is_plain(circuits: tuple[Circuit, ...]) -> bool:
 
 
 def circuit_terms(
-    model: ActuatorModel, distance: FloatArray, currents: FloatArray
+    model: "ActuatorModel", distance: FloatArray, currents: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Force (...), motional constants (..., n) and inductances (..., n, n) for any number of circuits."""
     at = model.magnetics.state(distance, currents)
     return at.force, at.motional_constant, at.inductance + model.series_inductances_H
 
 
-def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
-    """States (N, order) whose currents do not turn round where a diode feeds the winding; changes its argument.
-
-    Eddy currents keep the flux that they link.
-    """
-    before = None if model.eddy is None else states[:, 2 : 2 + len(model.circuits)].copy()
-    for k, _ in model.diodes:
-        states[:, 2 + k] = np.maximum(states[:, 2 + k], 0.0)
-    if before is not None and (change := states[:, 2 : 2 + before.shape[1]] - before).any():
-        n, end = before.shape[1], model.windings.end
-        linked = model.windings.magnetics.state(states[:, 0], states[:, 2:end]).inductance[:, n:]
-        lost = np.einsum("rkj,rj->rk", linked[..., :n], change)
-        states[:, 2 + n : end] -= np.linalg.solve(linked[..., n:], lost[..., None])[..., 0]
-    return states
-
-
-def current_targets(model: ActuatorModel, currents: FloatArray, command: FloatArray, step: float) -> FloatArray:
-    """Currents in A that amplifiers would reach after a step in s; NaN for circuits that are fed by a voltage."""
-    kept, limits = _amplifiers(model.circuits, step)
-    wanted = np.clip(command, limits[0], limits[1])
-    return np.asarray(wanted + kept * (currents - wanted))
-
-
-@cache
-def _amplifiers(circuits: tuple[Circuit, ...], step: float) -> tuple[FloatArray, FloatArray]:
-    """Part of a deviation that is left after a step, NaN for voltage sources, (n,), and the limits (2, n)."""
-    kept = [
-        np.nan
-        if one.drive.kind == "voltage"
-        else 0.0
-        if one.drive.bandwidth_Hz is None
-        else np.exp(-2.0 * pi * one.drive.bandwidth_Hz * step)
-        for one in circuits
-    ]
-    return np.array(kept), np.array([command_limits(one) for one in circuits]).T
-
-
-def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray, step: float) -> FloatArray:
-    """Voltage across each winding in V, held over a step in s, for which amplifiers come to their targets.
-
-    As one of :mod:`femfit.model.dynamics` takes it: an exact plant corrects it by what is left.
-
-    Parameters
-    ----------
-    state : array, shape (..., 2 + n or more)
-    command : array, shape (..., n)
-    """
-    circuits, n, windings = model.circuits, len(model.circuits), model.windings
-    if is_plain(circuits):
-        return command
-    velocity, currents = state[..., 1], state[..., 2 : windings.end]
-    volts = np.array(np.broadcast_to(command, (*currents.shape[:-1], n)))
-    for k, _ in model.diodes:
-        volts[..., k] = np.where(volts[..., k] > 0.0, volts[..., k], 0.0)
-    if model.diodes:
-        _freewheel(model, state, volts, step)
-    amplified = commands_currents(model)
-    if amplified.any():
-        at = windings.magnetics.state(state[..., 0], currents)
-        against = windings.resistances_ohm * currents - at.motional_constant * velocity[..., None]
-        drives = np.flatnonzero(amplified)
-        others = np.setdiff1d(np.arange(windings.count), drives)
-        gain = currents_by_voltages(model, state[..., 0], currents, step) / step
-        rate = (current_targets(model, currents[..., :n], command, step) - currents[..., :n])[..., drives] / step
-        if len(others):  # what voltage sources and eddy currents beside it bring about
-            own = (windings.voltages(volts) - against)[..., others]
-            rate = rate - np.einsum("...jk,...k->...j", gain[..., drives[:, None], others], own)
-        left = np.linalg.solve(gain[..., drives[:, None], drives], rate[..., None])[..., 0]
-        low, high = voltage_limits(circuits)[:, drives]
-        volts[..., drives] = np.clip(against[..., drives] + left, low, high)
-    return volts
-
-
-def _freewheel(model: ActuatorModel, state: FloatArray, volts: FloatArray, step: float) -> None:
-    """Windings that nothing feeds have their diodes' drops, or the voltage that ends their current with the step.
-
-    Eddy currents and other windings drive a current for long. Changes ``volts``.
-    """
-    windings = model.windings
-    currents = state[..., 2 : windings.end]
-    idle = [volts[..., k] <= 0.0 for k, _ in model.diodes]
-    if not np.any(idle):
-        return
-    for (k, drop), off in zip(model.diodes, idle, strict=True):
-        volts[..., k] = np.where(off & (currents[..., k] > 0.0), -drop, volts[..., k])
-    at = windings.magnetics.state(state[..., 0], currents)
-    driving = at.motional_constant * state[..., 1:2] - windings.resistances_ohm * currents
-    gain = currents_by_voltages(model, state[..., 0], currents, step)
-    for (k, drop), off in zip(model.diodes, idle, strict=True):
-        others = windings.voltages(volts) + driving
-        others[..., k] = driving[..., k]
-        needed = -(currents[..., k] + (gain[..., k, :] * others).sum(axis=-1)) / gain[..., k, k]
-        volts[..., k] = np.where(off, np.maximum(needed, -drop), volts[..., k])
+def regulated_current(circuit: Circuit, current: SX, command: SX, step: float) -> SX:
+    """Current in A that an amplifier would reach after a step in s."""
+    wanted, bandwidth = between(command, command_limits(circuit)), circuit.drive.bandwidth_Hz
+    return wanted if bandwidth is None else wanted + np.exp(-2.0 * pi * bandwidth * step) * (current - wanted)

@@ -33,7 +33,7 @@ from femfit.core.graph import Expression, GraphFunction, Memo, building, of_vari
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
-from femfit.model.contact import between, met_stops
+from femfit.model.contact import between, endless, met_stops
 from femfit.model.decay import decayed, eliminated
 from femfit.model.responses import ResponseTable
 from femfit.model.sensing import AnySensor, reading_expression
@@ -51,7 +51,6 @@ class _Symbols:
 
     state: SX
     voltage: SX
-    disturbance: SX
     step: SX
     time: SX
     free: SX  # 1, or 0 of a body that goes on at its speed
@@ -59,16 +58,41 @@ class _Symbols:
     @property
     def inputs(self) -> list[SX]:
         """As every function of the equations takes them."""
-        return [self.state, self.voltage, ca.vertcat(self.disturbance, self.step, self.time, self.free)]
+        return [self.state, self.voltage, ca.vertcat(self.step, self.time, self.free)]
 
 
 @dataclass(frozen=True, eq=False)
-class Diode:
-    """A freewheel diode over a step."""
+class Driver:
+    """What ends a winding's current at a value with the step, as far as its voltages allow: a diode or an amplifier."""
 
     circuit: int
-    idle: SX  # Whether nothing else feeds the winding
-    least: SX  # Its drop beside the voltage that the step is given, in V
+    acting: SX  # 1, or 0 where the voltage that the step is given is all
+    current: SX  # In A, at the end of the step
+    voltages: tuple[Any, Any]  # Least and largest beside the voltage that the step is given, in V
+
+    def beside(self, volts: SX) -> "Driver":
+        """The same driver where the step is given this voltage more."""
+        low, high = (end if endless(end) else end - volts for end in self.voltages)
+        return replace(self, voltages=(low, high))
+
+
+@dataclass(frozen=True, eq=False)
+class _Core:
+    """The first circuit's core, whose effects have states."""
+
+    first: SX  # The circuit's current
+    current: SX  # u, that it sees
+    turns: SX  # G
+    drift: SX  # u' at held currents
+    along: SX  # By which the circuit's flux linkage grows with the states; as G's first entry is 1
+
+    def rate(self, rate: SX) -> SX:
+        """The rate u' where all windings' currents have these."""
+        return ca.dot(self.turns, rate) + self.drift
+
+    def later(self, rate: SX, time: SX) -> "_Core":
+        """The same core a time in s later, at these rates."""
+        return replace(self, first=self.first + time * rate[0], current=self.current + time * self.rate(rate))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +111,7 @@ class _AtFirst:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The equations of a model; functions of (state, voltage of each circuit, (disturbance, step, time, free), given).
+    """The equations of a model; functions of (state, voltage of each circuit, (step, time, free), given).
 
     A body that is not free goes on at its speed. What is given is as of the magnetics: a force's scale, one a run.
     """
@@ -186,8 +210,8 @@ class Equations:
         ----------
         stops : Mechanics or None
             Between whose ends the body's way lies along which it induces a voltage.
-        diodes : sequence of Diode
-            That end a current within the step at nought.
+        drivers : sequence of Driver
+            That end currents at values of their own.
         """
         of_one_length = length if self.linear and not isinstance(length, SX) else None
         return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **between)
@@ -195,7 +219,7 @@ class Equations:
     @cached_property
     def _symbols(self) -> _Symbols:
         at = (SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)))
-        return _Symbols(*at, *(SX.sym(name) for name in ("disturbance", "step", "time", "free")))
+        return _Symbols(*at, *(SX.sym(name) for name in ("step", "time", "free")))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Equations, (self.model,)
@@ -206,7 +230,7 @@ class Equations:
         return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
 
     def _step(
-        self, at: _Symbols, length: float | None, stops: Mechanics | None = None, diodes: Sequence[Diode] = ()
+        self, at: _Symbols, length: float | None, stops: Mechanics | None = None, drivers: Sequence[Driver] = ()
     ) -> SX:
         """The state one step later. With stops, the voltage that motion induces follows the body's way between them."""
         h, state = at.step, at.state
@@ -220,7 +244,7 @@ class Equations:
             met = ca.fabs(reached - free) > 0.0
             return ca.if_else(met, (reached - state[0]) / h, v), ca.if_else(met, 0.0, acceleration)
 
-        return state + h * self._rates(middle, at, length=length, way=way, diodes=diodes)
+        return state + h * self._rates(middle, at, length=length, way=way, drivers=drivers)
 
     def _rates(self, state: SX, at: _Symbols, **options: Any) -> SX:
         """Of a body that its stops let no further, though a stage of a step may."""
@@ -234,7 +258,7 @@ class Equations:
         *,
         length: float | None = None,
         way: Callable[[SX, SX], tuple[SX, SX]] | None = None,
-        diodes: Sequence[Diode] = (),
+        drivers: Sequence[Driver] = (),
         driven: tuple[int, ...] = (),
         dry_friction: bool = True,
     ) -> tuple[SX, SX]:
@@ -264,7 +288,7 @@ class Equations:
         force = with_further_force(model.effects, force, d, first, conditions)
         braked = at.step * motion.viscous_N_s_per_m / motion.mass_kg
         freedom = at.free if way is None else at.free / (1.0 + 0.5 * braked)  # by the mean speed of a step
-        acceleration = freedom * motion.acceleration(d, v, force - at.disturbance, model.sample_time_s)
+        acceleration = freedom * motion.acceleration(d, v, force, model.sample_time_s)
         if not w.numel():
             return ca.vertcat(v if way is None else v + 0.5 * at.step * acceleration, acceleration), at.voltage
         speed, gain = (v, SX(0.0)) if way is None else way(v, acceleration)
@@ -275,29 +299,22 @@ class Equations:
         commanded, imposed = SX(at.voltage), at.voltage[places]
         commanded[places] = 0.0
         resistances, volts = self._circuits(commanded, first, conditions)
-        driving = volts + motional - resistances * w
-        core, turns, drift = self._core(d, v, w)
-        if memory:
-            along = ca.jacobian(linkage[0], z).T  # G's first entry is 1
-            still = self._memory_rates(memory, core, SX(0.0), conditions)
-            driving -= turns * ca.dot(along, still)
-            share = ca.dot(turns, eliminated(inductance, turns))
-            rate, _ = _imposed(inductance, driving, places, imposed)
-            sign = ca.if_else(ca.dot(turns, rate) + drift < 0.0, -1.0, 1.0)
-            change = sign * (self._memory_rates(memory, core, sign, conditions) - still)
-            taken = ca.fmax(ca.dot(along, change), (_LEAKAGE - 1.0) / share)
-            driving -= turns * (taken * drift)
-            inductance += taken * turns @ turns.T
+        circuits = inductance, resistances, volts + motional - resistances * w
+        core = self._core(d, v, w, ca.jacobian(linkage[0], z).T)
         if way is None:
-            rate, more = _imposed(inductance, driving, places, imposed)
+            total, _, driving = self._beside(memory, core, circuits, conditions, (places, imposed))
+            rate, more = _imposed(total, driving, places, imposed)
             if driven:
                 commanded[places] = self._commanded(volts[places] + more, first, conditions)
         else:
             at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant)
-            circuits = inductance, resistances, driving
-            v, acceleration, rate = self._means(at, length, at_first, circuits, diodes)
-        followed = self._memory_rates(memory, core, ca.dot(turns, rate) + drift, conditions, (first, rate[0]))
-        return ca.vertcat(v, acceleration, rate, followed), commanded
+            for half_way in (True, False) if memory else (False,):
+                fed = self._beside(memory, core, circuits, conditions)
+                v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
+                if half_way:
+                    z += 0.5 * at.step * self._followed(memory, core, rate, conditions)
+                    memory, core = dict(zip(memory, ca.vertsplit(z), strict=True)), core.later(rate, 0.5 * at.step)
+        return ca.vertcat(v, acceleration, rate, self._followed(memory, core, rate, conditions)), commanded
 
     def _means(
         self,
@@ -305,7 +322,7 @@ class Equations:
         length: float | None,
         first: "_AtFirst",
         circuits: tuple[SX, SX, SX],
-        diodes: Sequence[Diode],
+        drivers: Sequence[Driver],
     ) -> tuple[SX, SX, SX]:
         """Means over a step of velocity, acceleration and the currents' rates.
 
@@ -317,7 +334,11 @@ class Equations:
         h, w, constant, speed, gain = at.step, first.currents, first.motional_constant, *first.way
         inductance, resistances, driving = circuits
         slope_by_currents = ca.jacobian(constant, w)
-        units = SX.eye(w.numel())[:, [diode.circuit for diode in diodes]]
+        units = SX.eye(w.numel())[:, [driver.circuit for driver in drivers]]
+        if drivers:  # by Euler's implicit step, so that what follows has little to add
+            rates = eliminated(inductance + h * ca.diag(resistances), ca.horzcat(driving, units))
+            more = _ending(drivers, w + h * rates[:, 0], h * rates[:, 1:])
+            driving, drivers = driving + units @ more, [of.beside(more[k]) for k, of in enumerate(drivers)]
         both = ca.horzcat(driving, constant * gain, units)
         against, responses = ca.diag(resistances), None
         if length is not None:
@@ -332,8 +353,8 @@ class Equations:
             ends, means, ways = decayed(inductance, against, both, h)
         else:
             ends, means, ways = (response @ both for response in responses)
-        if diodes:
-            more = _ending(diodes, w / h + ends[:, 0] + h * means[:, 1], ends[:, 2:])
+        if drivers:
+            more = _ending(drivers, w + h * (ends[:, 0] + h * means[:, 1]), h * ends[:, 2:])
             for parts in (ends, means, ways):
                 parts[:, 0] += parts[:, 2:] @ more
         changed, lag = h * (means[:, 0] + h * ways[:, 1]), first.freedom / self.model.require_motion().mass_kg
@@ -350,15 +371,39 @@ class Equations:
         magnetics, eddy = self.model.magnetics.with_memory(memory), self.model.eddy
         return magnetics if eddy is None else lambda d, w: eddy.expression(magnetics, d, w)
 
-    def _core(self, d: SX, v: SX, w: SX) -> tuple[SX, SX, SX]:
-        """The current u that the first circuit's core sees, G, and u' at held currents."""
+    def _core(self, d: SX, v: SX, w: SX, along: SX) -> _Core:
         eddy = self.model.eddy
         if not self.model.circuits:
-            return SX(0.0), SX.zeros(w.numel()), SX(0.0)
+            return _Core(w[0], SX(0.0), SX.zeros(w.numel()), SX(0.0), along)
         if eddy is None:
-            return w[0], ca.vertcat(1.0, SX.zeros(w.numel() - 1)), SX(0.0)
+            return _Core(w[0], w[0], ca.vertcat(1.0, SX.zeros(w.numel() - 1)), SX(0.0), along)
         u = eddy.acting(d, w)[0]
-        return u, ca.gradient(u, w), ca.gradient(u, d) * v
+        return _Core(w[0], u, ca.gradient(u, w), ca.gradient(u, d) * v, along)
+
+    def _beside(
+        self,
+        memory: Mapping[str, SX],
+        core: _Core,
+        circuits: tuple[SX, SX, SX],
+        conditions: Conditions,
+        imposed: tuple[list[int], SX] = ([], SX(0, 1)),
+    ) -> tuple[SX, SX, SX]:
+        """Inductance, resistances and driving voltages beside what states of effects do."""
+        if not memory:
+            return circuits
+        inductance, resistances, driving = circuits
+        still = self._memory_rates(memory, core.current, SX(0.0), conditions)
+        driving = driving - core.turns * ca.dot(core.along, still)
+        share = ca.dot(core.turns, eliminated(inductance, core.turns))
+        rate, _ = _imposed(inductance, driving, *imposed)
+        sign = ca.if_else(core.rate(rate) < 0.0, -1.0, 1.0)
+        change = sign * (self._memory_rates(memory, core.current, sign, conditions) - still)
+        taken = ca.fmax(ca.dot(core.along, change), (_LEAKAGE - 1.0) / share)
+        return inductance + taken * core.turns @ core.turns.T, resistances, driving - core.turns * (taken * core.drift)
+
+    def _followed(self, memory: Mapping[str, SX], core: _Core, rate: SX, conditions: Conditions) -> SX:
+        """Rates z' where all windings' currents have these."""
+        return self._memory_rates(memory, core.current, core.rate(rate), conditions, (core.first, rate[0]))
 
     def _circuits(self, voltage: SX, first: SX, conditions: Conditions) -> tuple[SX, SX]:
         """Resistances of all windings, and the voltages at them."""
@@ -410,9 +455,9 @@ class Equations:
 
 
 def _expressed(state: SX, voltage: SX, step: SX | None = None, free: SX | None = None) -> _Symbols:
-    """The equations' inputs as expressions: nothing disturbs, at no certain time."""
+    """The equations' inputs as expressions, at no certain time."""
     zero = SX(0.0)
-    return _Symbols(state, voltage, zero, zero if step is None else step, zero, SX(1.0) if free is None else free)
+    return _Symbols(state, voltage, zero if step is None else step, zero, SX(1.0) if free is None else free)
 
 
 def _rate_along(linkage: SX, w: SX, rate: SX) -> SX:
@@ -421,23 +466,25 @@ def _rate_along(linkage: SX, w: SX, rate: SX) -> SX:
     return ca.substitute(ca.jacobian(ca.jtimes(linkage, w, direction), w), direction, rate)
 
 
-def _ending(diodes: Sequence[Diode], reached: SX, response: SX) -> SX:
-    """Voltages of diodes beside those given, that end their currents with the step, or are as low as their drops.
+def _ending(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:
+    """Voltages of drivers beside those given, that end their currents as these have them, or reach their limits.
 
     Parameters
     ----------
     reached : SX
-        All windings' currents after the step over its length.
+        All windings' currents after the step, in A.
     response : SX
-        What a volt at each diode's winding adds to it.
+        What a volt at each driver's winding adds to it.
     """
-    places = [diode.circuit for diode in diodes]
-    idle, least = (ca.vertcat(*(getattr(diode, name) for diode in diodes)) for name in ("idle", "least"))
-    own = idle @ idle.T * response[places, :] + ca.diag(1.0 - idle)  # one where a winding is fed
-    more = idle * ca.fmax(least, eliminated(own, -idle * reached[places]))
-    for k, place in enumerate(places):  # where another is as low as its drop
-        left = -(reached + response @ more)[place] / own[k, k]
-        more[k] += idle[k] * ca.fmax(least[k] - more[k], left)
+    places = [driver.circuit for driver in drivers]
+    acting, wanted = (ca.vertcat(*(getattr(driver, name) for driver in drivers)) for name in ("acting", "current"))
+    own = acting @ acting.T * response[places, :] + ca.diag(1.0 - acting)  # one where a winding is fed
+    more = acting * eliminated(own, acting * (wanted - reached[places]))
+    for k, driver in enumerate(drivers):
+        more[k] = acting[k] * between(more[k], driver.voltages)
+    for k, driver in enumerate(drivers):  # where another has reached its limit
+        missing = (wanted - (reached + response @ more)[places])[k] / own[k, k]
+        more[k] = acting[k] * between(more[k] + missing, driver.voltages)
     return more
 
 

@@ -1,6 +1,7 @@
-"""A sample of a filter: one, two or four steps of the equations, between the stops, beside freewheel diodes.
+"""A sample: steps of the equations, between the stops, beside freewheel diodes and current amplifiers.
 
-A filter that runs, one that is exported, a record that is followed and a bound all take these steps.
+A filter that runs, one that is exported, a record that is followed, a bound and a simulated plant all take these steps,
+a filter one, two or four of them a sample.
 """
 
 from dataclasses import dataclass
@@ -14,8 +15,9 @@ from casadi import SX
 from femfit.core.graph import of_variable
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.model.contact import between, met_stops
-from femfit.model.decay import decayed, eliminated
-from femfit.model.equations import Diode
+from femfit.model.decay import eliminated
+from femfit.model.drive import regulated_current
+from femfit.model.equations import Driver
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
@@ -81,57 +83,55 @@ class SampleStep:
         """States (order, N) a sample later by so many steps, and whether they stayed in the domain all the time."""
         box, last = self.model.validity, 2 + len(self.model.circuits)
         length, points = self.model.sample_time_s / count, states.shape[1]
-        others, within = np.tile([[0.0], [length], [0.0], [1.0]], (1, points)), np.ones(points, dtype=np.bool_)
+        others, within = np.tile([[length], [0.0], [1.0]], (1, points)), np.ones(points, dtype=np.bool_)
         for _ in range(count):
             states = self.model.equations.step(length)(states, volts, others, self.model.magnetics.given_values)
             within &= box.contains(states[0], states[2:last].T)
         return states, within
 
-    def after(self, state: SX, voltage: SX, held: bool = False) -> SX:
-        """An expression's state one of :attr:`count` steps later, of a body between its stops, or that stands still.
+    def after(self, state: SX, command: SX, **options: bool) -> SX:
+        """An expression's state one of :attr:`count` steps later, with the options of :meth:`step`."""
+        return self.step(state, command, self.model.sample_time_s / self.count, **options)[0]
+
+    def step(self, state: SX, command: SX, length: float, *, driven: bool = False, free: bool = True) -> tuple[SX, SX]:
+        """An expression's state a step in s later, and the distance that a body without stops would come to.
 
         Across a winding whose voltage is nought the freewheel diode has its drop while a current goes on.
+
+        Parameters
+        ----------
+        driven : bool
+            Whether commands are what the drivers are told, in V or A, instead of the voltages across the windings: a
+            diode then keeps negative voltages away, and a current amplifier comes to its current within its limits.
+        free : bool
+            Whether the body follows its forces between its stops; else it goes on at its speed.
         """
         equations, motion = self.model.equations, self.model.require_motion()
-        length, state = self.model.sample_time_s / self.count, self.blocked(state)
-        voltage, diodes = self.fed(voltage, state)
-        if held:
-            still = ca.vertcat(state[0], 0.0, state[2:])
-            return self.blocked(equations.step_at(still, voltage, length, SX(0.0), diodes=diodes))
+        state = self.blocked(state)
+        voltage, drivers = self._fed(command, state, length, driven)
+        if not free:
+            after = equations.step_at(state, voltage, length, SX(0.0), drivers=drivers)
+            return self.blocked(after), after[0]
         state = ca.vertcat(between(state[0], motion.ends), state[1:])
-        after = equations.step_at(state, voltage, length, stops=motion, diodes=diodes)
+        after = equations.step_at(state, voltage, length, stops=motion, drivers=drivers)
         distance, velocity = met_stops(motion, (state[0], state[1]), (after[0], after[1]), length)
-        return self.blocked(ca.vertcat(distance, velocity, after[2:]))
+        return self.blocked(ca.vertcat(distance, velocity, after[2:])), after[0]
 
-    def fed(self, voltage: SX, state: SX) -> tuple[SX, list[Diode]]:
-        """Voltages across the windings, and the diodes, which keep a current going until it is nought."""
-        result, diodes = SX(voltage), []
+    def _fed(self, command: SX, state: SX, length: float, driven: bool) -> tuple[SX, list[Driver]]:
+        """Voltages across the windings, and the drivers that add to them."""
+        result, drivers = SX(command), []
         for k, drop in self.model.diodes:
-            idle = voltage[k] == 0.0
-            result[k] = ca.if_else(ca.logic_and(idle, state[2 + k] > 0.0), -drop, voltage[k])
-            diodes.append(Diode(k, idle, -drop - result[k]))
-        return result, diodes
-
-    def freewheeling(self, state: SX, voltage: SX, length: SX) -> SX:
-        """Voltages held over a step of any length in s, as :func:`femfit.model.drive.winding_voltage` has them."""
-        equations, windings, n = self.model.equations, self.model.windings, len(self.model.circuits)
-        d, v, w, memory = equations.parts(state)
-        coenergy, resistances = equations.coenergy(memory), SX(windings.resistances_ohm)
-        slopes = of_variable(
-            lambda x: ca.vec(ca.jacobian(ca.gradient(coenergy(x[0], x[1:]), x)[1:], x)), ca.vertcat(d, w)
-        )
-        slopes = ca.reshape(slopes, w.numel(), w.numel() + 1)
-        driving, inductance = -slopes[:, 0] * v - resistances * w, slopes[:, 1:] + SX(windings.series_H)
-        gain = length * decayed(inductance, ca.diag(resistances), SX.eye(w.numel()), length)[0]
-        result = ca.vertcat(voltage, SX.zeros(w.numel() - n))
-        for k, drop in self.model.diodes:
-            result[k] = ca.if_else(voltage[k] > 0.0, voltage[k], ca.if_else(w[k] > 0.0, -drop, 0.0))
-        for k, drop in self.model.diodes:
-            others = result + driving
-            others[k] = driving[k]
-            needed = -(w[k] + gain[k, :] @ others) / gain[k, k]
-            result[k] = ca.if_else(voltage[k] > 0.0, voltage[k], ca.fmax(needed, -drop))
-        return result[:n]
+            volts = ca.fmax(command[k], 0.0) if driven else command[k]
+            idle = volts == 0.0
+            result[k] = volts
+            drivers.append(Driver(k, idle, SX(0.0), (-drop, np.inf)))
+        for k, circuit in enumerate(self.model.circuits):
+            if driven and circuit.drive.kind == "current":
+                result[k] = 0.0
+                current = regulated_current(circuit, state[2 + k], command[k], length)
+                limits = circuit.voltage_min_V, circuit.voltage_max_V
+                drivers.append(Driver(k, SX(1.0), current, limits))
+        return result, drivers
 
     def blocked(self, state: SX) -> SX:
         """A state whose currents do not turn round where a diode feeds the winding; eddy currents keep their flux."""

@@ -7,18 +7,20 @@ The distance straight from the first sensor's reading, where it tells one.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 
 from femfit.core.errors import FilterError
+from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.electrics import PositionSensor
 from femfit.estimate.direct import HallInverse, hall_inverse
 from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import blocked_by_diodes, circuit_terms, current_targets, voltage_limits, winding_voltage
-from femfit.model.dynamics import currents_by_voltages
 from femfit.model.hall import HallSensor
 from femfit.model.sensing import characteristic
 from femfit.model.sensors import sensor_named
@@ -106,25 +108,28 @@ class DirectObserver:
         mean, first = state.mean, measurement[:, 0]
         model = self.inverse.model
         n, step = len(model.circuits), model.sample_time_s
-        currents = coil_currents(model, mean, voltage)
+        currents = self._coil_currents(mean, voltage)
         measured, _ = self.inverse.distance(first, currents)
         moved = np.concatenate([np.stack([measured, (measured - mean[:, 0]) / step], axis=1), currents], axis=1)
         missing = np.isnan(first)
         moved[missing, :2] = mean[missing, :2]
         return Seen(moved[:, : 2 + n], state.diverged, state.normalised_innovation_squared)
 
+    def _coil_currents(self, mean: FloatArray, command: FloatArray) -> FloatArray:
+        """Currents (runs, n) one sample later of bodies that go on at their speed, as if nothing else conducted."""
+        end = 2 + command.shape[1]
+        return self._coils(mean[:, :end].T, command.T).T[:, 2:end]
 
-def coil_currents(model: ActuatorModel, mean: FloatArray, command: FloatArray) -> FloatArray:
-    """Currents one sample later, of shape (runs, n), with distance and velocity held, as if nothing else conducted."""
-    model, step = model.without_eddies, model.sample_time_s
-    moved = np.array(mean[:, : 2 + len(model.circuits)])
-    distance, velocity, currents = moved[:, 0], moved[:, 1:2], mean[:, 2 : moved.shape[1]]
-    volts, motional = winding_voltage(model, mean, command, step), circuit_terms(model, distance, currents)[1]
-    driving = volts + motional * velocity - model.resistances_ohm * currents
-    moved[:, 2:] += np.einsum("rjk,rk->rj", currents_by_voltages(model, distance, currents, step), driving)
-    wanted, (low, high) = current_targets(model, currents, command, step), voltage_limits(model.circuits)
-    free = np.isfinite(wanted) & (volts > low) & (volts < high)
-    return np.where(free, wanted, blocked_by_diodes(model, moved)[:, 2:])
+    @cached_property
+    def _coils(self) -> GraphFunction:
+        """(distance, velocity and currents, commands) -> the state one sample later."""
+        model = self.inverse.model.without_eddies
+        with building():
+            x, u = SX.sym("x", 2 + len(model.circuits)), SX.sym("u", len(model.circuits))
+            state = ca.vertcat(x, SX.zeros(model.order - x.numel()))
+            for _ in range(model.sample_step.count):
+                state = model.sample_step.after(state, u, driven=True, free=False)
+            return GraphFunction([x, u], state)
 
 
 @dataclass(frozen=True, eq=False)

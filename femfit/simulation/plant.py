@@ -1,32 +1,24 @@
 """The simulated actuator: the model's own equations and drivers, with a wrong force on request.
 
-A body that comes to a stop of its drawing bounces, or stays there until a force takes it away.
-
-References
-----------
-A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (2) and (3), corrected in femfit.model.dynamics.
+A body that comes to a stop of its drawing bounces, or stays there until a force takes it away. Its steps are those of
+:mod:`femfit.model.sample_step`.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 from casadi import SX
 
+from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.contact import step_between_stops
-from femfit.model.drive import (
-    blocked_by_diodes,
-    commands_currents,
-    current_targets,
-    is_plain,
-    voltage_limits,
-    winding_voltage,
-)
-from femfit.model.dynamics import accurate_step, currents_by_voltages, plant_steps
 from femfit.model.magnetics import Magnetics
+
+LEAST_STEPS = 4
+"""Chosen: steps of a plant in a sample, however short that is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +68,12 @@ class Plant:
     model: ActuatorModel
 
     @cached_property
-    def substeps(self) -> int:
-        """Steps of the integration in a sample."""
-        model, box = self.model, self.model.validity
+    def steps(self) -> int:
+        """Steps in a sample: twice as many as a filter's, so that a loop sees what its filter's steps are off by."""
+        model = self.model
         if isinstance(model.magnetics, ScaledForce):  # whose scales are those of a batch
             model = replace(model, magnetics=model.magnetics.base)
-        return plant_steps(model, (box.distance_min_m, box.distance_max_m))
+        return max(LEAST_STEPS, 2 * model.sample_step.count)
 
     def start(self, state: FloatArray) -> FloatArray:
         """The first state from (distance, velocity, currents), shape (runs, 2 + n); all others are at rest."""
@@ -100,59 +92,35 @@ class Plant:
         touched : array, shape (2, runs), or None
             Is made true where a body meets its near stop, or its far one.
         """
-        model, count = self.model, self.substeps
-        command = command[:, None] if command.ndim == 1 else command
-        step = model.sample_time_s / count
-        for _ in range(count):
-            state = self._moved(state, command, step, touched)
+        ends, commands = self.model.require_motion().ends, command.reshape(len(state), -1)
+        for _ in range(self.steps):
+            moved = np.empty((state.shape[1] + 1, len(state))).T
+            for runs, magnetics, step in self._parts:
+                moved[runs] = step(state[runs].T, commands[runs].T, magnetics.given_values).T
+            state, way = moved[:, :-1], moved[:, -1]
+            if touched is not None:
+                touched |= [way < ends[0], way > ends[1]]
         return state
 
-    def _moved(self, state: FloatArray, command: FloatArray, step: float, touched: BoolArray | None) -> FloatArray:
-        model, n = self.model, len(self.model.circuits)
-        volts = winding_voltage(model, state, command, step)
-        moved = self._integrated(state, volts, step, touched)
-        if is_plain(model.circuits):
-            return moved
-        amplified = commands_currents(model)
-        if amplified.any():  # what the filters' step missed, taken back by one secant
-            missing = current_targets(model, state[:, 2 : 2 + n], command, step) - moved[:, 2 : 2 + n]
-            more = np.einsum("rjk,rk->rj", self._needed(moved, step), np.where(amplified, missing, 0.0))
-            corrected = np.clip(volts + more, *voltage_limits(model.circuits))
-            moved = self._integrated(state, np.where(amplified, corrected, volts), step)
-        return blocked_by_diodes(model, moved)
-
-    def _needed(self, state: FloatArray, step: float) -> FloatArray:
-        """Voltages held over a step for a change of the currents, in V/A, shape (runs, n, n)."""
-        model, n = self.model, len(self.model.circuits)
-        magnetic = model.windings.magnetics.state(state[:, 0], state[:, 2 : model.windings.end])
-        if model.eddy is None:
-            return (magnetic.inductance + model.series_inductances_H) / step
-        return np.asarray(
-            np.linalg.inv(currents_by_voltages(model, state[:, 0], state[:, 2 : model.windings.end], step)[:, :n, :n])
-        )
-
-    def _integrated(
-        self, state: FloatArray, volts: FloatArray, step: float, touched: BoolArray | None = None
-    ) -> FloatArray:
-        voltage = volts[:, 0] if len(self.model.circuits) == 1 else volts
-
-        def moved(begun: FloatArray, free: bool) -> FloatArray:
-            result = np.empty_like(begun)
-            for runs, model in self._parts:
-                result[runs] = accurate_step(model, begun[runs], voltage[runs], step, free=free)
-            return result
-
-        return step_between_stops(self.model, state, step, moved, touched)
-
     @cached_property
-    def _parts(self) -> list[tuple[BoolArray | slice, ActuatorModel]]:
-        """Runs of one force each, and their models: what has one co-energy for all steps by tables."""
+    def _parts(self) -> list[tuple[BoolArray | slice, Magnetics, GraphFunction]]:
+        """Runs of one force each, their magnetics and step: what has one co-energy takes its steps by tables."""
         magnetics = self.model.magnetics
         if self.model.eddy is None or not isinstance(magnetics, ScaledForce):
-            return [(slice(None), self.model)]
+            return [(slice(None), magnetics, self._step_of(self.model))]
         scales = np.atleast_1d(magnetics.scale)
         each = [(scales == factor, replace(magnetics, scale=np.array(factor))) for factor in np.unique(scales)]
-        return [(slice(None) if len(each) == 1 else runs, replace(self.model, magnetics=one)) for runs, one in each]
+        return [
+            (slice(None) if len(each) == 1 else runs, one, self._step_of(replace(self.model, magnetics=one)))
+            for runs, one in each
+        ]
+
+    def _step_of(self, model: ActuatorModel) -> GraphFunction:
+        """(state, commands, given) -> the state a step later, and where a body without stops would be."""
+        with building():
+            x, u = SX.sym("x", model.order), SX.sym("u", len(model.circuits))
+            after = model.sample_step.step(x, u, model.sample_time_s / self.steps, driven=True)
+            return GraphFunction([x, u, model.magnetics.given], ca.vertcat(*after))
 
 
 def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:

@@ -24,32 +24,13 @@ from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.contact import met_stops
-from femfit.model.equations import Equations
+from femfit.model.drive import commands_currents
 from femfit.model.sensors import reading_of
 from femfit.simulation.plant import Plant
 from femfit.targets.directory import write_directory
 from femfit.targets.python_source import python_source
 
 FILE = "estimator.py"
-
-_RUNGE_KUTTA = "One step in s of Runge and Kutta."
-_RUNGE_KUTTA_BODY = """\
-    k1 = rates(x, u, free)
-    k2 = rates([a + 0.5 * h * b for a, b in zip(x, k1)], u, free)
-    k3 = rates([a + 0.5 * h * b for a, b in zip(x, k2)], u, free)
-    k4 = rates([a + h * b for a, b in zip(x, k3)], u, free)
-    return [a + h / 6.0 * (p + 2.0 * q + 2.0 * r + s) for a, p, q, r, s in zip(x, k1, k2, k3, k4)]"""
-
-_EXTRAPOLATED = "One step in s, extrapolated from one, two and three that are exact for currents that decay."
-_EXTRAPOLATED_BODY = """\
-    result = [0.0] * len(x)
-    for count, weight in ((1, 0.5), (2, -4.0), (3, 4.5)):
-        after = x
-        for _ in range(count):
-            after = decayed(after, u, [h / count], free)
-        result = [a + weight * b for a, b in zip(result, after)]
-    return result"""
 
 
 def export_estimator(model: ActuatorModel, directory: Path, sensors: Sequence[str] | None = None) -> tuple[Path, ...]:
@@ -115,13 +96,9 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
         "lower": _plain(lower),
         "upper": _plain(upper),
         "scaling": UnscentedFilter(process).scaling,
-        "stops": f"({', '.join(map(_number, model.require_motion().ends))})",
         "steps": model.sample_step.count,
-        "diodes": bool(model.diodes),
-        "substeps": Plant(model).substeps,
+        "plant_steps": Plant(model).steps,
         "plant_order": model.order,
-        "plant_method": _RUNGE_KUTTA if model.eddy is None else _EXTRAPOLATED,
-        "plant_body": _RUNGE_KUTTA_BODY if model.eddy is None else _EXTRAPOLATED_BODY,
         "first": first,
         "functions": "\n\n\n".join(functions),
     }
@@ -143,23 +120,10 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
         found = [("begun", GraphFunction([first], graph.begun(first)), ("first",))]
         found += [(name, GraphFunction([x, u], value), ("x", "u")) for name, value in made]
     with building():
-        x, u, h, free = SX.sym("x", model.order), SX.sym("u", len(model.circuits)), SX.sym("h"), SX.sym("free")
-        equations: Equations = model.equations
-        if model.eddy is None:
-            rates = GraphFunction([x, u, free], equations.rates_at(x, u, free))
-            found.append(("rates", rates, ("x", "u", "free")))
-        else:
-            decayed = GraphFunction([x, u, h, free], equations.step_at(x, u, h, free=free))
-            found.append(("decayed", decayed, ("x", "u", "h", "free")))
-        after = SX.sym("after", 2)
-        met = ca.vertcat(*met_stops(model.require_motion(), (x[0], x[1]), (after[0], after[1]), h))
-        found.append(("met_stops", GraphFunction([x, after, h], met), ("x", "after", "h")))
-    if model.diodes:
-        with building():
-            x, u, h = SX.sym("x", model.order), SX.sym("u", len(model.circuits)), SX.sym("h")
-            fed = GraphFunction([x, u, h], model.sample_step.freewheeling(x, u, h))
-            found.append(("fed", fed, ("x", "u", "h")))
-            found.append(("blocked", GraphFunction([x], model.sample_step.blocked(x)), ("x",)))
+        x, u = SX.sym("x", model.order), SX.sym("u", len(model.circuits))
+        driven = not commands_currents(model).any()  # an amplifier's current follows from the voltage that it gives
+        step = model.sample_step.step(x, u, model.sample_time_s / Plant(model).steps, driven=driven)[0]
+        found.append(("plant_step", GraphFunction([x, u], step), ("x", "u")))
     return found
 
 

@@ -8,7 +8,7 @@ import pytest
 from femfit.core.numerics import central_differences
 from femfit.estimate.holding import holding_current
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import runge_kutta_step
+from support.steps import runge_kutta_step
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -10,10 +10,10 @@ from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along, error_bound
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise
-from femfit.model.dynamics import exponential_step
 from femfit.model.magnetics import Magnetics
 from support.readings import LASER, predict_sensors
 from support.solenoids import LEAKAGE_H, REACH_H_M, SHIFT_M, inductance, solenoid
+from support.steps import exponential_step
 
 SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
 FREE = replace(solenoid().motion, near_stop=None, far_stop=None)

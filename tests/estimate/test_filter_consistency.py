@@ -12,8 +12,8 @@ from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise, consistency_band, process_covariance
 from femfit.estimate.process import FilterProcess, Output
-from femfit.model.dynamics import runge_kutta_step
 from support.covariances import initial_covariance
+from support.steps import runge_kutta_step
 
 FILTERS = [
     UnscentedFilter,

@@ -15,7 +15,6 @@ from femfit.estimate.holding import holding_currents
 from femfit.estimate.observe import observe
 from femfit.estimate.process import FilterOutcome
 from femfit.fit.build import fit_model
-from femfit.model.dynamics import runge_kutta_step
 from femfit.report.motion_figures import replay_figure
 from support import replays
 from support.bearing import ENTRY, table_of
@@ -24,6 +23,7 @@ from support.halves import NAMES, cut_in_two
 from support.readings import LASER
 from support.replays import damped, series
 from support.solenoids import solenoid
+from support.steps import runge_kutta_step
 
 STEP_S, SAMPLES = 0.5e-3, 400
 

@@ -14,12 +14,12 @@ from femfit.estimate.holding import bias_currents, holding_current, holding_curr
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import unstable_pole
 from femfit.fit.build import fit_model
-from femfit.model.dynamics import exponential_step, fastest_time_constant
 from femfit.simulation.allocation import current_ranges, currents_for_force
 from support.bearing import hall_field, table_of, table_with_hall
 from support.eddies import magnets_alone
 from support.halves import cut_in_two
 from support.readings import LASER, predict_sensors
+from support.steps import exponential_step, fastest_time_constant
 
 SENSORS = (LASER, CurrentSensor(name="shunt", noise=2e-3, circuit="inner"))
 TWICE = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0, 0, 1.0]])

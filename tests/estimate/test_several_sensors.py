@@ -7,9 +7,9 @@ import pytest
 
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
 from femfit.estimate.kalman_filter import kalman_filter
-from femfit.model.dynamics import exponential_step
 from support.readings import LASER, predict_sensors
 from support.solenoids import solenoid
+from support.steps import exponential_step
 
 SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
 CELL, MEMS = ForceSensor(name="cell", noise=0.02), AccelerationSensor(name="mems", noise=0.5)

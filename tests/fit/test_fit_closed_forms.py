@@ -11,7 +11,7 @@ from femfit.fit.coenergy import SHAPES, fit_coenergy, obeyed_shapes
 from femfit.fit.constants import TARGET
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN
-from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
+from femfit.model.dynamics import state_derivative, state_jacobian
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.several_magnetics import CoenergyTensor
 from support.bearing import grid
@@ -33,6 +33,7 @@ from support.closed_forms import (
 )  # fmt: skip
 from support.one_current import flat
 from support.saturating_bearing import GAP, force, inductance, share
+from support.steps import runge_kutta_step
 from support.sweeps import MASS, ClosedForm, force_table, full_table
 
 G = 9.80665

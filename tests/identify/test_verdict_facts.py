@@ -27,7 +27,6 @@ from femfit.identify.suggest import suggest
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.dynamics import runge_kutta_step
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
@@ -40,6 +39,7 @@ from support.reference import REFERENCE
 from support.replays import STEP_S, damped, series
 from support.solenoids import solenoid
 from support.splines import REFERENCE_DISTANCE, fitted_spline
+from support.steps import runge_kutta_step
 from support.switching import logged, switched
 
 COORDINATE = DistanceCoordinate(REFERENCE_DISTANCE)

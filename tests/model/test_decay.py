@@ -11,13 +11,13 @@ from scipy.linalg import expm
 
 from femfit.core.graph import GraphFunction, building
 from femfit.model.decay import decayed
-from femfit.model.dynamics import exponential_step
 from femfit.model.equations import _slowed
 from femfit.model.responses import ResponseTable
 from support.eddies import with_eddies
 from support.halves import cut_in_two
 from support.model_kinds import voltage_of
 from support.solenoids import solenoid
+from support.steps import exponential_step
 
 RANDOM = np.random.default_rng(6)
 PRODUCTS = np.geomspace(1e-6, 1e4, 21)

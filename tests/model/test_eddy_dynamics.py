@@ -10,13 +10,7 @@ from casadi import SX
 from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import central_differences
 from femfit.effects.stages import changed_coenergy, circuit_of
-from femfit.model.dynamics import (
-    exponential_step,
-    runge_kutta_step,
-    state_derivative,
-    state_jacobian,
-    state_scale,
-)
+from femfit.model.dynamics import state_derivative, state_jacobian, state_scale
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.hall import CurrentAxis, SensedField
 from femfit.model.with_effects import coenergy_of
@@ -26,6 +20,7 @@ from support.halves import cut_in_two
 from support.model_kinds import held, states_of, voltage_of
 from support.one_current import flat
 from support.readings import hall_voltage
+from support.steps import exponential_step, runge_kutta_step
 
 DISTANCE_M = 0.025
 
@@ -214,7 +209,7 @@ def test_a_prescribed_current_leaves_the_eddy_currents_to_themselves(levitation_
     plain = with_eddies(levitation_model)
     model = under_effects(plain, ("supply_sag", {}))
     states, _ = states_of(plain)
-    found = model.equations.flow((0,))(states.T, np.array([25.0]), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(0)).T[
+    found = model.equations.flow((0,))(states.T, np.array([25.0]), np.array([0.0, 0.0, 1.0]), np.zeros(0)).T[
         :, : model.order
     ]
     np.testing.assert_allclose(found[:, 2], 25.0)

@@ -8,13 +8,13 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.model.dynamics import runge_kutta_step
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added
 from support.model_kinds import held
 from support.one_current import flat
 from support.readings import hall_voltage
+from support.steps import runge_kutta_step
 
 
 def states(model, runs=5):

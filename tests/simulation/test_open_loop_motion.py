@@ -10,7 +10,6 @@ from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.estimate.kalman_filter import kalman_filter
-from femfit.model.dynamics import runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.plant import Plant
@@ -20,6 +19,7 @@ from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.readings import LASER
 from support.solenoids import LinearInductance, NoField, inductance, solenoid
+from support.steps import runge_kutta_step
 
 
 def body(**mechanics):

@@ -8,8 +8,6 @@ import pytest
 from femfit.device.electrics import CurrentSensor, Drive
 from femfit.device.mechanics import Spring, Stop
 from femfit.fit.build import fit_model
-from femfit.model.drive import current_targets, winding_voltage
-from femfit.model.dynamics import runge_kutta_step
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.simulation.close_loop import close_loop, run_loops
 from femfit.simulation.design import design_loop
@@ -64,12 +62,7 @@ def test_an_amplifier_follows_its_command_as_its_bandwidth_and_voltage_allow(bal
     plant, state = Plant(model), np.array([[0.018, 0.0, 0.50]])
     moved = plant.step(state, np.array([0.52]))
     kept = np.exp(-2.0 * np.pi * 50.0 * model.sample_time_s)
-    assert moved[0, 2] == pytest.approx(0.52 - 0.02 * kept, abs=5e-6)  # the secant leaves the square of the step
-    assert current_targets(model, state[:, 2:], np.array([[0.52]]), model.sample_time_s)[0, 0] == pytest.approx(
-        0.52 - 0.02 * kept
-    )
-    far = winding_voltage(model, state, np.array([[50.0]]), model.sample_time_s)
-    assert far[0, 0] == model.circuit.voltage_max_V  # as far as the voltage goes
+    assert moved[0, 2] == pytest.approx(0.52 - 0.02 * kept, rel=1e-12)
     slow = plant.step(state, np.array([50.0]))[0, 2]
     at_full = Plant(replace(model, circuits=(replace(model.circuit, drive=Drive()),))).step(state, np.array([3.0]))[
         0, 2
@@ -134,17 +127,6 @@ def test_a_bearing_is_held_by_the_direct_measurement_of_a_hall_element_that_all_
     assert loop.held == 1
 
     assert loop.estimate_rms_m.median < 2e-7
-
-
-def test_a_constant_disturbance_is_weight(levitation_model):
-    heavier = replace(levitation_model, motion=replace(levitation_model.motion, gravity_m_s2=10.0))
-    extra = levitation_model.motion.mass_kg * (10.0 - levitation_model.motion.gravity_m_s2)
-    start, voltage = np.array([[0.024, 0.0, 0.3]]), np.array([1.0])
-    np.testing.assert_allclose(
-        runge_kutta_step(levitation_model, start, voltage, levitation_model.sample_time_s, disturbance=extra),
-        Plant(heavier).step(start, voltage),
-        rtol=1e-13,
-    )
 
 
 def held(model, plant, runs=4, seconds=0.4, **options):

@@ -14,13 +14,14 @@ from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop_facts import judged_loop
-from femfit.simulation.observers import coil_currents
+from femfit.simulation.observers import DirectObserver, distance_inverse
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.words import sentence
 from support.bearing import CIRCUITS, ENTRY, table_of
 from support.pickups import SHARE, search_coil
 from support.readings import LASER
 from support.solenoids import solenoid
+from support.steps import runge_kutta_step
 
 PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
 
@@ -148,13 +149,16 @@ BRIDGES = [{**circuit, "voltage_min_V": -24.0, "drive": {}} for circuit in CIRCU
 
 
 @pytest.mark.parametrize("currents", [(1.0, -0.5), (0.0, 1.5)])
-def test_two_coupled_coils_follow_their_matrix_exponential(currents):
-    """L i' = U - R i + k_m v with distance and velocity held over a sample."""
+def test_two_coupled_coils_of_the_direct_measurement_follow_their_equations(currents):
+    """L i' = U - R i at rest; and while the body goes on at its speed, against short steps."""
     model = fit_model(table_of(entry={**ENTRY, "circuits": BRIDGES})).model
-    mean, volts = np.array([[0.4e-3, 0.05, *currents]]), np.array([[6.0, -3.0]])
-    _, motional, inductance = circuit_terms(model, mean[:, 0], mean[:, 2:])
-    drive = np.linalg.solve(inductance[0], volts[0] + 0.05 * motional[0])
-    A = -np.linalg.solve(inductance[0], np.diag(model.resistances_ohm))
+    observer = DirectObserver(distance_inverse(replace(model, other_sensors=(LASER,)), "laser"))
+    mean, volts = np.array([[0.4e-3, 0.0, *currents], [0.4e-3, 0.05, *currents]]), np.array([[6.0, -3.0]] * 2)
+    found = observer.step(observer.start(mean), volts, np.full((2, 1), 0.1)).mean[:, 2:]
+    _, _, inductance = circuit_terms(model, mean[0, 0], mean[0, 2:])
+    A = -np.linalg.solve(inductance, np.diag(model.resistances_ohm))
+    drive = np.linalg.solve(inductance, volts[0])
     whole = expm(model.sample_time_s * np.block([[A, drive[:, None]], [np.zeros((1, 3))]]))
-    expected = whole[:2, :2] @ currents + whole[:2, 2]
-    np.testing.assert_allclose(coil_currents(model, mean, volts)[0], expected, rtol=1e-9)
+    np.testing.assert_allclose(found[0], whole[:2, :2] @ currents + whole[:2, 2], rtol=1e-9)
+    moved = runge_kutta_step(model, mean, volts, model.sample_time_s, 50, free=False)[:, 2:]
+    np.testing.assert_allclose(found, moved, atol=2e-4 * np.abs(moved - currents).max())

@@ -9,12 +9,13 @@ from femfit.core.numerics import central_differences
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
-from femfit.model.dynamics import evaluated, exponential_step, state_derivative, state_jacobian, state_scale
+from femfit.model.dynamics import evaluated, state_derivative, state_jacobian, state_scale
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.saturating_circuit import SaturatingCircuit
 from support.solenoids import solenoid
+from support.steps import exponential_step
 
 CHOKE_H = 4e-3
 

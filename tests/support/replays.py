@@ -7,9 +7,9 @@ import pandas as pd
 
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.estimate.noise import FilterNoise, process_covariance
-from femfit.model.dynamics import runge_kutta_step
 from femfit.model.validity import ProcessNoise
 from femfit.tables.measurement import TimeSeries
+from support.steps import runge_kutta_step
 from tests.support.readings import predict_sensors
 from tests.support.solenoids import solenoid
 
