@@ -187,3 +187,19 @@ def test_names_with_signs_are_names_in_c_and_those_that_are_alike_are_refused(le
     alike = replace(levitation_model, other_sensors=(laser, replace(LASER, name="Laser_1")))
     with pytest.raises(UsageError, match="more than case and signs"):
         export_c(alike, tmp_path / "alike", ("laser-1", "Laser_1"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{header}\r0,1,2\r0.001,1,2\r", "rows below its names"),
+        ("{header}\n" + "0," * 70_000 + "\n", "less than 65536 characters"),
+    ],
+)
+def test_a_record_that_is_not_read_to_its_end_is_refused(levitation_model, tmp_path, text, message):
+    ff.export(levitation_model, tmp_path / "c", to="c", filter="ekf")
+    program, record = compiled(tmp_path / "c"), tmp_path / "record.csv"
+    record.write_text(text.format(header="time_s,voltage_V,hall_V"), newline="")
+    ended = subprocess.run([program, record], capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert message in ended.stderr
