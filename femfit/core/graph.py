@@ -152,7 +152,7 @@ def _row_at(table: FloatArray, at: SX) -> "_Row | None":
 
 def settled(value: Expression) -> SX:
     """What an iteration found, constant in every derivative: one more step of it is to be differentiated."""
-    value = SX(value)
+    value = ca.densify(SX(value))
     symbol = SX.sym("settled", *value.shape)
     _LATE.get().settled.append((symbol, value))
     return symbol

@@ -55,8 +55,7 @@ def levitation_process(
 ) -> FilterProcess:
     """Process and measurement of a moving part with any circuits and sensors.
 
-    The Jacobians are exact; of a model whose step has very many operations, and of drivers that are commanded, they are
-    central differences.
+    The Jacobians are exact; of a model whose step has very many operations, they are central differences.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
 from femfit.model.contact import between, endless, met_stops
-from femfit.model.decay import decayed, eliminated
+from femfit.model.decay import decayed, eliminated, shares
 from femfit.model.responses import ResponseTable
 from femfit.model.sensing import AnySensor, reading_expression
 
@@ -66,7 +66,6 @@ class Driver:
     """What ends a winding's current at a value with the step, as far as its voltages allow: a diode or an amplifier."""
 
     circuit: int
-    acting: SX  # 1, or 0 where the voltage that the step is given is all
     current: SX  # In A, at the end of the step
     voltages: tuple[Any, Any]  # Least and largest beside the voltage that the step is given, in V
 
@@ -199,11 +198,11 @@ class Equations:
     def _known(self) -> Memo:
         return Memo()
 
-    def rates_at(self, state: SX, voltage: SX, free: SX | None = None) -> SX:
-        """Time derivative of an expression's state, of a body that is free where it is not said."""
-        return self._rates(state, _expressed(state, voltage, free=free))
+    def rates_at(self, state: SX, voltage: SX) -> SX:
+        """Time derivative of an expression's state, of a free body."""
+        return self._rates(state, _expressed(state, voltage))
 
-    def step_at(self, state: SX, voltage: SX, length: SX | float, free: SX | None = None, **between: Any) -> SX:
+    def step_at(self, state: SX, voltage: SX, length: SX | float, free: SX | None = None, **options: Any) -> SX:
         """An expression's state a step in s later.
 
         Parameters
@@ -214,7 +213,7 @@ class Equations:
             That end currents at values of their own.
         """
         of_one_length = length if self.linear and not isinstance(length, SX) else None
-        return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **between)
+        return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **options)
 
     @cached_property
     def _symbols(self) -> _Symbols:
@@ -299,7 +298,10 @@ class Equations:
         commanded, imposed = SX(at.voltage), at.voltage[places]
         commanded[places] = 0.0
         resistances, volts = self._circuits(commanded, first, conditions)
-        circuits = inductance, resistances, volts + motional - resistances * w
+        driving = volts - resistances * w
+        # What a current takes from its own winding, of a supply that sags under it too
+        taken = -ca.diag(ca.jacobian(driving, w))
+        circuits = inductance, resistances if way is None else taken, driving + motional
         core = self._core(d, v, w, ca.jacobian(linkage[0], z).T)
         if way is None:
             total, _, driving = self._beside(memory, core, circuits, conditions, (places, imposed))
@@ -308,13 +310,20 @@ class Equations:
                 commanded[places] = self._commanded(volts[places] + more, first, conditions)
         else:
             at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant)
-            for half_way in (True, False) if memory else (False,):
-                fed = self._beside(memory, core, circuits, conditions)
+            fed = self._beside(memory, core, circuits, conditions)
+            v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
+            if memory:  # half-way
+                half = 0.5 * at.step
+                change = half * self._followed(memory, core, rate, conditions, half)
+                stronger = freedom / motion.mass_kg * (ca.jacobian(force, z) @ change)
+                core, later = core.later(rate, half), dict(zip(memory, ca.vertsplit(z + change), strict=True))
+                speed += half * gain
+                conditions = self.conditions(speed, later, motional_constant * speed)
+                fed = self._beside(later, core, circuits, conditions)
                 v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
-                if half_way:
-                    z += 0.5 * at.step * self._followed(memory, core, rate, conditions)
-                    memory, core = dict(zip(memory, ca.vertsplit(z), strict=True)), core.later(rate, 0.5 * at.step)
-        return ca.vertcat(v, acceleration, rate, self._followed(memory, core, rate, conditions)), commanded
+                v, acceleration = v - at.step / 3.0 * stronger, acceleration - stronger
+        step = None if way is None else at.step
+        return ca.vertcat(v, acceleration, rate, self._followed(memory, core, rate, conditions, step)), commanded
 
     def _means(
         self,
@@ -337,7 +346,7 @@ class Equations:
         units = SX.eye(w.numel())[:, [driver.circuit for driver in drivers]]
         if drivers:  # by Euler's implicit step, so that what follows has little to add
             rates = eliminated(inductance + h * ca.diag(resistances), ca.horzcat(driving, units))
-            more = _ending(drivers, w + h * rates[:, 0], h * rates[:, 1:])
+            more = driver_voltages(drivers, w + h * rates[:, 0], h * rates[:, 1:])
             driving, drivers = driving + units @ more, [of.beside(more[k]) for k, of in enumerate(drivers)]
         both = ca.horzcat(driving, constant * gain, units)
         against, responses = ca.diag(resistances), None
@@ -354,7 +363,7 @@ class Equations:
         else:
             ends, means, ways = (response @ both for response in responses)
         if drivers:
-            more = _ending(drivers, w + h * (ends[:, 0] + h * means[:, 1]), h * ends[:, 2:])
+            more = driver_voltages(drivers, w + h * (ends[:, 0] + h * means[:, 1]), h * ends[:, 2:])
             for parts in (ends, means, ways):
                 parts[:, 0] += parts[:, 2:] @ more
         changed, lag = h * (means[:, 0] + h * ways[:, 1]), first.freedom / self.model.require_motion().mass_kg
@@ -401,9 +410,22 @@ class Equations:
         taken = ca.fmax(ca.dot(core.along, change), (_LEAKAGE - 1.0) / share)
         return inductance + taken * core.turns @ core.turns.T, resistances, driving - core.turns * (taken * core.drift)
 
-    def _followed(self, memory: Mapping[str, SX], core: _Core, rate: SX, conditions: Conditions) -> SX:
-        """Rates z' where all windings' currents have these."""
-        return self._memory_rates(memory, core.current, core.rate(rate), conditions, (core.first, rate[0]))
+    def _followed(self, memory: Mapping[str, SX], core: _Core, rate: SX, conditions: Conditions, step: SX | None) -> SX:
+        """Rates z' where all windings' currents have these; over a step in s their means.
+
+        A state with z' = a - b z moves by (a - b z) (1 - exp(-b h)) / b, however fast it decays.
+        """
+
+        def followed(z: SX) -> SX:
+            states = dict(zip(memory, ca.vertsplit(z), strict=True))
+            rates = self._memory_rates(states, core.current, core.rate(rate), conditions, (core.first, rate[0]))
+            return rates if step is None else ca.vertcat(rates, -ca.diag(ca.jacobian(rates, z)))
+
+        if not memory:
+            return SX(0, 1)
+        found = of_variable(followed, ca.vertcat(*memory.values()))
+        rates, decays = found[: len(memory)], ca.vertsplit(found[len(memory) :])
+        return rates if step is None else rates * ca.vertcat(*(shares(step * decay)[0] for decay in decays))
 
     def _circuits(self, voltage: SX, first: SX, conditions: Conditions) -> tuple[SX, SX]:
         """Resistances of all windings, and the voltages at them."""
@@ -466,8 +488,11 @@ def _rate_along(linkage: SX, w: SX, rate: SX) -> SX:
     return ca.substitute(ca.jacobian(ca.jtimes(linkage, w, direction), w), direction, rate)
 
 
-def _ending(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:
-    """Voltages of drivers beside those given, that end their currents as these have them, or reach their limits.
+def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:
+    """Voltages of drivers beside those given, that end their currents as these have them, or are at their limits.
+
+    Whoever is beyond a limit is held there, and the others are found again, as often as there are drivers: that is
+    exact for two, and for more unless windings are nearly one.
 
     Parameters
     ----------
@@ -475,17 +500,26 @@ def _ending(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:
         All windings' currents after the step, in A.
     response : SX
         What a volt at each driver's winding adds to it.
+
+    References
+    ----------
+    M. Hintermueller, K. Ito and K. Kunisch, SIAM J. Optimization 13 (2003) 865: primal-dual active sets.
     """
     places = [driver.circuit for driver in drivers]
-    acting, wanted = (ca.vertcat(*(getattr(driver, name) for driver in drivers)) for name in ("acting", "current"))
-    own = acting @ acting.T * response[places, :] + ca.diag(1.0 - acting)  # one where a winding is fed
-    more = acting * eliminated(own, acting * (wanted - reached[places]))
-    for k, driver in enumerate(drivers):
-        more[k] = acting[k] * between(more[k], driver.voltages)
-    for k, driver in enumerate(drivers):  # where another has reached its limit
-        missing = (wanted - (reached + response @ more)[places])[k] / own[k, k]
-        more[k] = acting[k] * between(more[k] + missing, driver.voltages)
-    return more
+    gain = response[places, :]
+    missing = ca.vertcat(*(driver.current for driver in drivers)) - reached[places]
+
+    def limited(volts: SX) -> SX:
+        return ca.vertcat(*(between(volts[k], driver.voltages) for k, driver in enumerate(drivers)))
+
+    more = SX.zeros(len(drivers))
+    for _ in drivers:
+        wanted = more + (missing - gain @ more) / ca.diag(gain)
+        held = limited(wanted)
+        free = wanted == held
+        among = ca.diag(1.0 - free) + free @ free.T * gain
+        more = free * eliminated(among, free * (missing - gain @ ((1.0 - free) * held))) + (1.0 - free) * held
+    return limited(more)
 
 
 def _slowed(change: SX, room: SX) -> SX:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import of_variable
+from femfit.core.graph import GraphFunction, Memo, building, of_variable
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.model.contact import between, met_stops
 from femfit.model.decay import eliminated
@@ -93,6 +93,21 @@ class SampleStep:
         """An expression's state one of :attr:`count` steps later, with the options of :meth:`step`."""
         return self.step(state, command, self.model.sample_time_s / self.count, **options)[0]
 
+    def function(self, length: float, *, driven: bool = False, free: bool = True) -> GraphFunction:
+        """(state, command, given) -> the parts of :meth:`step`, one below the other; made once."""
+        key = length, driven, free
+        if key not in self._functions:
+            with building():
+                x, u = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
+                after = self.step(x, u, length, driven=driven, free=free)
+                self._functions[key] = GraphFunction([x, u, self.model.magnetics.given], ca.vertcat(*after))
+        function: GraphFunction = self._functions[key]
+        return function
+
+    @cached_property
+    def _functions(self) -> Memo:
+        return Memo()
+
     def step(self, state: SX, command: SX, length: float, *, driven: bool = False, free: bool = True) -> tuple[SX, SX]:
         """An expression's state a step in s later, and the distance that a body without stops would come to.
 
@@ -102,7 +117,8 @@ class SampleStep:
         ----------
         driven : bool
             Whether commands are what the drivers are told, in V or A, instead of the voltages across the windings: a
-            diode then keeps negative voltages away, and a current amplifier comes to its current within its limits.
+            diode then keeps negative voltages away, and a current amplifier comes to its current with the step, or as
+            near as its limits and its bandwidth allow.
         free : bool
             Whether the body follows its forces between its stops; else it goes on at its speed.
         """
@@ -121,16 +137,14 @@ class SampleStep:
         """Voltages across the windings, and the drivers that add to them."""
         result, drivers = SX(command), []
         for k, drop in self.model.diodes:
-            volts = ca.fmax(command[k], 0.0) if driven else command[k]
-            idle = volts == 0.0
-            result[k] = volts
-            drivers.append(Driver(k, idle, SX(0.0), (-drop, np.inf)))
+            result[k] = ca.fmax(command[k], 0.0) if driven else command[k]
+            drivers.append(Driver(k, SX(0.0), (ca.if_else(result[k] == 0.0, -drop, 0.0), np.inf)))
         for k, circuit in enumerate(self.model.circuits):
             if driven and circuit.drive.kind == "current":
                 result[k] = 0.0
                 current = regulated_current(circuit, state[2 + k], command[k], length)
                 limits = circuit.voltage_min_V, circuit.voltage_max_V
-                drivers.append(Driver(k, SX(1.0), current, limits))
+                drivers.append(Driver(k, current, limits))
         return result, drivers
 
     def blocked(self, state: SX) -> SX:

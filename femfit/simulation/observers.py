@@ -10,12 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
-import casadi as ca
 import numpy as np
-from casadi import SX
 
 from femfit.core.errors import FilterError
-from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.electrics import PositionSensor
 from femfit.estimate.direct import HallInverse, hall_inverse
@@ -116,20 +113,21 @@ class DirectObserver:
         return Seen(moved[:, : 2 + n], state.diverged, state.normalised_innovation_squared)
 
     def _coil_currents(self, mean: FloatArray, command: FloatArray) -> FloatArray:
-        """Currents (runs, n) one sample later of bodies that go on at their speed, as if nothing else conducted."""
-        end = 2 + command.shape[1]
-        return self._coils(mean[:, :end].T, command.T).T[:, 2:end]
+        """Currents (runs, n) one sample later as if nothing else conducted, of bodies that go on within the domain."""
+        model, n = self._alone, command.shape[1]
+        box, count, time = model.validity, model.sample_step.count, model.sample_time_s
+        state = np.zeros((model.order, len(mean)))
+        state[: 2 + n] = mean[:, : 2 + n].T
+        state[0] = np.clip(state[0], box.distance_min_m, box.distance_max_m)
+        state[1] = np.clip(state[1], (box.distance_min_m - state[0]) / time, (box.distance_max_m - state[0]) / time)
+        step = model.sample_step.function(time / count, driven=True, free=False)
+        for _ in range(count):
+            state = step(state, command.T, np.zeros(0))[:-1]
+        return state[2 : 2 + n].T
 
     @cached_property
-    def _coils(self) -> GraphFunction:
-        """(distance, velocity and currents, commands) -> the state one sample later."""
-        model = self.inverse.model.without_eddies
-        with building():
-            x, u = SX.sym("x", 2 + len(model.circuits)), SX.sym("u", len(model.circuits))
-            state = ca.vertcat(x, SX.zeros(model.order - x.numel()))
-            for _ in range(model.sample_step.count):
-                state = model.sample_step.after(state, u, driven=True, free=False)
-            return GraphFunction([x, u], state)
+    def _alone(self) -> ActuatorModel:
+        return self.inverse.model.without_eddies
 
 
 @dataclass(frozen=True, eq=False)

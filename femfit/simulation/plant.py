@@ -8,11 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Magnetics
@@ -92,35 +90,27 @@ class Plant:
         touched : array, shape (2, runs), or None
             Is made true where a body meets its near stop, or its far one.
         """
-        ends, commands = self.model.require_motion().ends, command.reshape(len(state), -1)
+        ends, n = self.model.require_motion().ends, len(self.model.circuits)
+        commands = np.broadcast_to(command[:, None] if command.ndim == 1 else command, (len(state), n))
         for _ in range(self.steps):
             moved = np.empty((state.shape[1] + 1, len(state))).T
-            for runs, magnetics, step in self._parts:
-                moved[runs] = step(state[runs].T, commands[runs].T, magnetics.given_values).T
+            for runs, model in self._parts:
+                step = model.sample_step.function(model.sample_time_s / self.steps, driven=True)
+                moved[runs] = step(state[runs].T, commands[runs].T, model.magnetics.given_values).T
             state, way = moved[:, :-1], moved[:, -1]
             if touched is not None:
                 touched |= [way < ends[0], way > ends[1]]
         return state
 
     @cached_property
-    def _parts(self) -> list[tuple[BoolArray | slice, Magnetics, GraphFunction]]:
-        """Runs of one force each, their magnetics and step: what has one co-energy takes its steps by tables."""
+    def _parts(self) -> list[tuple[BoolArray | slice, ActuatorModel]]:
+        """Runs of one force each, and their models: what has one co-energy takes its steps by tables."""
         magnetics = self.model.magnetics
         if self.model.eddy is None or not isinstance(magnetics, ScaledForce):
-            return [(slice(None), magnetics, self._step_of(self.model))]
+            return [(slice(None), self.model)]
         scales = np.atleast_1d(magnetics.scale)
         each = [(scales == factor, replace(magnetics, scale=np.array(factor))) for factor in np.unique(scales)]
-        return [
-            (slice(None) if len(each) == 1 else runs, one, self._step_of(replace(self.model, magnetics=one)))
-            for runs, one in each
-        ]
-
-    def _step_of(self, model: ActuatorModel) -> GraphFunction:
-        """(state, commands, given) -> the state a step later, and where a body without stops would be."""
-        with building():
-            x, u = SX.sym("x", model.order), SX.sym("u", len(model.circuits))
-            after = model.sample_step.step(x, u, model.sample_time_s / self.steps, driven=True)
-            return GraphFunction([x, u, model.magnetics.given], ca.vertcat(*after))
+        return [(slice(None) if len(each) == 1 else runs, replace(self.model, magnetics=one)) for runs, one in each]
 
 
 def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:

@@ -6,6 +6,7 @@ What the model does is written from its graph, one line an instruction; around i
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,12 @@ from femfit import __version__
 from femfit.core.errors import UsageError
 from femfit.core.graph import GraphFunction, building
 from femfit.core.sweep_columns import voltage_columns
+from femfit.device.electrics import Drive
 from femfit.estimate.kalman_filter import UnscentedFilter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import commands_currents
 from femfit.model.sensors import reading_of
 from femfit.simulation.plant import Plant
 from femfit.targets.directory import write_directory
@@ -119,10 +120,12 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
         found: list[tuple[str, GraphFunction, tuple[str, ...]]]
         found = [("begun", GraphFunction([first], graph.begun(first)), ("first",))]
         found += [(name, GraphFunction([x, u], value), ("x", "u")) for name, value in made]
+    # The simulator takes the voltages that amplifiers give
+    circuits = [replace(one, drive=Drive()) if one.drive.kind == "current" else one for one in model.circuits]
+    fed = replace(model, circuits=tuple(circuits))
     with building():
         x, u = SX.sym("x", model.order), SX.sym("u", len(model.circuits))
-        driven = not commands_currents(model).any()  # an amplifier's current follows from the voltage that it gives
-        step = model.sample_step.step(x, u, model.sample_time_s / Plant(model).steps, driven=driven)[0]
+        step = fed.sample_step.step(x, u, model.sample_time_s / Plant(model).steps, driven=True)[0]
         found.append(("plant_step", GraphFunction([x, u], step), ("x", "u")))
     return found
 
