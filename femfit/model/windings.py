@@ -5,8 +5,6 @@ The equations of motion know no other: L w' = U - R w + k_m v for the currents w
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from femfit.core.numerics import FloatArray
 from femfit.model.magnetics import Magnetics
 
@@ -29,11 +27,3 @@ class Windings:
     def end(self) -> int:
         """Place behind the currents in a state (distance, velocity, currents, ..)."""
         return 2 + len(self.resistances_ohm)
-
-    def voltages(self, voltage: FloatArray) -> FloatArray:
-        """Voltages (..., n + r) of all windings from those of the circuits, (..., n)."""
-        if self.count == self.circuits:
-            return voltage
-        result = np.zeros((*voltage.shape[:-1], self.count))
-        result[..., : self.circuits] = voltage
-        return result
