@@ -29,7 +29,7 @@ _PLACES = {
     "Profile": "femfit.simulation.profile:Profile",
     "Sensing": "femfit.simulation.sense:Sensing",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
-    "Temperatures": "femfit.heat.result:Temperatures",
+    "Temperatures": "femfit.heat.find_temperatures:Temperatures",
     "TimeSeries": "femfit.tables.measurement:TimeSeries",
     "ToleranceAnalysis": "femfit.audit.tolerance_analysis:ToleranceAnalysis",
     # From the drawing to a model

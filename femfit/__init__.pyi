@@ -15,8 +15,8 @@ from femfit.estimate.observe import observe as observe
 from femfit.field.sweep import run_sweep as run_sweep
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
+from femfit.heat.find_temperatures import Temperatures as Temperatures
 from femfit.heat.find_temperatures import find_temperatures as find_temperatures
-from femfit.heat.result import Temperatures as Temperatures
 from femfit.identify.add_effects import add_effects as add_effects
 from femfit.identify.add_result import AddResult as AddResult
 from femfit.identify.calibration.calibrate import calibrate as calibrate

@@ -7,11 +7,9 @@ from typing import NamedTuple
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
     "What is missing, and what to measure next": PACKAGE / "identify" / "decision" / "constants.py",
-    "The noise, the fit of effects, where a model fails and the numbers of a drawing": PACKAGE
+    "The noise, the fit of effects, where a model fails, a drawing's numbers, what is left and records": PACKAGE
     / "identify"
     / "constants.py",
-    "What is left unexplained": PACKAGE / "identify" / "remainder" / "constants.py",
-    "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
     "What a record shows, and what a filter makes of it": PACKAGE / "estimate" / "constants.py",
     "A table to a model": PACKAGE / "fit" / "constants.py",
     "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",

@@ -1,11 +1,10 @@
 """Checks of a model as its file holds it: misfit, circuit, signs, the range that its supply can hold, its sensor."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from femfit.audit.carried import held_body, held_by_several
+from femfit.audit.carried import held_body
 from femfit.audit.conclusions import Audit, AuditFinding, Severity
 from femfit.core.errors import ModelFileError, TableError
 from femfit.core.numerics import FloatArray
@@ -13,16 +12,14 @@ from femfit.core.results import listing
 from femfit.core.sweep_columns import current_columns
 from femfit.core.text import amount
 from femfit.device.electrics import where_clipped
-from femfit.fit.constants import POOR_POINT, SMALL_CIRCUIT_FORCE
-from femfit.fit.misfit import misfit_to_rows
+from femfit.fit.constants import POOR_POINT
+from femfit.fit.ranking import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.bspline import TensorSpline
 from femfit.model.hall import HallSensor
 from femfit.model.json_file import read_model
-from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
+from femfit.model.magnetics import LawMagnetics, Magnetics
 from femfit.model.sensors import HALL, reading_of
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import TABLE_STEM, current_names, read_sweep_table
 
@@ -34,10 +31,6 @@ _EACH = 5
 _LARGE_MISFIT = 0.1
 """Share of a quantity's rms from which a model that misses its table by it is wrong; conventional."""
 
-_FORCELESS = 0.01
-"""Part of the force's scale that a device without a magnet may have without current, or lose by reversing all of its
-currents, before the model is wrong; conventional. A co-energy that is even has neither, to rounding."""
-
 _RMS = {"force": "force_rms_N", "flux linkage": "flux_linkage_rms_Wb", "inductance": "inductance_rms_H"}
 
 _ROUNDING = 1e-9
@@ -46,22 +39,15 @@ _ROUNDING = 1e-9
 _STATED = 1.1
 """Misfit over the one that the file states from which the file contradicts itself; as in a fit."""
 
-_SLOW_COIL = 30.0
-"""Inductance over resistance, over the time in which the largest force moves the body through its stroke, from which
-turns or inductance are worth a look; chosen, since a coil so slow never sees its current while the body moves."""
-
 _RECIPROCITY = 1e-4
 """Tolerance of k_m, as a part of the largest dF/di; derived: central differences over a ten-thousandth of the range are
 better than that."""
-
-_SINGLE = 1e-4
-"""Change of the force, over its largest, that rounding the model's numbers to single precision may make."""
 
 
 def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = None) -> Audit:
     """Check a model on its own, and against the sweep table that it was fitted to where that is at hand.
 
-    Without a table it is the one in the model file's directory, if its distances and currents are the model's.
+    Without a table it is the one in the model file's directory, if its distances and currents lie within the model's.
     """
     rows, findings = None, []
     if not isinstance(model, ActuatorModel):
@@ -70,26 +56,22 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
             raise ModelFileError(f"An audit needs a model file (.json); instead received {path}.")
         model = read_model(path)
         if table is None:
+            beside = any((path.parent / f"{TABLE_STEM}{suffix}").is_file() for suffix in (".parquet", ".csv"))
             try:
-                rows = _table_beside(path.parent, model)
+                rows = _rows_of(path.parent, model) if beside else None
             except TableError as error:
                 findings.append(AuditFinding("table", "note", "table", numbers={"cause": str(error)}))
     if table is not None:
         rows = _rows_of(Path(table), model)
-        _require_within(rows, model, table)
-    several = len(model.validity.current_limits_A) > 1
     d, i = model.validity.grid(*_GRID, several=_EACH)
-    findings += [*_misfit(model, rows, d, i), *_positive(model), *_circuit(model, d, i)]
+    findings += [*_misfit(model, rows, d, i), *_positive(model)]
     if rows is not None and rows.several:
         findings.append(_worst_point(model, rows))
-    if several and model.kind is not None and not model.kind.has_magnet:
-        findings += _without_magnet(model, d, i)
     if model.has_winding:
         findings += [*_signs(model, d, i), _reciprocity(model.magnetics, d, i)]
     findings += _bounds(model)
-    findings += _single_precision(model.without_effects.magnetics, d, i)
     if model.circuits and model.motion is not None and not any(finding.code == "positive" for finding in findings):
-        findings += held_by_several(model) if several else held_body(model)
+        findings += held_body(model)
     if model.sensor is not None:
         findings += _hall(model.sensor, reading_of(model, HALL).rounding, d, i)
     return Audit(tuple(findings))
@@ -105,7 +87,9 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
             f"{listing(columns)}. Give the table that the model was fitted to."
         )
     mass, gravity = (motion.mass_kg, motion.gravity_m_s2) if motion else (None, 0.0)
-    return rows_of_table(table, mass, gravity, model.kind)
+    rows = rows_of_table(table, mass, gravity, model.kind)
+    _require_within(rows, model, path)
+    return rows
 
 
 def _require_within(rows: FitRows, model: ActuatorModel, table: str | Path) -> None:
@@ -127,18 +111,6 @@ def _require_within(rows: FitRows, model: ActuatorModel, table: str | Path) -> N
             )
 
 
-def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
-    if not any((directory / f"{TABLE_STEM}{suffix}").is_file() for suffix in (".parquet", ".csv")):
-        return None
-    rows = _rows_of(directory, model)
-    domain = model.validity
-    limits = np.array([[domain.distance_min_m, domain.distance_max_m], *domain.current_limits_A])
-    ends = np.array([[axis.min(), axis.max()] for axis in (rows.distances, *rows.axes[: len(domain.current_limits_A)])])
-    if rows.several:  # currents of one sign may hold for the other one
-        limits[1:], ends[1:] = (np.abs(ranges[1:]).max(axis=1, keepdims=True) for ranges in (limits, ends))
-    return rows if limits.shape == ends.shape and np.allclose(limits, ends) else None
-
-
 def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
     """The point of the table whose force several circuits' co-energy misses most, beside that force."""
     force = model.without_effects.magnetics.force(rows.distance, rows.circuit_currents)
@@ -151,25 +123,6 @@ def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
     }
     severity: Severity = "wrong" if missed[k] > _LARGE_MISFIT else "note" if missed[k] > POOR_POINT else "holds"
     return AuditFinding("point_misfit", severity, "force", float(rows.force[k]), float(force[k]), numbers)
-
-
-def _without_magnet(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
-    """Whether there is no force without current, and the same one with all currents reversed."""
-    magnetics, findings = model.without_effects.magnetics, []
-    force = magnetics.force(d, i)
-    scale = np.maximum(np.abs(force), SMALL_CIRCUIT_FORCE * float(np.abs(force).max()))
-    idle = magnetics.force(d, np.zeros_like(i))
-    k = int(np.argmax(np.abs(idle)))
-    severity: Severity = "wrong" if abs(idle[k]) > _FORCELESS * scale.min() else "holds"
-    findings.append(AuditFinding("force_without_current", severity, "force", 0.0, float(idle[k])))
-    mirrored = magnetics.force(d, -i)
-    both = model.validity.contains(d, -i)
-    off = np.where(both, np.abs(mirrored - force) / scale, 0.0)
-    k = int(np.argmax(off))
-    severity = "wrong" if off[k] > _FORCELESS else "holds"
-    place = {"distance_m": float(d[k])}
-    findings.append(AuditFinding("evenness", severity, "force", float(force[k]), float(mirrored[k]), place))
-    return findings
 
 
 def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
@@ -215,43 +168,24 @@ def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) 
     }
 
 
-def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
-    """The time that a current takes to build up."""
-    if not model.circuits or np.any(model.resistances_ohm <= 0.0):
-        return []
-    inductance = model.magnetics.inductance(d, i) + model.series_inductances_H
-    # Eigenvalues of R^-1 L, made symmetric: of one circuit L / R
-    root = np.sqrt(model.resistances_ohm)
-    slowest = float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).max())
-    severity: Severity = "holds"
-    through = None
-    force, stroke = float(np.abs(model.magnetics.force(d, i)).max()), float(np.ptp(model.travel_m))
-    if model.motion is not None and model.motion.mass_kg > 0.0 and force > 0.0 and stroke > 0.0:
-        through = float(np.sqrt(2.0 * model.motion.mass_kg * stroke / force))
-        severity = "note" if slowest > _SLOW_COIL * through else "holds"
-    return [AuditFinding("time_constant", severity, "coil", None, slowest, {"through_stroke_s": through})]
-
-
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     state = model.magnetics.state(d, i)
     if i.shape[1] > 1:
-        return [_definite(state.inductance)]
+        # Whether the currents of several circuits have energy, whatever they are
+        least = float(np.linalg.eigvalsh(state.inductance).min())
+        diagonal = np.diagonal(state.inductance, axis1=1, axis2=2)
+        numbers = {"several": True, "least_H": float(diagonal.min()), "largest_H": float(diagonal.max())}
+        severity: Severity = "holds" if least > 0.0 else "wrong"
+        return [AuditFinding("inductance", severity, "flux linkages", None, least, numbers)]
     slope = state.motional_constant[:, 0]
     pushing = float(np.mean((slope <= 0.0) & (i[:, 0] != 0.0)))  # steel alone has dF/di = 0 without a current
-    severity: Severity = "note" if pushing else "holds"
+    severity = "note" if pushing else "holds"
     everywhere = {"everywhere": bool(slope.min() > 0.0)}
     attraction = AuditFinding("attraction", severity, "force", None, 1.0 - pushing, everywhere)
     least = float(state.inductance.min())
     numbers = {"several": False, "least_H": least, "largest_H": float(state.inductance.max())}
     severity = "holds" if least > 0.0 else "wrong"
     return [attraction, AuditFinding("inductance", severity, "flux linkage", None, least, numbers)]
-
-
-def _definite(inductance: FloatArray) -> AuditFinding:
-    """Whether the currents of several circuits have energy, whatever they are."""
-    least, diagonal = float(np.linalg.eigvalsh(inductance).min()), np.diagonal(inductance, axis1=1, axis2=2)
-    numbers = {"several": True, "least_H": float(diagonal.min()), "largest_H": float(diagonal.max())}
-    return AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkages", None, least, numbers)
 
 
 def _positive(model: ActuatorModel) -> list[AuditFinding]:
@@ -293,31 +227,6 @@ def _bounds(model: ActuatorModel) -> list[AuditFinding]:
         elif c.active:
             findings.append(AuditFinding("active_bound", "note", name, c.value, numbers={"bound": c.active}))
     return findings
-
-
-def _single_precision(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
-    """How much the force changes when the model's numbers are rounded to single precision."""
-    rounded = _rounded(magnetics)
-    if rounded is None:
-        return []
-    force = magnetics.force(d, i)
-    change = float(np.abs(rounded.force(d, i) - force).max() / np.abs(force).max())
-    severity: Severity = "holds" if change < _SINGLE else "note"
-    return [AuditFinding("single_precision", severity, "numbers", None, change)]
-
-
-def _rounded(magnetics: Magnetics) -> Magnetics | None:
-    if isinstance(magnetics, LawMagnetics):
-        single = tuple(replace(c, value=float(np.float32(c.value))) for c in magnetics.coefficients)
-        return replace(magnetics, coefficients=single)
-    if isinstance(magnetics, CoenergySpline):
-        spline = magnetics.spline
-        coefficients = spline.coefficients.astype(np.float32).astype(np.float64)
-        rounded = TensorSpline(spline.x_knots, spline.y_knots, spline.x_degree, spline.y_degree, coefficients)
-        return replace(magnetics, spline=rounded)
-    if isinstance(magnetics, CoenergyMatrix | CoenergyTensor):
-        return replace(magnetics, coefficients=magnetics.coefficients.astype(np.float32).astype(np.float64))
-    return None
 
 
 def _hall(sensor: HallSensor, rounding: float, d: FloatArray, i: FloatArray) -> list[AuditFinding]:

@@ -1,6 +1,5 @@
 """Where a supply, or the currents of several circuits, balance the moving part's weight, and how well it is held."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,46 +12,11 @@ from femfit.device.parts import REFERENCE_TEMPERATURE, copper_growth
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
 
-_HELD_CURRENTS_DISTANCES = 41
+_HELD, _HELD_BY_SEVERAL = 101, 41
+"""Distances at which the body is held; several circuits are searched for each."""
 
 FASTEST = 0.3
 """Unstable pole times sample time that a loop can still be closed with."""
-
-
-def held_by_several(model: ActuatorModel) -> list[AuditFinding]:
-    """The distances at which some currents of the validity domain balance what pulls, and how fast the body leaves."""
-    box, motion = model.validity, model.require_motion()
-    about, held = "what the currents hold", []
-    distances = np.linspace(box.distance_min_m, box.distance_max_m, _HELD_CURRENTS_DISTANCES)
-    bias = bias_currents(model, float(distances[_HELD_CURRENTS_DISTANCES // 2]))
-    for distance in distances:
-        try:
-            held.append((distance, holding_currents(model, float(distance), bias)))
-        except DomainError:
-            continue
-    numbers = {"bias_A": bias.tolist()}
-    if not held:
-        return [AuditFinding("held_range", "note", about, numbers=numbers)]
-    low, high = float(held[0][0]), float(held[-1][0])
-    beyond = [distance for distance in model.reference_distances_m if not low <= distance <= high]
-    findings = [_held_range(about, numbers | {"low_m": low}, beyond, high)]
-    places, currents = np.array([d for d, _ in held]), np.array([i for _, i in held])
-    slope = model.magnetics.force_gradient(places, currents) - motion.static_gradient(places)
-    rate = float(np.sqrt(np.maximum(-slope, 0.0).max() / motion.mass_kg))
-    return [*findings, _sample_time(rate, model.sample_time_s)] if rate > 0.0 else findings
-
-
-def _held_range(about: str, numbers: Mapping[str, Any], beyond: list[float], high: float) -> AuditFinding:
-    """The range in which the body is held, wrong where reference distances lie beyond it."""
-    return AuditFinding(
-        "held_range", "wrong" if beyond else "holds", about, None, high, {**numbers, "beyond_m": beyond}
-    )
-
-
-def _sample_time(rate: float, sample_time_s: float) -> AuditFinding:
-    """How fast the held body leaves its place, in rad/s, against the sample time."""
-    severity: Severity = "holds" if rate * sample_time_s < FASTEST else "wrong"
-    return AuditFinding("sample_time", severity, "sample time", sample_time_s, rate)
 
 
 COLD_C = REFERENCE_TEMPERATURE
@@ -61,9 +25,6 @@ WARM_C = 100.0
 """Temperature of a warm coil (conventional): 80 K above 20 degC, and just within thermal class 105 of IEC 60085."""
 
 _DISTANCES = 601
-
-_OFF_PLACE = 0.01
-"""Part of the stroke by which the force's misfit may move the place where a body is held; conventional."""
 
 
 @dataclass(frozen=True)
@@ -109,41 +70,38 @@ def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange
 
 
 def held_body(model: ActuatorModel) -> list[AuditFinding]:
-    """What the supply can carry; of a body that is meant to hang, also its place and the speed of its instability."""
-    carried = [carried_range(model, celsius) for celsius in (COLD_C, WARM_C)]
-    about = "what the supply carries"
-    numbers = {"carried": carried}
-    hangs = model.sensor is not None or bool(model.reference_distances_m)
-    cold = carried[0]
-    if cold.low_m is None or cold.high_m is None:
+    """Where the supply, or the currents of several circuits, hold the body; of one that hangs, how fast it leaves."""
+    cold, bias, box, low, high = None, None, model.validity, 0.0, 0.0
+    if len(box.current_limits_A) > 1:
+        places = np.linspace(box.distance_min_m, box.distance_max_m, _HELD_BY_SEVERAL)
+        bias = bias_currents(model, float(places[_HELD_BY_SEVERAL // 2]))
+        about, numbers = "what the currents hold", dict[str, Any](bias_A=bias.tolist())
+    else:
+        carried = [carried_range(model, celsius) for celsius in (COLD_C, WARM_C)]
+        about, numbers, cold = "what the supply carries", {"carried": carried}, carried[0]
+        low, high = cold.low_m or 0.0, cold.high_m or 0.0
+        places = np.zeros(0) if cold.low_m is None else np.linspace(low, high, _HELD)
+    held = []
+    for distance in places:
+        try:
+            held.append((float(distance), holding_currents(model, float(distance), bias)))
+        except DomainError:
+            continue
+    if not held:
         return [AuditFinding("held_range", "note", about, numbers=numbers)]
-    if not hangs:
-        return [AuditFinding("held_range", "holds", about, None, cold.high_m, numbers)]
-    slack = 2.0 * cold.step_m
-    beyond = [
-        distance
-        for distance in model.reference_distances_m
-        if not cold.low_m - slack <= distance <= cold.high_m + slack
-    ]
-    findings = [_held_range(about, numbers, beyond, cold.high_m)]
-    held = np.linspace(cold.low_m, cold.high_m, 101)
-    current = np.array([_current_at(model, float(distance), cold) for distance in held])
-    fall = np.maximum(-model.magnetics.force_gradient(held, current[:, None]), 0.0)
-    rate = float(np.sqrt(fall.max() / model.require_motion().mass_kg))
-    findings.append(_sample_time(rate, model.sample_time_s))
-    misfit = model.without_effects.misfit
-    if misfit is not None and np.median(fall) > 0.0:
-        off = misfit.force_rms_N / float(np.median(fall))
-        stroke = float(np.ptp(model.travel_m))
-        severity: Severity = "note" if off > _OFF_PLACE * stroke else "holds"
-        findings.append(AuditFinding("held_place", severity, "held body", None, off, {"share_of_stroke": off / stroke}))
+    if cold is None:
+        low, high = held[0][0], held[-1][0]
+        numbers["low_m"] = low
+    elif model.sensor is None and not model.reference_distances_m:
+        return [AuditFinding("held_range", "holds", about, None, high, numbers)]
+    slack = 0.0 if cold is None else 2.0 * cold.step_m
+    beyond = [distance for distance in model.reference_distances_m if not low - slack <= distance <= high + slack]
+    numbers["beyond_m"] = beyond
+    findings = [AuditFinding("held_range", "wrong" if beyond else "holds", about, None, high, numbers)]
+    distances, currents = np.array([d for d, _ in held]), np.array([i for _, i in held])
+    slope = model.magnetics.force_gradient(distances, currents) - model.require_motion().static_gradient(distances)
+    rate = float(np.sqrt(np.maximum(-slope, 0.0).max() / model.require_motion().mass_kg))
+    severity: Severity = "holds" if rate * model.sample_time_s < FASTEST else "wrong"
+    if rate > 0.0:
+        findings.append(AuditFinding("sample_time", severity, "sample time", model.sample_time_s, rate))
     return findings
-
-
-def _current_at(model: ActuatorModel, distance: float, carried: CarriedRange) -> float:
-    # Steel alone pulls least without current
-    ends = np.array([carried.current_min_A, min(max(0.0, carried.current_min_A), carried.current_max_A)])
-    least = ends[np.argmin(model.magnetics.force(np.full(2, distance), ends[:, None]))]
-    i = np.linspace(least, carried.current_max_A, 201)
-    needed = float(model.require_motion().static_force(np.asarray(distance)))
-    return float(np.interp(needed, model.magnetics.force(np.full_like(i, distance), i[:, None]), i))

@@ -5,8 +5,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from femfit.core.files import json_ready
-from femfit.core.results import Printed
-from femfit.core.words import Words
+from femfit.core.results import Printed, Words
 from femfit.device.electrics import REMEDY
 
 words = Words("femfit.audit", names={"REMEDY": REMEDY}).sentence

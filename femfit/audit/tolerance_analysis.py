@@ -78,8 +78,10 @@ class ToleranceAnalysis(Printed):
         relative = f" ({rounded(100.0 * self.scatter / abs(self.value), 2)} %)" if self.value else ""
         value, scatter = amount(self.value, self.quantity, 3), amount(self.scatter, self.quantity)
         batch = f"In a batch of devices its standard deviation is {scatter}{relative}."
+        names = {"hall_T": "field at the Hall element", FORCE_CONSTANT: "force constant"}
+        name = names.get(self.quantity) or self.quantity.rpartition("_")[0].replace("_", " ")
         lines = [
-            f"{place} the {_words(self.quantity)} is {value}. {batch}",
+            f"{place} the {name} is {value}. {batch}",
             "Of its variance, per number of the drawing (+- one standard deviation), with the gradient:",
         ]
         shown = [entry for entry in self.shares if entry.share >= SHOWN]
@@ -186,8 +188,3 @@ def _at(rows: "pd.DataFrame", names: list[str], point: FloatArray, quantity: str
     order = np.argsort(current)
     slope = np.gradient(force[order], current[order], edge_order=2 if len(current) > 2 else 1)
     return float(slope[np.flatnonzero(current[order] == point[1])[0]])
-
-
-def _words(quantity: str) -> str:
-    names = {"hall_T": "field at the Hall element", FORCE_CONSTANT: "force constant"}
-    return names.get(quantity) or quantity.rpartition("_")[0].replace("_", " ")

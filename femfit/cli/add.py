@@ -3,16 +3,14 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import Annotated, cast
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import NO_MEASUREMENT_OPTIONS, OUTPUT, MeasurementOptions, Outcome, ToWrite, Writes, command
 from femfit.core.errors import UsageError
 from femfit.core.files import MODEL, PAGE, PICTURE
-
-if TYPE_CHECKING:
-    from femfit.tables.measurement import Measurement
 
 
 @command()
@@ -23,7 +21,6 @@ def add(
     *,
     output: Annotated[Path, OUTPUT, Writes(MODEL)],
     effects: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
-    base: Literal["auto", "always", "never"] = "auto",
     from_run: int | None = None,
     until_run: int | None = None,
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
@@ -48,9 +45,6 @@ def add(
         New model file, which simulates, filters and exports like any other.
     effects : tuple of str
         Further effect, fitted after the first; repeat for more, in the order of adding.
-    base : str
-        Fit of the base's own amplitudes (magnet strength, turns, resistance, known to 2 %) beside the effect: auto
-        (where that helps on runs left out), always or never.
     from_run : int
         First run in which the effect acts, counted from 1, as femfit diagnose gives it; default: the first.
     until_run : int
@@ -66,24 +60,21 @@ def add(
         after.
     """
     from femfit.cli.output import status
-    from femfit.identify.add_effects import add_effects
-    from femfit.model.json_file import read_model, write_model
-    from femfit.report.bench_report import render_added
     from femfit.report.motion_figures import write_before_after
-    from femfit.report.page import write_page
-    from femfit.report.write import hashes
-    from femfit.tables.measurement import TimeSeries
 
     with status("Reading") as say:
-        actuator, measured = read_model(model), table_options.read(data)
-        if picture is not None and not isinstance(measured, TimeSeries):
+        actuator, measured = ff.read_model(model), table_options.read(data)
+        if picture is not None and not isinstance(measured, ff.TimeSeries):
             raise UsageError("--picture shows a record over time through a filter; a bench table has --report.")
-        result = add_effects(
+        runs = None
+        if from_run is not None or until_run is not None:
+            count = len(set(measured.rows["run"])) if "run" in measured.rows else 1
+            runs = {effect: (from_run or 1, until_run or count)}
+        result = ff.add_effects(
             actuator,
             measured,
             (effect, *effects),
-            base=base,
-            runs=_runs(effect, measured, from_run, until_run),
+            runs=runs,
             coil_temperature_C=coil_temperature_C,
             magnet_temperature_C=magnet_temperature_C,
             progress=say,
@@ -93,18 +84,8 @@ def add(
     remembering = replace(result.model, provenance={**result.model.provenance, "added": added})
 
     files: list[ToWrite] = [
-        (output, partial(write_model, remembering)),
-        (picture, lambda path: write_before_after((actuator, result.model), cast("TimeSeries", measured), path)),
-        (report, lambda path: write_page(render_added(result, hashes((model, data))), path)),
+        (output, partial(ff.write_model, remembering)),
+        (picture, lambda path: write_before_after((actuator, result.model), cast("ff.TimeSeries", measured), path)),
+        (report, partial(ff.write_report, result)),
     ]
     return Outcome(result, record, files)
-
-
-def _runs(
-    effect: str, measured: "Measurement", first: int | None, last: int | None
-) -> dict[str, tuple[int, int]] | None:
-    """The runs in which an effect acts, where they were given."""
-    if first is None and last is None:
-        return None
-    count = len(set(measured.rows["run"])) if "run" in measured.rows else 1
-    return {effect: (first or 1, last or count)}

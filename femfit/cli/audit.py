@@ -1,7 +1,11 @@
-"""``femfit audit``: a model checked as its file holds it."""
+"""``femfit audit`` and ``femfit tolerance``: a model checked as its file holds it, and a series of devices."""
 
 from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter
+
+import femfit as ff
 from femfit.cli.command import Outcome, command
 
 
@@ -23,3 +27,27 @@ def audit(model: Path, *, table: Path | None = None) -> Outcome:
     result = audit_model(model, table)
     wrong = SystemExit(1) if result.count("wrong") else None
     return Outcome(result, {"file": model.name, **result.to_dict()}, error=wrong)
+
+
+@command()
+def tolerance(
+    sweep: Path,
+    *,
+    distance_mm: float,
+    current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
+    of: str = "force_N",
+) -> Outcome:
+    """How a series of devices scatters by the drawing's tolerances, and which number to hold more tightly.
+
+    Parameters
+    ----------
+    sweep : Path
+        Directory of a sweep with --signatures.
+    distance_mm : float
+        Distance in mm, of which the nearest swept point is taken.
+    current_A : tuple of float
+        Current in A, once for each circuit whose current was swept.
+    of : str
+        Quantity: force_N, flux_linkage_Wb, hall_T, or force_constant_N_per_A (the force's slope over the current).
+    """
+    return Outcome(ff.analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -21,9 +21,6 @@ class BenchOptions:
         for a separate sensing coil.
     turns_ratio : float
         Turns of the excitation winding over those of the sensing coil.
-    method : str
-        Method for the offset voltage: plateaus (from each settled plateau, linear between), ffa1 (from each run's first
-        plateau), or trapezoid (none: drifts).
     settling_s : float
         Time in s left out after each change, until the eddy currents have decayed.
     still_A : float
@@ -31,19 +28,15 @@ class BenchOptions:
     still_um : float
         Largest change of the distance in um from sample to sample on a plateau.
     model : Path
-        Model file that gives the flux linkage on each run's first plateau.
-    initial_flux_Wb : float
-        Flux linkage in Wb on each run's first plateau, where it is known; default: 0.
+        Model file that gives the flux linkage on each run's first plateau; default: 0.
     """
 
     resistance_ohm: Annotated[float | None, NOT_NEGATIVE] = None
     turns_ratio: Annotated[float, POSITIVE] = 1.0
-    method: Literal["trapezoid", "ffa1", "plateaus"] = "plateaus"
     settling_s: Annotated[float, NOT_NEGATIVE] = 0.0
     still_A: Annotated[float, Parameter(name="--still-A"), NOT_NEGATIVE] = 1e-3
     still_um: Annotated[float, NOT_NEGATIVE] = 1.0
     model: Path | None = None
-    initial_flux_Wb: Annotated[float | None, Parameter(name="--initial-flux-Wb")] = None
 
 
 _DEFAULTS = BenchOptions()

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import (
     AT_LEAST_ONE,
     NO_MEASUREMENT_OPTIONS,
@@ -57,18 +58,14 @@ def calibrate(
         Number of processes on this machine; one a core by default.
     """
     from femfit.cli.output import status
-    from femfit.device.rewrite import require_same_elsewhere
-    from femfit.identify.calibration.calibrate import calibrate as calibrated
     from femfit.identify.calibration.result import heading
-    from femfit.model.json_file import write_model
 
     if not data:
         raise UsageError("No measurement is given. Give a bench table, or a record over time, behind the drawing.")
     assert runs is not None  # noqa: S101 - the default of Writes
     model = runs / _MODEL
-    require_same_elsewhere(drawing, output)
     with status("Reading") as say:
-        result = calibrated(
+        result = ff.calibrate(
             drawing,
             [table_options.read(file) for file in data],
             runs,
@@ -79,8 +76,8 @@ def calibrate(
         )
     names = [file.name for file in data]
     write_text(output, heading(result, drawing.name, names) + result.drawing)
-    write_model(result.model, model)
-    write_model(result.model_as_drawn, runs / _AS_DRAWN)
+    ff.write_model(result.model, model)
+    ff.write_model(result.model_as_drawn, runs / _AS_DRAWN)
     written = f"written: {output}, its sweep in {model.parent} and its model {model}"
     after = f"Next: femfit compare {model} {data[0]}"
-    return Outcome(result, result.to_dict() | {"drawing": drawing.name, "data": names}, last=f"{written}\n{after}")
+    return Outcome(f"{result}\n{written}\n{after}", result.to_dict() | {"drawing": drawing.name, "data": names})

@@ -66,8 +66,6 @@ class Outcome:
         The same as JSON; by default the result's own ``to_dict()``.
     files : sequence
         Files that are written before the result is printed, and named after it.
-    last : str
-        What is printed below their names.
     error : BaseException
         Raised when all is written and printed.
     """
@@ -75,32 +73,29 @@ class Outcome:
     result: object
     data: Mapping[str, Any] | None = None
     files: Sequence[ToWrite] = ()
-    last: str = ""
     error: BaseException | None = None
 
 
 def command(json: str = "File for the result as JSON.") -> Callable[[Callable[..., Outcome]], Callable[..., None]]:
-    """Give a function that returns its outcome the option ``--json``, whose help is given, unless it has its own."""
+    """Give a function that returns its outcome the option ``--json``, whose help is given."""
 
     def decorate(function: Callable[..., Outcome]) -> Callable[..., None]:
         signature = inspect.signature(function)
-        has_json = "json" in signature.parameters
         option = inspect.Parameter(
             "json",
             inspect.Parameter.KEYWORD_ONLY,
             default=None,
             annotation=Annotated[Path | None, Parameter(help=json)],
         )
-        shown = signature if has_json else signature.replace(parameters=[*signature.parameters.values(), option])
+        shown = signature.replace(parameters=[*signature.parameters.values(), option])
 
         @wraps(function)
-        def run(*arguments: Any, **options: Any) -> None:
-            asked: Path | None = None if has_json else options.pop("json", None)
+        def run(*arguments: Any, json: Path | None = None, **options: Any) -> None:
             call = signature.bind(*arguments, **options)
             call.apply_defaults()
             inputs, outputs = _paths(signature, call.arguments)
-            require_outputs(inputs, *outputs, (asked, RESULT))
-            _conclude(function(*call.args, **call.kwargs), call.arguments["json"] if has_json else asked)
+            require_outputs(inputs, *outputs, (json, RESULT))
+            _conclude(function(*call.args, **call.kwargs), json)
 
         run.__signature__ = shown  # type: ignore[attr-defined]
         run.__annotations__ = {name: parameter.annotation for name, parameter in shown.parameters.items()}
@@ -130,8 +125,8 @@ def _conclude(outcome: Outcome, json: Path | None) -> None:
             write(path)
     finally:  # what was found is told even where a file of it cannot be written
         print(outcome.result)
-    for line in (*(f"written: {path}" for path, _ in written), *filter(None, [outcome.last])):
-        print(line)
+    for path, _ in written:
+        print(f"written: {path}")
     if outcome.error is not None:
         raise outcome.error
 
@@ -198,11 +193,6 @@ def pairs(
     return dict(parsed(text, option, form, example, pair) for text in texts)
 
 
-def numbers(texts: Iterable[str], option: str, name: str, example: str) -> dict[str, float]:
-    """Numbers of an option that gives them by name."""
-    return pairs(texts, option, f"{name}=NUMBER", example, float)
-
-
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TableOptions:
@@ -213,7 +203,7 @@ class TableOptions:
     column : tuple of str
         Column of a header as HEADER=COLUMN, for example "Kanal 3=force_N"; may be repeated.
     unit : tuple of str
-        Unit of a header as HEADER=UNIT (Kraft=gf), HEADER=FACTOR to SI, or alone (gf) for the only fitting column.
+        Unit of a header as HEADER=UNIT (Kraft=gf), or HEADER=FACTOR to SI; may be repeated.
     table : str
         Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS).
     """
@@ -225,13 +215,9 @@ class TableOptions:
     @property
     def keywords(self) -> dict[str, Any]:
         """All of them, as the functions that read tables take them."""
-        from femfit.tables.units import is_unit
-
-        alone = {text.strip(): text.strip() for text in self.unit if "=" not in text and is_unit(text)}
-        named = (text for text in self.unit if text.strip() not in alone)
         return {
             "columns": pairs(self.column, "--column", "HEADER=COLUMN", "Kraft=force_N", str),
-            "units": alone | pairs(named, "--unit", "HEADER=UNIT", "Kraft=mN", str),
+            "units": pairs(self.unit, "--unit", "HEADER=UNIT", "Kraft=mN", str),
             "table": self.table,
         }
 
@@ -261,8 +247,8 @@ class MeasurementOptions(TableOptions):
     @property
     def keywords(self) -> dict[str, Any]:
         """All of them, as the functions that read measurements take them."""
-        noise = numbers(self.noise, "--noise", "CHANNEL", "force_N=2e-4")
-        settings = numbers(self.setting, "--setting", "COLUMN", "distance_mm=2")
+        noise = pairs(self.noise, "--noise", "CHANNEL=NUMBER", "force_N=2e-4", float)
+        settings = pairs(self.setting, "--setting", "COLUMN=NUMBER", "distance_mm=2", float)
         return {**super().keywords, "noise": noise, "settings": settings}
 
 

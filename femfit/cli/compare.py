@@ -1,10 +1,13 @@
 """``femfit compare``: how far a model is from measurements, against their noise, and where."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import femfit as ff
 from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, Writes, command
 from femfit.core.errors import UsageError
+from femfit.core.files import PAGE
 
 
 @command("File for the result as JSON, with the maps.")
@@ -12,7 +15,7 @@ def compare(
     model: Path,
     data: Path,
     *,
-    pictures: Annotated[Path | None, Writes()] = None,
+    report: Annotated[Path | None, Writes(PAGE)] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
 ) -> Outcome:
     """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.
@@ -25,35 +28,21 @@ def compare(
     data : Path
         Bench table, record over time (with a column time_s) or probe scan (distance_mm, current_A, r_mm, z_mm,
         field_mT): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its sidecar .toml beside it where noise is declared.
-    pictures : Path
-        Directory for pictures of the misfit over distance and current, and over what else it changes with.
+    report : Path
+        HTML file with measured points on the model's curves, and maps of the misfit.
     """
     from femfit.cli.output import status
-    from femfit.fit.build import fit_model
-    from femfit.identify.compare import compare as compared
-    from femfit.model.json_file import read_model
-    from femfit.report.bench_report import save_comparison_pictures
-    from femfit.tables.sweep_table import read_sweep_table
+    from femfit.identify.field_scan import compare_field_scan
+    from femfit.tables.measurement_file import read_field_scan
 
     if model.suffix == ".toml":
-        if pictures is not None or table_options.noise:
-            raise UsageError("A probe scan is compared in words: leave --pictures and --noise out.")
-        return _field_scan(model, data, table_options)
+        if report is not None or table_options.noise:
+            raise UsageError("A probe scan is compared in words: leave --report and --noise out.")
+        keywords = table_options.keywords
+        scan = read_field_scan(data, columns=keywords["columns"], units=keywords["units"], table=keywords["table"])
+        with status("Solving the field at the places of the probe"):
+            return Outcome(compare_field_scan(ff.read_actuator(model), scan))
     with status("Comparing"):
-        predicting = read_model(model) if model.suffix == ".json" else fit_model(read_sweep_table(model)).model
-        comparison = compared(predicting, table_options.read(data))
-    written = [] if pictures is None else save_comparison_pictures(comparison, pictures)
-    return Outcome(comparison, last="\n".join(f"written: {file}" for file in written))
-
-
-def _field_scan(drawing: Path, data: Path, table_options: MeasurementOptions) -> Outcome:
-    """Compare a probe scan with the field of a drawing."""
-    from femfit.cli.output import status
-    from femfit.device.load import read_actuator
-    from femfit.identify.field_scan import compare_field_scan
-    from femfit.tables.measured_tables import read_field_scan
-
-    keywords = table_options.keywords
-    scan = read_field_scan(data, columns=keywords["columns"], units=keywords["units"], table=keywords["table"])
-    with status("Solving the field at the places of the probe"):
-        return Outcome(compare_field_scan(read_actuator(drawing), scan))
+        predicting = model if model.suffix == ".json" else ff.fit_model(model).model
+        comparison = ff.compare(predicting, table_options.read(data))
+    return Outcome(comparison, files=[(report, partial(ff.write_report, comparison))])

@@ -5,7 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.command import NO_MEASUREMENT_OPTIONS, NOT_NEGATIVE, MeasurementOptions, Outcome, Writes, command
+import femfit as ff
+from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, Writes, command
 from femfit.core.files import PAGE
 
 
@@ -15,8 +16,6 @@ def diagnose(
     data: Path,
     *,
     exclude: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    bootstrap: Annotated[int, NOT_NEGATIVE] = 40,
-    seed: Annotated[int, NOT_NEGATIVE] = 0,
     report: Annotated[Path | None, Writes(PAGE)] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
 ) -> Outcome:
@@ -31,28 +30,21 @@ def diagnose(
         sidecar .toml beside it where noise is declared.
     exclude : tuple of str
         Effect that is not considered; repeat for more.
-    bootstrap : int
-        Number of clean campaigns that are simulated to count how often something is named in them; 0 for none.
-    seed : int
-        Seed of that simulation.
     report : Path
         HTML file with what was measured, where the model fails, what would explain it, and what to measure next.
     """
     from femfit.cli.output import status
-    from femfit.identify.decision.diagnose import diagnose as diagnosed
-    from femfit.identify.suggest import suggest
-    from femfit.model.json_file import read_model
     from femfit.report.bench_report import render_diagnosis
     from femfit.report.page import write_page
     from femfit.report.write import hashes
 
     with status("Reading") as say:
         measured = table_options.read(data)
-        result = diagnosed(read_model(model), measured, exclude=exclude, bootstrap=bootstrap, rng=seed, progress=say)
+        result = ff.diagnose(model, measured, exclude=exclude, progress=say)
 
     def page(path: Path) -> None:
         with status("Finding what to measure next") as say:
-            advice = suggest(result.model, measured, result, progress=say).suggestions
+            advice = ff.suggest(result.model, measured, result, progress=say).suggestions
             say("Writing the report")
             write_page(render_diagnosis(result, measured, suggestions=advice, hashes=hashes((model, data))), path)
 

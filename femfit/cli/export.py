@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import OUTPUT, Outcome, Writes, command, names_of
 from femfit.core.files import MODEL
 
@@ -36,6 +37,4 @@ def export(
     output : Path
         Directory that is absent, empty, or an earlier export.
     """
-    from femfit.targets import targets
-
-    return Outcome(targets.export(model, output, to=to, filter=kind, real=real, sensors=names_of(sensors) or None))
+    return Outcome(ff.export(model, output, to=to, filter=kind, real=real, sensors=names_of(sensors) or None))

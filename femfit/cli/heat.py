@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import Outcome, command
 
 
@@ -18,7 +19,6 @@ def heat(
     alternating_A: Annotated[tuple[float, ...], Parameter(name="--alternating-A", negative=())] = (),
     frequency_Hz: Annotated[float | None, Parameter(name="--frequency-Hz")] = None,
     sweep: Path | None = None,
-    model: Path | None = None,
 ) -> Outcome:
     """How warm winding and magnet become: hot resistance, remanence, time, and the largest current that may last.
 
@@ -39,12 +39,8 @@ def heat(
         Frequency in Hz of the alternating current, for its eddy currents from --sweep.
     sweep : Path
         Run directory of a sweep with [solver] frequency_Hz.
-    model : Path
-        Model file (.json) of this drawing, for what the force loses.
     """
-    from femfit.heat.find_temperatures import find_temperatures
-
-    temperatures = find_temperatures(
+    temperatures = ff.find_temperatures(
         actuator,
         current_A=current_A or None,
         voltage_V=voltage or None,
@@ -52,6 +48,5 @@ def heat(
         alternating_A=alternating_A or 0.0,
         frequency_Hz=frequency_Hz,
         sweep=sweep,
-        model=model,
     )
     return Outcome(temperatures)

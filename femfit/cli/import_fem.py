@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command
+from femfit.cli.command import OUTPUT, POSITIVE, Outcome, Writes, command
 from femfit.core.files import DRAWING, write_text
 
 
@@ -35,8 +36,6 @@ class ImportFemOptions:
         Height z in mm, in the file, of the fixed parts' face from which distances are counted.
     mass_g : float
         Mass of the moving body in g.
-    density_g_per_cm3 : float
-        Density of the moving part in g/cm3, for its mass from its volume.
     resistance_ohm : float
         Resistance of the winding in ohm, where there is one.
     wire_diameter_mm : float
@@ -55,11 +54,10 @@ class ImportFemOptions:
     circuits: Annotated[tuple[str, ...], Parameter(name="--circuit", negative=())] = ()
     mover_side: Literal["auto", "above", "below"] = "auto"
     face_mm: float | None = None
-    mass_g: float | None = None
-    density_g_per_cm3: Annotated[float | None, Parameter(name="--density-g-per-cm3")] = None
-    resistance_ohm: float | None = None
-    wire_diameter_mm: float | None = None
-    arc_degrees: float = 3.0
+    mass_g: Annotated[float | None, POSITIVE] = None
+    resistance_ohm: Annotated[float | None, POSITIVE] = None
+    wire_diameter_mm: Annotated[float | None, POSITIVE] = None
+    arc_degrees: Annotated[float, Parameter(validator=Number(gte=0.1, lte=30.0))] = 3.0
     name: str | None = None
 
 
@@ -82,8 +80,8 @@ def import_fem(
     output : Path
         Actuator file (.toml) to write.
     """
-    from femfit.tables.femm.options import FemOptions, axis_option
-    from femfit.tables.femm.read import import_fem_file
+    from femfit.tables.femm.model import FemOptions
+    from femfit.tables.femm.read import axis_option, import_fem_file
 
     choices = vars(options) | {
         "distances_mm": axis_option(options.distances_mm, "--distance-mm"),

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import (
     FLAG,
     NO_TABLE_OPTIONS,
@@ -107,17 +108,16 @@ def import_table(
     accept : str
         Codes of errors that shall not stop the import, separated by commas.
     """
-    from femfit.tables.foreign import import_table as imported_table
     from femfit.tables.sweep_table import write_sweep_table
 
     if flip_force and keep_force:
         raise UsageError("--flip-force and --keep-force exclude each other; give one of them.")
-    imported = imported_table(
+    imported = ff.import_table(
         tables,
         force_sign="flip" if flip_force else "keep" if keep_force else "auto",
         without=names_of(without),
         accept=names_of(accept),
-        column_names=_in_order(columns),
+        column_names=tuple(word.strip() for word in columns.split(",")) if columns else (),  # an empty one counts
         delimiter={"tab": "\t", "blanks": " "}.get(delimiter, delimiter) if delimiter else None,
         file_currents_A=_numbers(file_current_A, "--file-current-A"),
         file_distances_m=tuple(1e-3 * value for value in _numbers(file_distance_mm, "--file-distance-mm")),
@@ -125,14 +125,9 @@ def import_table(
         **table_options.keywords,
     )
     table = write_sweep_table(imported, output)
-    return Outcome(imported, imported.manifest, last=f"written: {table}")
+    return Outcome(f"{imported}\nwritten: {table}", imported.manifest)
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
     form = "numbers with commas between them"
-    return parsed(text or "", option, form, "0,0.5,1", lambda words: tuple(map(float, _in_order(words))))
-
-
-def _in_order(text: str | None) -> tuple[str, ...]:
-    """What stands between commas, where its place counts: an empty one stays."""
-    return tuple(word.strip() for word in text.split(",")) if text else ()
+    return parsed(text or "", option, form, "0,0.5,1", lambda words: tuple(map(float, names_of(words))))

@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import NO_TABLE_OPTIONS, NOT_NEGATIVE, OUTPUT, POSITIVE, Outcome, TableOptions, command, in_si
+from femfit.cli.output import progress
 
 MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1-offset", "cs2", "cs2-identified"]
 
@@ -40,17 +42,6 @@ class IntegrateOptions:
         Record with Hall probe and current of a cycled magnet, from which cs2-identified identifies its field.
     field_model : Path
         JSON file of the identified field for cs2-identified, written with --lab and read without.
-    model : Path
-        Model file for cs2-identified, whose swept field at the Hall element (without an area, flux linkage) takes the
-        place of an identified one where the coil sits at the Hall element.
-    distance_mm : float
-        Distance of the moving part in mm, with --model.
-    model_sigma : float
-        Standard uncertainty of the model's field in T (flux linkage in Wb), remanence and eddy currents included, with
-        --model; default: 1 % of its largest.
-    smooth : bool
-        Kalman smoother over the whole record after the filter, which needs all of the record in memory: 0.3 GB for a
-        million samples.
     coil_area_sigma_m2 : float
         Standard uncertainty of the area in m2.
     reference_gain_sigma : float
@@ -73,10 +64,6 @@ class IntegrateOptions:
     current_to_field_A_per_T: Annotated[float | None, Parameter(name="--current-to-field"), POSITIVE] = None
     lab: Path | None = None
     field_model: Path | None = None
-    model: Path | None = None
-    distance_mm: Annotated[float | None, POSITIVE] = None
-    model_sigma: Annotated[float | None, POSITIVE] = None
-    smooth: Annotated[bool, Parameter(negative="")] = False
     coil_area_sigma_m2: Annotated[float | None, Parameter(name="--coil-area-sigma"), NOT_NEGATIVE] = None
     reference_gain_sigma: Annotated[float | None, NOT_NEGATIVE] = None
     reference_offset_sigma_T: Annotated[float | None, Parameter(name="--reference-offset-sigma-T"), NOT_NEGATIVE] = None
@@ -107,9 +94,6 @@ def integrate(
     output : Path
         File of the integrated record: .csv, .parquet, .bin, .raw or .f32.
     """
-    from femfit.cli.output import progress
-    from femfit.integrate.integrate_coil import integrate_coil
-
     with progress(f"integrate {record.name}", "samples") as show:
-        result = integrate_coil(record, output=output, **in_si(options), **table_options.keywords, progress=show)
+        result = ff.integrate_coil(record, output=output, **in_si(options), **table_options.keywords, progress=show)
     return Outcome(result)

@@ -1,6 +1,5 @@
 """The ``femfit`` command: names and one-line helps; each command's file is imported when it runs."""
 
-import codecs
 import io
 import os
 import signal
@@ -10,9 +9,8 @@ from typing import TYPE_CHECKING
 from cyclopts import App, CycloptsError
 
 from femfit import __version__
-from femfit.cli.output import WORDS, EndedError, ending_on_signals
 from femfit.core.errors import FemfitError, UsageError
-from femfit.core.interrupts import kept_interrupts
+from femfit.core.processes import kept_interrupts
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -31,14 +29,10 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("sense", "femfit.cli.sense:sense", "How well the current tells the distance: error in simulation, and bound."),
     ("audit", "femfit.cli.audit:audit", "Check a model against its table, physics and supply; exits with 1 if wrong."),
     ("heat", "femfit.cli.heat:heat", "How warm winding and magnet become, and which current may last."),
-    ("tolerance", "femfit.cli.tolerance:tolerance", "How a series of devices scatters by the drawing's tolerances."),
+    ("tolerance", "femfit.cli.audit:tolerance", "How a series of devices scatters by the drawing's tolerances."),
     ("observe", "femfit.cli.observe:observe", "Run a recorded log through filters: estimate, innovations, noise."),
     ("compare", "femfit.cli.compare:compare", "How far a model is from measurements, against their noise, and where."),
-    (
-        "diagnose",
-        "femfit.cli.diagnose:diagnose",
-        "Name the physical effect that measurements show and the model lacks.",
-    ),
+    ("diagnose", "femfit.cli.diagnose:diagnose", "Name the effect that measurements show and the model lacks."),
     ("add", "femfit.cli.add:add", "Refit a model with an effect, judged on runs that were not fitted."),
     ("calibrate", "femfit.cli.calibrate:calibrate", "Find a drawing's wrong numbers from measurements; write it anew."),
     ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
@@ -54,11 +48,9 @@ USAGE = 2
 BUG = 70
 """Exit code of a failure inside femfit: EX_SOFTWARE of sysexits.h."""
 
-PLAIN = str.maketrans(
-    {"µ": "u", "μ": "u", "°": "deg", "Ω": "ohm", "²": "^2", "³": "^3", "±": "+-", "·": "*", "×": "x", "−": "-"}
-    | {"–": "-", "—": "-", "≤": "<=", "≥": ">=", "λ": "lambda", "’": "'", "…": "..."}
-)
-"""What a terminal that knows only ASCII is shown instead."""
+
+class EndedError(BaseException):
+    """SIGTERM: not an Exception, so that nothing on the way takes it for an error of its own."""
 
 
 def build_app() -> App:
@@ -86,8 +78,15 @@ def main() -> None:
     # a busy machine slow them down by up to twenty times.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _print_what_the_terminal_can_show()
-    with ending_on_signals():
+    before = signal.signal(signal.SIGTERM, _end)
+    try:
         _run()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _end(*_: object) -> None:
+    raise EndedError
 
 
 def _run() -> None:
@@ -112,9 +111,9 @@ def _run() -> None:
     except MemoryError:
         _fail("the memory does not suffice. Use fewer --workers, a smaller table, or a machine with more memory.")
     except EndedError:
-        _fail(WORDS[signal.SIGTERM], 128 + signal.SIGTERM)
+        _fail("ended by SIGTERM; what was finished is kept", 128 + signal.SIGTERM)
     except KeyboardInterrupt:
-        _fail(WORDS[signal.SIGINT], 128 + signal.SIGINT)
+        _fail("interrupted; what was finished is kept", 128 + signal.SIGINT)
     except Exception as error:  # noqa: BLE001  the last net: a user is told what to do, and the traceback is kept
         _fail(_bug(error), BUG)
 
@@ -157,7 +156,6 @@ class _Reader(io.FileIO):
 
 def _print_what_the_terminal_can_show() -> None:
     """Let a character that the terminal's encoding lacks be replaced instead of ending the command."""
-    codecs.register_error("femfit", _plain)
     stdout = sys.__stdout__
     if stdout is not None and sys.stdout is stdout:
         reader = io.BufferedWriter(_Reader(stdout.fileno(), "w", closefd=False))
@@ -165,11 +163,4 @@ def _print_what_the_terminal_can_show() -> None:
         sys.stdout = io.TextIOWrapper(reader, stdout.encoding, line_buffering=at_once)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="femfit")
-
-
-def _plain(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    text = error.object[error.start : error.end].translate(PLAIN)
-    return text.encode("ascii", "replace").decode("ascii"), error.end
+            stream.reconfigure(errors="replace")

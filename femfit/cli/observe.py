@@ -6,6 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import (
     FLAG,
     NO_MEASUREMENT_OPTIONS,
@@ -59,17 +60,15 @@ def observe(
         File for record, estimates, their deviations and normalised innovations.
     """
     from femfit.cli.output import status
-    from femfit.estimate.found_noise import with_noise
+    from femfit.estimate.find_noise import with_noise
     from femfit.estimate.observe import NO_NOISE_FOUND
-    from femfit.estimate.observe import observe as observed
-    from femfit.model.json_file import write_model
     from femfit.report.motion_figures import replay_figure
     from femfit.report.style import write_picture
 
     if keep_noise and write_noise is not None:
         raise UsageError("--write-noise writes the noise that was found; remove --keep-noise.")
     with status("Filtering"):
-        observation = observed(
+        observation = ff.observe(
             model,
             table_options.read(record),
             filter=names_of(filters),
@@ -84,5 +83,5 @@ def observe(
     if write_noise is not None:
         if observation.noise is None:
             raise TableError(f"--write-noise needs a noise that the record shows. {NO_NOISE_FOUND}")
-        files.insert(0, (write_noise, partial(write_model, with_noise(observation.model, observation.noise))))
+        files.insert(0, (write_noise, partial(ff.write_model, with_noise(observation.model, observation.noise))))
     return Outcome(observation, files=files)

@@ -1,35 +1,23 @@
-"""What commands say while they run, on standard error, and how signals end them.
+"""What commands say while they run, on standard error: a bar on a terminal, and a line now and then elsewhere."""
 
-Progress is a bar on a terminal, and a line now and then elsewhere.
-
-SIGTERM and Ctrl-C end a command wherever it is, in the mesher and in a factorisation too. Python hands a signal on when
-the main thread comes back from C, which may be never where a drawing takes the mesher hours. So a second thread reads
-the signals, and ends the process where the first one has not heard of one in time.
-"""
-
-import os
-import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from functools import cache
-from threading import Event, Thread
+from contextlib import contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
+from femfit.core.results import Words, listing
 
+if TYPE_CHECKING:
     from femfit.field.sweep import SweepProgress
-    from femfit.simulation.loop import LoopProgress
 
 
 INTERVAL_S = 10.0
 """Seconds between two lines where standard error is no terminal."""
 
-Show = Callable[[int, int], None]
-"""Takes how much is done, and of how much."""
+
+Show = Callable[..., None]
+"""Takes how much is done, of how much, and of which part of the work where it has several."""
 
 
 @contextmanager
@@ -43,64 +31,53 @@ def progress(text: str, unit: str) -> Iterator[Show]:
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
-        task = bar.add_task(text, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        tasks = {"": bar.add_task(text, total=None)}
 
+        def show(done: int, total: int, part: str = "") -> None:
+            if part not in tasks:
+                tasks[part] = bar.add_task(f"{part} of {text}", total=total)
+            bar.update(tasks[part], completed=done, total=total)
 
-@contextmanager
-def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
-    """Show how far the sweep of an actuator is, and say what changed where it begins anew."""
-    shown = False
-    with progress(f"sweep {name}", "points") as show:
-
-        def update(state: "SweepProgress") -> None:
-            nonlocal shown
-            if state.changed and not shown:
-                shown = True
-                text = f"not as in this directory's last sweep: {', '.join(state.changed)}"
-                print(f"sweep {name}: {text}; it is solved anew", file=sys.stderr, flush=True)
-            show(state.points_done, state.points)
-
-        yield update
-
-
-@contextmanager
-def loop_progress(name: str) -> "Iterator[LoopProgress]":
-    """Show how far the closed loops of a model are, part by part."""
-    with ExitStack() as parts:
-        shown = ""
-        show: Show | None = None
-
-        def update(stage: str, done: int, total: int) -> None:
-            nonlocal shown, show
-            if show is None or stage != shown:
-                parts.close()
-                shown, show = stage, parts.enter_context(progress(f"{stage} of {name}", "samples"))
-                show(0, total)
-            show(done, total)
-
-        yield update
+        yield show
 
 
 def _progress_lines(text: str, unit: str) -> Show:
-    """A line when the end can first be told, and then every ten seconds; work of a few seconds prints nothing."""
+    """A line when a part's end can first be told, and then every ten seconds; work of a few seconds prints nothing."""
     start = printed = monotonic()
-    before: int | None = None
+    now_part, before = "", -1
 
-    def show(done: int, total: int) -> None:
-        nonlocal before, printed
+    def show(done: int, total: int, part: str = "") -> None:
+        nonlocal start, printed, now_part, before
         now, line = monotonic(), ""
-        if before is None:
-            before = done  # of an earlier run that was interrupted: it took no time of this one
-            line = f"{done} of {total} {unit} were there already" if done else ""
+        if before < 0 or part != now_part:
+            # What a sweep has already is of an earlier run that was interrupted: it took no time of this one
+            start, printed, now_part, before = now, now, part, 0 if part else done
+            line = f"{before} of {total} {unit} were there already" if before else ""
         elif before < done < total:
             remaining = (now - start) * (total - done) / (done - before)
             if now - printed >= INTERVAL_S or (printed == start and remaining > INTERVAL_S):
                 printed, line = now, f"{done} of {total} {unit}, about {duration(remaining)} left"
         if line:
-            print(f"{text}: {line}", file=sys.stderr, flush=True)
+            name = f"{part} of {text}" if part else text
+            print(f"{name}: {line}", file=sys.stderr, flush=True)
 
     return show
+
+
+@contextmanager
+def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
+    """Show how far the sweep of an actuator is, and say what changed where it begins anew."""
+    with progress(f"sweep {name}", "points") as show:
+        changes: list[str] = []
+
+        def update(state: "SweepProgress") -> None:
+            if state.changed and not changes:
+                changes.extend(state.changed)
+                text = f"not as in this directory's last sweep: {', '.join(changes)}; it is solved anew"
+                print(f"sweep {name}: {text}", file=sys.stderr, flush=True)
+            show(state.points_done, state.points)
+
+        yield update
 
 
 def duration(seconds: float) -> str:
@@ -112,115 +89,23 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """What is being done, on standard error, a line now and then where that is no terminal; yields what changes it.
-
-    There, it is printed after ten seconds and whenever it reads otherwise; short work prints nothing.
-    """
+    """Say on a terminal what is being done, and yield what changes it; elsewhere a line where ten seconds went by."""
     if sys.stderr.isatty():
         from rich.console import Console
 
         with Console(stderr=True).status(text) as line:
             yield line.update
         return
-    doing, ended, start = [text], Event(), monotonic()
+    printed = monotonic()
 
-    def tell() -> None:
-        printed = ""
-        while not ended.wait(INTERVAL_S):
-            line = f"{doing[0]}, {duration(monotonic() - start)} so far"
-            if line != printed:
-                print(line, file=sys.stderr, flush=True)
-            printed = line
+    def say(now: str) -> None:
+        nonlocal printed
+        if monotonic() - printed >= INTERVAL_S:
+            printed = monotonic()
+            print(now, file=sys.stderr, flush=True)
 
-    teller = Thread(target=tell, daemon=True)
-    teller.start()
-    try:
-        yield lambda now: doing.__setitem__(0, now)
-    finally:
-        ended.set()
-        teller.join()
+    yield say
 
 
-PATIENCE = 2.0
-"""Seconds that the main thread has to come back from C. Chosen: nobody waits longer before the next Ctrl-C."""
-
-
-class EndedError(BaseException):
-    """SIGTERM: not an Exception, so that nothing on the way takes it for an error of its own."""
-
-
-WORDS = {
-    signal.SIGTERM: "ended by SIGTERM; what was finished is kept",
-    signal.SIGINT: "interrupted; what was finished is kept",
-}
-
-
-@contextmanager
-def ending_on_signals() -> Iterator[None]:
-    """Raise EndedError on SIGTERM and KeyboardInterrupt on Ctrl-C, or end the process where nothing can be raised.
-
-    A Ctrl-C that the shell has this process ignore stays ignored. Only the main thread has signals; in another one
-    nothing changes.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    heard = threading.Event()
-
-    def end(*_: object) -> None:
-        heard.set()
-        raise EndedError
-
-    def interrupt(*_: object) -> None:
-        heard.set()
-        raise KeyboardInterrupt
-
-    before = {signal.SIGTERM: signal.signal(signal.SIGTERM, end)}
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    woken = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    watcher = threading.Thread(target=_watch, args=(reader, heard, set(before)), daemon=True)
-    watcher.start()
-    try:
-        yield
-    finally:
-        signal.set_wakeup_fd(woken)
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        os.close(writer)  # the watcher reads the end
-        watcher.join(PATIENCE)
-
-
-def _watch(reader: int, heard: threading.Event, numbers: set[signal.Signals]) -> None:
-    """End the process on a signal that the main thread does not hear of."""
-    while number := os.read(reader, 1):
-        if number[0] in numbers and not heard.wait(PATIENCE):
-            os.write(2, f"femfit: {WORDS[signal.Signals(number[0])]}\n".encode())
-            os._exit(128 + number[0])
-        heard.clear()
-    os.close(reader)
-
-
-def said(command: str, macro: str, *facts: object) -> str:
-    """What a macro of a command's text template makes of facts; the words stand in ``templates``."""
-    return str(getattr(_templates().get_template(f"{command}.txt.j2").module, macro)(*facts)).strip()
-
-
-@cache
-def _templates() -> "Environment":
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    from femfit.core.results import listing
-    from femfit.core.text import amount, counted
-
-    environment = Environment(
-        loader=PackageLoader("femfit.cli"),
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-        autoescape=False,  # noqa: S701 - a terminal's text is no markup
-    )
-    environment.filters |= {"amount": amount, "counted": counted, "listing": listing}
-    return environment
+said = Words("femfit.cli", listing, names={}).sentence
+"""What a macro of a command's text template makes of facts; the words stand in ``templates``."""

@@ -1,31 +1,28 @@
 """``femfit run``: the whole main job in turn."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
+import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
 from femfit.cli.output import said
 from femfit.core.files import MODEL, PAGE
 
 if TYPE_CHECKING:
-    from femfit.device.parts import Actuator
-    from femfit.fit.result import FitResult
-    from femfit.heat.result import Temperatures
-    from femfit.model.actuator_model import ActuatorModel
-    from femfit.simulation.open_result import OpenLoop
     from femfit.simulation.study import ClosedLoopStudy
-    from femfit.tables.sweep_table import SweepTable
+
+Result = TypeVar("Result")
 
 STEP_WIDTH = 26  # of the steps' names on the terminal
-NO_SENSOR = 'the drawing has no sensor that a filter could read. Add one, as [sensors.NAME] with kind = "position".'
 NO_DISTANCE = (
     "no sensor of the drawing reads the distance, as a Hall element or one of kind position does, and a body that is "
     "switched needs no loop. femfit simulate {model} tries one with {sensors} alone."
 )
-NO_COIL = "the drawing has no coil, so that there is nothing to control."
 
 _MODEL, _LAW, _PAGE = "model.json", "model_law.json", "report.html"
 _RunDirectory = Annotated[
@@ -60,57 +57,51 @@ def run(
         Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
         stay without it.
     """
-    from dataclasses import replace
-
     from femfit.core.processes import process_pool
-    from femfit.device.summary import remarks
-    from femfit.model.network_magnetics import NETWORK
-    from femfit.report.actuator_report import draw_figures, render_report
-    from femfit.report.page import ReportContent, write_page
+    from femfit.device.load import remarks
+    from femfit.heat.find_temperatures import temperatures_at_supply
+    from femfit.model.several_magnetics import NETWORK
+    from femfit.report.page import ReportContent
     from femfit.report.write import hashes, with_field
+    from femfit.simulation.open_loop import motion_at_supply
+    from femfit.targets.estimator import export_estimator
 
     parts = _single_actuator(actuator)
     assert output is not None  # noqa: S101 - the default of Writes
     model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
-    steps = _Steps()
-    for line in remarks(parts):
-        print(line)
-    table, summary = _sweep(steps, actuator, parts, output, workers or len(os.sched_getaffinity(0)), signatures)
-    with steps.timed("fit"):
+    seconds: dict[str, float] = {}
+    step = partial(_step, seconds)
+    for remark in remarks(parts):
+        print(remark)
+    with step("sweep") as say:
+        table, summary, notes = _sweep(actuator, parts, output, workers or len(os.sched_getaffinity(0)), signatures)
+        say(said("run", "sweep", summary), *notes)
+    with step("fit") as say:
         reference = _fit(table, "coenergy", model_file)
-    steps.say(said("run", "fit", reference))
-    for line in reference.notes:
-        print(line)
+        say(said("run", "fit", reference), *reference.notes)
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed, model_file)  # beside the ranking: each takes a core
-        motion, heat = _at_supply(steps, reference.model, parts)
-        with steps.timed("first half of the report"):
-            first = ReportContent(reference.model, parts, table, reference, motion=motion, heat=heat, unfinished=True)
-            content = with_field(first, parts)
-            drawn = draw_figures(content)
-            write_page(render_report(content, drawn), page)
-        steps.say(f"{page} can be read; the laws and the loop follow")
-        with steps.timed("rank laws"):
+        with step("open loop") as say:
+            motion = motion_at_supply(reference.model)
+            say(said("run", "motion", motion, parts.circuits))
+        with step("temperatures") as say:
+            heat = temperatures_at_supply(parts)
+            say(said("run", "heat", heat, parts.circuits))
+        with step("rank laws") as say:
             ranked = reference if reference.circuits else _fit(table, "all", law_file)
-        steps.say(said("run", "laws", ranked, NETWORK))
-        with steps.timed("export"):
-            exported = _export(reference.model, output / "estimator")
-        steps.say(exported)
-        with steps.timed("close the loop"):
+            say(said("run", "laws", ranked, NETWORK))
+        with step("export") as say:
+            files, why = _or_why(partial(export_estimator, reference.model, output / "estimator"))
+            say(f"none: {why}" if why else f"{output / 'estimator'}, {len(files or ())} files that need Python alone")
+        with step("close the loop") as say:
             study, no_study = loop.result()
-    steps.say(said("run", "loop", study, no_study, no_study in {NO_SENSOR, NO_COIL}))
-    with steps.timed("report"):
-        content = replace(
-            content,
-            fit=ranked,
-            study=study,
-            no_study=no_study,
-            unfinished=False,
-            timings_s=tuple(steps.times.items()),
-            hashes=hashes([file for file in (output / "sweep.parquet", model_file, law_file) if file.is_file()]),
-        )
-        write_page(render_report(content, draw_figures(content, drawn=drawn)), page)
-    steps.say(f"{page}, {page.stat().st_size / 1e6:.1f} MB")
+            say(said("run", "loop", study, no_study))
+    with step("report") as say:
+        written = hashes(file for file in (output / "sweep.parquet", model_file, law_file) if file.is_file())
+        results = {"fit": ranked, "study": study, "no_study": no_study, "motion": motion, "heat": heat}
+        content = ReportContent(reference.model, parts, table, **results, hashes=written)
+        ff.write_report(with_field(content, parts), page)
+        say(f"{page}, {page.stat().st_size / 1e6:.1f} MB")
     data = {
         "directory": str(output),
         "sweep": summary,
@@ -120,17 +111,24 @@ def run(
         "temperatures": heat.to_dict() if heat else None,
         "closed_loop": study.data() if study else None,
         "no_closed_loop": no_study,
-        "seconds": steps.times,
+        "seconds": seconds,
     }
-    return Outcome(f"{sum(steps.times.values()):.1f} s in all", data)
+    return Outcome(f"{sum(seconds.values()):.1f} s in all", data)
 
 
-def _single_actuator(path: Path) -> "Actuator":
-    """The file's actuator, refused before the sweep where the fit would refuse it after."""
+@contextmanager
+def _step(seconds: dict[str, float], name: str) -> Iterator[Callable[..., None]]:
+    """Time a step, and print the lines that it was given when it ends."""
+    lines: list[str] = []
+    start = perf_counter()
+    yield lambda *texts: lines.extend(texts)
+    seconds[name] = perf_counter() - start
+    print(f"{name:<{STEP_WIDTH}}{seconds[name]:5.1f} s  {lines[0]}", *lines[1:], sep="\n", flush=True)
+
+
+def _single_actuator(path: Path) -> ff.Actuator:
     from femfit.core.errors import ActuatorFileError
     from femfit.device.rewrite import read_variants
-    from femfit.fit.coenergy_choice import check_grid
-    from femfit.fit.constants import FEWEST_CURRENTS
 
     sweep = read_variants(path)
     if len(sweep.variants) > 1 or sweep.columns:
@@ -139,107 +137,45 @@ def _single_actuator(path: Path) -> "Actuator":
             "Give femfit sweep and then femfit fit with --where, or leave the parameters out."
         )
         raise ActuatorFileError(str(path), [problem])
-    axes = sweep.actuator.sweep
-    # Without a circuit the co-energy depends on the distance alone; that of several is a quadratic form.
-    single = len(sweep.actuator.circuits) == 1
-    check_grid(len(axes.currents_A) if single else FEWEST_CURRENTS, len(axes.distances_m))
     return sweep.actuator
 
 
-class _Steps:
-    """Times of the steps, and a line of output after each."""
-
-    def __init__(self) -> None:
-        self.times: dict[str, float] = {}
-
-    @contextmanager
-    def timed(self, name: str, *, shown: bool = True) -> Iterator[None]:
-        """Time a step; one that does not tell by itself how far it is says now and then that it goes on."""
-        from time import perf_counter
-
-        from femfit.cli.output import status
-
-        start = perf_counter()
-        with status(name) if shown else nullcontext():
-            yield
-        self.times[name] = perf_counter() - start
-
-    def say(self, text: str) -> None:
-        name = list(self.times)[-1]
-        print(f"{name:<{STEP_WIDTH}}{self.times[name]:5.1f} s  {text}", flush=True)
-
-
 def _sweep(
-    steps: _Steps, actuator: Path, parts: "Actuator", directory: Path, workers: int, signatures: bool
-) -> "tuple[SweepTable, dict[str, Any]]":
+    actuator: Path, parts: ff.Actuator, directory: Path, workers: int, signatures: bool
+) -> tuple[ff.SweepTable, dict[str, Any], list[str]]:
+    """The table, its summary, and what is to be said of it."""
     from femfit.cli.output import sweep_progress
     from femfit.device.rewrite import only
-    from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, failed_points, summarise
 
-    with steps.timed("sweep", shown=False), sweep_progress(parts.name) as progress:
-        table = run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
-    summary = summarise(table)
-    steps.say(said("run", "sweep", summary))
-    for line in (*failed_points(table), *clipped_hall(only(parts), table)):
-        print(line)
-    return table, summary
+    with sweep_progress(parts.name) as progress:
+        table = ff.run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
+    return table, summarise(table), [*failed_points(table), *clipped_hall(only(parts), table)]
 
 
-def _at_supply(
-    steps: _Steps, model: "ActuatorModel", parts: "Actuator"
-) -> "tuple[OpenLoop | None, Temperatures | None]":
-    """What the supply moves and warms."""
-    from femfit.heat.find_temperatures import temperatures_at_supply
-    from femfit.simulation.open_loop import motion_at_supply
-
-    with steps.timed("open loop"):
-        motion = motion_at_supply(model)
-    steps.say(said("run", "motion", motion, parts.circuits, NO_COIL))
-    with steps.timed("temperatures"):
-        heat = temperatures_at_supply(parts, model)
-    steps.say(said("run", "heat", heat, parts.circuits, NO_COIL))
-    return motion, heat
-
-
-def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":
-    from femfit.fit.build import fit_model
-    from femfit.model.json_file import write_model
-
-    result = fit_model(table, law=law)
-    write_model(result.model, file)
+def _fit(table: ff.SweepTable, law: str, file: Path) -> ff.FitResult:
+    result = ff.fit_model(table, law=law)
+    ff.write_model(result.model, file)
     return result
 
 
-def _close_loop(model: "ActuatorModel", seed: int, file: Path) -> "tuple[ClosedLoopStudy | None, str]":
-    """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
+def _or_why(work: Callable[[], Result]) -> tuple[Result | None, str]:
+    """What work gives, or why it gives nothing: an actuator that cannot levitate is no failure of the run."""
     from femfit.core.errors import DomainError, FilterError, MissingPartError
+
+    try:
+        return work(), ""
+    except (DomainError, FilterError, MissingPartError) as error:
+        return None, str(error)
+
+
+def _close_loop(model: ff.ActuatorModel, seed: int, file: Path) -> "tuple[ClosedLoopStudy | None, str]":
+    """The study, or why there is none."""
     from femfit.device.electrics import PositionSensor
     from femfit.model.sensors import HALL, sensors_of
     from femfit.simulation.study import closed_loop_study
 
     sensors = sensors_of(model)
-    if not (model.has_winding and sensors):
-        return None, NO_SENSOR if model.has_winding else NO_COIL
-    if HALL not in sensors and not any(isinstance(sensor, PositionSensor) for sensor in sensors.values()):
+    if sensors and HALL not in sensors and not any(isinstance(sensor, PositionSensor) for sensor in sensors.values()):
         return None, NO_DISTANCE.format(model=file, sensors=" and ".join(sensors))
-    try:
-        return closed_loop_study(model, seed), ""
-    except (DomainError, FilterError, MissingPartError) as error:
-        return None, str(error)
-
-
-def _export(model: "ActuatorModel", directory: Path) -> str:
-    from femfit.core.errors import DomainError, FilterError, MissingPartError
-    from femfit.model.sensors import sensors_of
-    from femfit.targets.estimator import export_estimator
-
-    if not model.has_winding:
-        return f"none: {NO_COIL}"
-    if not sensors_of(model):
-        return f"none: {NO_SENSOR}"
-    try:
-        files = export_estimator(model, directory)
-    except (DomainError, FilterError, MissingPartError) as error:
-        return f"none: {error}"
-    return f"{directory}, {len(files)} files that need Python alone"
+    return _or_why(partial(closed_loop_study, model, seed))

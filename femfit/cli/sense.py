@@ -6,6 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, Outcome, ToWrite, Writes, command, names_of
 from femfit.core.files import PICTURE, REPLAYED, write_text
 
@@ -52,10 +53,9 @@ def sense(
     from femfit.cli.output import status
     from femfit.report.motion_figures import sense_figure
     from femfit.report.style import write_picture
-    from femfit.simulation.sense import sense as sensed
 
     with status("Simulating"):
-        sensing = sensed(
+        sensing = ff.sense(
             model,
             sensors=list(names_of(sensors)),
             drive=drive,

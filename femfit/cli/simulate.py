@@ -1,6 +1,6 @@
 """``femfit simulate``: close the loop around a model, or drive it in open loop."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+import femfit as ff
 from femfit.cli.command import (
     AT_LEAST_ONE,
     FLAG,
@@ -18,7 +19,8 @@ from femfit.cli.command import (
     ToWrite,
     Writes,
     command,
-    numbers,
+    in_si,
+    pairs,
     parsed,
 )
 from femfit.core.errors import UsageError
@@ -45,7 +47,7 @@ class OpenLoopOptions:
         Duration of the open loop in ms; default: up to the table's last time, or 100.
     start_mm : float
         Distance in mm at which the body begins in open loop; default: where it rests without current.
-    step_ms : float
+    sample_time_ms : float
         Time in ms between two rows of the open loop's table; default: a 2000th of its duration.
     extrapolate : bool
         Motion in open loop that goes on where distance or current leave the validity domain.
@@ -56,21 +58,16 @@ class OpenLoopOptions:
     drive: Path | None = None
     duration_ms: Annotated[float | None, POSITIVE] = None
     start_mm: float | None = None
-    step_ms: Annotated[float | None, POSITIVE] = None
+    sample_time_ms: Annotated[float | None, Parameter(name="--step-ms"), POSITIVE] = None
     extrapolate: Annotated[bool, FLAG] = False
 
     @property
     def keywords(self) -> dict[str, Any]:
         """All of them, as the library's open loop takes them."""
-        return {
-            "voltage_V": _constant("--voltage", self.voltage),
-            "current_A": _constant("--current", self.current),
-            "drive": self.drive,
-            "duration_s": None if self.duration_ms is None else 1e-3 * self.duration_ms,
-            "start_m": None if self.start_mm is None else 1e-3 * self.start_mm,
-            "sample_time_s": None if self.step_ms is None else 1e-3 * self.step_ms,
-            "outside": "extrapolate" if self.extrapolate else "stop",
-        }
+        options = in_si(self)
+        voltage, current = (_constant(f"--{name}", options.pop(name)) for name in ("voltage", "current"))
+        outside = "extrapolate" if options.pop("extrapolate") else "stop"
+        return {**options, "voltage_V": voltage, "current_A": current, "outside": outside}
 
 
 @Parameter(name="*")
@@ -92,9 +89,6 @@ class LoopOptions:
         integral.
     bandwidth_rad_s : float
         Bandwidth of the controller in rad/s, in place of the one that its margins and the noise allow.
-    poles_rad_s : list of complex
-        Pole of state feedback in rad/s, as in -40 or -40+30j; once for each of distance, velocity, current and
-        integral.
     latency : int
         Number of samples from a reading to the command that it leads to.
     faulty : str
@@ -122,7 +116,6 @@ class LoopOptions:
     estimator: Annotated[FilterOption | None, Parameter(name="--filter")] = None
     gains: Annotated[list[str] | None, Parameter(name="--gain")] = None
     bandwidth_rad_s: Annotated[float | None, POSITIVE] = None
-    poles_rad_s: Annotated[list[complex] | None, Parameter(name="--pole-rad-s", allow_leading_hyphen=True)] = None
     latency: Annotated[int, NOT_NEGATIVE] = 0
     faulty: str | None = None
     offset: float = 0.0
@@ -137,7 +130,7 @@ class LoopOptions:
     @property
     def keywords(self) -> dict[str, Any]:
         """All of them, as the library's closed loop takes them."""
-        gains = numbers(self.gains or (), "--gain", "NAME", "kp=2000")
+        gains = pairs(self.gains or (), "--gain", "NAME=NUMBER", "kp=2000", float)
         return vars(self) | {"estimator": self.estimator or "ukf4", "runs": self.runs or 1, "gains": gains}
 
 
@@ -187,13 +180,10 @@ def simulate(
     csv : Path
         File for the time series of the open loop, or of up to ten runs.
     """
-    from femfit.cli.output import loop_progress
-    from femfit.model.json_file import read_model
+    from femfit.cli.output import progress
     from femfit.report.loop_report import closed_loop_figure
     from femfit.report.motion_figures import open_loop_figure
     from femfit.report.style import write_picture
-    from femfit.simulation.close_loop import close_loop
-    from femfit.simulation.open_loop import simulate as simulate_open_loop
     from femfit.simulation.study import closed_loop_study
 
     driven, looped = drive_options != _UNDRIVEN, loop_options != _NO_LOOP
@@ -204,17 +194,26 @@ def simulate(
         )
     files: list[ToWrite]
     if driven:
-        motion = simulate_open_loop(model, interpolation=interpolation, **drive_options.keywords)
+        motion = ff.simulate(model, interpolation=interpolation, **drive_options.keywords)
         files = [(csv, motion.write_csv), (picture, partial(write_picture, partial(open_loop_figure, motion)))]
         return Outcome(motion, files=files)
-    actuator = read_model(model)
-    white = _noise_of(noise)
-    with loop_progress(actuator.name) as shown:
+    actuator = ff.read_model(model)
+    texts = list(noise or ())
+    white: dict[str, float] | float | None = None
+    if len(texts) == 1 and "=" not in texts[0]:  # a number alone is the first sensor's
+        white = parsed(texts[0], "--noise", "NUMBER", "0.002 or laser=0.002", float)
+    elif texts:
+        white = pairs(texts, "--noise", "SENSOR=NUMBER", "laser=0.002", float)
+    with progress(actuator.name, "samples") as show:
+
+        def shown(part: str, done: int, total: int) -> None:
+            show(done, total, part)
+
         if not (looped or csv or picture):
             study = closed_loop_study(actuator, seed, white, sensors=sensor, progress=shown)
             return Outcome(study, study.data())
         recorded = 10 if csv is not None else 0 if picture is None else 1
-        summary = close_loop(
+        summary = ff.close_loop(
             actuator,
             **loop_options.keywords,
             rng=seed,
@@ -232,13 +231,5 @@ def _constant(option: str, text: str | None) -> float | dict[str, float] | None:
     if text is None:
         return None
     if "=" in text:
-        return numbers(text.split(","), option, "CIRCUIT", f"{option} bias=2,diff=1")
+        return pairs(text.split(","), option, "CIRCUIT=NUMBER", f"{option} bias=2,diff=1", float)
     return parsed(text, option, "NUMBER", f"{option} 12, or {option} bias=2,diff=1", float)
-
-
-def _noise_of(texts: Iterable[str] | None) -> dict[str, float] | float | None:
-    """Noise by the sensors' names; a number alone is the first sensor's."""
-    texts = list(texts or ())
-    if len(texts) == 1 and "=" not in texts[0]:
-        return parsed(texts[0], "--noise", "NUMBER", "0.002 or laser=0.002", float)
-    return numbers(texts, "--noise", "SENSOR", "laser=0.002") or None

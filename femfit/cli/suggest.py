@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import femfit as ff
 from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, command
 from femfit.core.errors import UsageError
 
@@ -27,20 +28,14 @@ def suggest(
         for what it could never separate.
     """
     from femfit.cli.output import status
-    from femfit.identify.plan import PlanReport, examine_plan
-    from femfit.identify.suggest import Advice
-    from femfit.identify.suggest import suggest as advise
-    from femfit.model.json_file import read_model
+    from femfit.identify.plan import examine_plan
     from femfit.tables.measurement_file import read_bench_table
 
     if (data is None) == (plan is None):
         raise UsageError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    actuator = read_model(model)
-    result: Advice | PlanReport
     with status("Diagnosing") as say:
-        if data is not None:
-            result = advise(actuator, table_options.read(data), progress=say)
-        elif plan is not None:
+        if plan is not None:
             planned = read_bench_table(plan, planned=True, **table_options.keywords)
-            result = examine_plan(actuator, planned)
-    return Outcome(result)
+            return Outcome(examine_plan(ff.read_model(model), planned))
+        assert data is not None  # noqa: S101 - one of the two is given
+        return Outcome(ff.suggest(model, table_options.read(data), progress=say))

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Annotated
 
+import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
 from femfit.cli.output import said
 from femfit.core.errors import FieldSolverError
@@ -15,7 +16,6 @@ def sweep(
     *,
     output: Annotated[Path | None, OUTPUT, Writes(default=run_directory("actuator"))] = None,
     workers: Annotated[int | None, AT_LEAST_ONE] = None,
-    scheduler: str | None = None,
     signatures: bool = False,
 ) -> Outcome:
     """Solve the field over the actuator's currents, distances and parameters, and write the table.
@@ -30,9 +30,6 @@ def sweep(
         Run directory; runs/NAME by default.
     workers : int
         Number of processes on this machine; one a core by default.
-    scheduler : str
-        Address of a Dask scheduler (tcp://host:port) whose workers solve instead; a worker that hangs is waited for
-        until you end it.
     signatures : bool
         Signatures of the drawing's numbers, solved too (about as long again at most), with which a diagnosis asks
         whether one of them is wrong; those in the directory stay without it.
@@ -40,21 +37,19 @@ def sweep(
     from time import perf_counter
 
     from femfit.cli.output import sweep_progress
+    from femfit.device.load import remarks
     from femfit.device.rewrite import read_variants
-    from femfit.device.summary import remarks
-    from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, failed_points, summarise, variants_without_a_point
-    from femfit.tables.impedance_table import NAME as IMPEDANCE
+    from femfit.tables.eddy_table import IMPEDANCES as IMPEDANCE
 
     assert output is not None  # noqa: S101 - the default of Writes
     variants = read_variants(actuator)
     start = perf_counter()
     with sweep_progress(variants.actuator.name) as progress:
-        table = run_sweep(
+        table = ff.run_sweep(
             actuator,
             output,
             workers=workers or len(os.sched_getaffinity(0)),
-            scheduler=scheduler,
             signatures=signatures,
             progress=progress,
         )

@@ -1,23 +1,21 @@
 """``femfit trial``: how often the diagnosis would be right on an actuator of one's own."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command
-from femfit.core.files import RESULT
-
-_RESULTS = Writes(RESULT, default=lambda arguments: arguments["output"] / "results.json")
+from femfit.core.files import RESULT, write_json
 
 
 @command()
 def trial(
     *,
     drawing: Path,
-    output: Annotated[Path, OUTPUT, Writes()],
+    output: Annotated[Path, OUTPUT, Writes(RESULT, "results.json")],
     cases: Annotated[int, AT_LEAST_ONE] = 60,
     seed: int = 1,
     workers: Annotated[int, AT_LEAST_ONE] = 2,
-    json: Annotated[Path | None, _RESULTS] = None,
 ) -> Outcome:
     """How often would the diagnosis be right on this actuator? Hide errors in simulated campaigns, and count.
 
@@ -30,21 +28,19 @@ def trial(
     drawing : Path
         Actuator file.
     output : Path
-        Directory for campaigns, what was hidden in them, diagnoses and results; field solutions in it are used again.
+        Directory for campaigns, what was hidden in them, diagnoses and results.json; field solutions in it are used
+        again.
     cases : int
         Number of campaigns; 60 take some minutes.
     seed : int
         Seed of the campaigns.
     workers : int
         Number of processes.
-    json : Path
-        File for the results as JSON; results.json in the directory by default.
     """
     from femfit.cli.output import progress
     from femfit.core.text import counted
-    from femfit.trial.campaigns import make_campaigns, prepare_device
+    from femfit.trial.campaigns import diagnose_campaigns, make_campaigns, prepare_device
     from femfit.trial.counts import trial_data, trial_lines
-    from femfit.trial.run import diagnose_campaigns
 
     with progress("solve the fields", "points") as show:
         device = prepare_device(
@@ -57,4 +53,5 @@ def trial(
     if len(numbers) < cases:
         omitted = counted(cases - len(numbers), "campaign")
         lines = [*lines, f"left out: {omitted} of which the device cannot show what was to be hidden"]
-    return Outcome("\n".join([*lines, f"written: {json}"]), trial_data(outcomes))
+    data, file = trial_data(outcomes), output / "results.json"
+    return Outcome("\n".join(lines), data, [(file, partial(write_json, data=data))])

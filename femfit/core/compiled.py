@@ -10,24 +10,21 @@ What was compiled is kept under the hash of its source and command, in the user'
 compiler than ``cc``, ``gcc`` or ``clang``; where it is empty, nothing is compiled.
 """
 
-import atexit
 import ctypes
 import hashlib
 import os
 import platform
+import secrets
 import shlex
 import shutil
-import signal
 import subprocess
 import threading
 import warnings
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
-from math import inf
 from pathlib import Path
-from tempfile import mkdtemp
 
 import casadi as ca
 import numpy as np
@@ -37,8 +34,8 @@ from femfit.core.numerics import FloatArray
 FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC", "-x", "c", "-", "-lm")
 """Measured: more optimisation takes twice the time and makes nothing quicker."""
 
-OFTEN, ASKED = 50_000, 5_000
-"""Chosen: points in arrays from which a function is compiled, and between two looks at whether that is done."""
+OFTEN = 50_000
+"""Chosen: points in arrays from which a function is compiled."""
 
 ALONE = 10
 """Measured: as many points in arrays cost what one point alone does."""
@@ -111,10 +108,9 @@ class Compilation:
 
     def __init__(self, make: Callable[[], ca.Function]) -> None:
         self._make = make
-        self._compiler: _Compiler | None = None
-        self._lock = threading.Lock()
         self._library: Library | None = None
-        self._points, self._next = 0, float(OFTEN)
+        self._points, self._over = 0, False
+        self._work: Future[Path] | None = None
 
     @cached_property
     def function(self) -> ca.Function:
@@ -126,184 +122,95 @@ class Compilation:
 
     def after(self, points: int) -> Library | None:
         """The library, as soon as there is one, after so many more points."""
-        self._points += points
-        if self._points >= self._next and self._lock.acquire(blocking=False):  # else another thread sees to it
-            try:
+        if not self._over:
+            self._points += points
+            if self._points >= OFTEN:
                 self._look()
-            finally:
-                self._lock.release()
         return self._library
 
     def _look(self) -> None:
-        """Begin, or see whether it is done."""
-        self._next = inf
-        try:
-            if self._command is None or len(self._source) > LARGEST:
-                return
-            if self._compiler is not None and self._compiler.process != os.getpid():
-                self._forget()  # that of a process from which this one was forked
-            if self._compiler is not None and (code := self._compiler.popen.poll()) is not None:
-                self._keep(code)
-            if _is_whole(self._target):  # by this process or another
-                self._stop()
-                self._library = Library(self._target, self.function.nnz_out(0))
-            elif self._compiler is None:
-                self._begin()
-            if self._library is None:
-                self._next = self._points + ASKED
+        """Begin where no other function is compiled, or see whether it is done."""
+        if self._work is None and _ONE_COMPILER.acquire(blocking=False):
+            self._work, command, source = Future(), _compiler(), self._source()
+            self._over = command is None or len(source) > LARGEST
+            if command is None or self._over:
+                _ONE_COMPILER.release()
             else:
-                self.__dict__.pop("_source", None)
-                _tidy(self._target)
-        except (
-            OSError,
-            RuntimeError,
-            AttributeError,
-        ) as error:  # the cache cannot be written, what lies there is not a library
-            self._warn(str(error))
+                threading.Thread(target=_compile, args=(command, source, self._work), daemon=True).start()
+        if self._work is not None and self._work.done():
+            self._over = True
+            try:
+                self._library = Library(self._work.result(), self.function.nnz_out(0))
+            except (OSError, RuntimeError, AttributeError) as error:  # no cache, or what lies there is not a library
+                _warn(str(error))
 
-    @cached_property
-    def _command(self) -> list[str] | None:
-        asked = os.environ.get("FEMFIT_COMPILER")
-        commands = [[name] for name in ("cc", "gcc", "clang")] if asked is None else [shlex.split(asked)]
-        for name, *flags in filter(None, commands):
-            if compiler := shutil.which(name):
-                return [compiler, *flags, *FLAGS]
-        if asked and asked.strip():
-            self._warn(f"{asked} is not found", asked)
-        return None
-
-    @cached_property
     def _source(self) -> str:
-        generator = ca.CodeGenerator("f.c")
-        generator.add(self.function)
-        f = self.function
+        generator, f = ca.CodeGenerator("f.c"), self.function
+        generator.add(f)
         sizes = [f.nnz_in(k) for k in range(f.n_in())]
         facts = {"sizes": ", ".join(map(str, sizes)), "count": len(sizes)}
         facts |= {"total": sum(sizes) + 1, "rows": f.nnz_out(0)}
         return str(generator.dump()) + _POINTS.format(**facts)
 
-    @cached_property
-    def _target(self) -> Path:
-        command = [*(self._command or ()), platform.system(), platform.machine()]
-        name = hashlib.sha256("\n".join([*command, self._source]).encode()).hexdigest()[:32]
-        return _folder() / f"{name}.so"
 
-    @cached_property
-    def _workplace(self) -> Path:
-        return Path(mkdtemp(prefix="compiling-", dir=self._target.parent))
-
-    def _begin(self) -> None:
-        """Start the compiler, one in a process at a time."""
-        with _ONE_COMPILER:
-            if any(compiler.works() for compiler in _COMPILERS):
-                return
-            self._target.parent.mkdir(parents=True, exist_ok=True)
-            place = self._workplace
-            (place / "f.c").write_text(self._source, encoding="utf-8")
-            with (place / "f.c").open() as source, (place / "said.txt").open("w") as said:
-                popen = subprocess.Popen(  # noqa: S603  the compiler that the user has or names
-                    [*(self._command or ()), "-o", str(place / "f.so")],
-                    stdin=source,
-                    stdout=said,
-                    stderr=said,
-                    text=True,
-                    start_new_session=True,
-                )
-            self._compiler = _Compiler(popen, os.getpid())
-            _COMPILERS[:] = [self._compiler]
-        atexit.register(self._stop)
-
-    def _keep(self, code: int) -> None:
-        """Move what the compiler made to where all find it whole or not at all."""
-        place = self._workplace
-        said = (place / "said.txt").read_text(encoding="utf-8", errors="replace").strip()
-        if code == 0:
-            with (place / "f.so").open("r+b") as library:
-                library.write(hashlib.sha256(library.read()).digest())
-                library.flush()
-                os.fsync(library.fileno())
-            (place / "f.so").replace(self._target)
-        self._stop()
-        if code:
-            raise OSError(said or f"it ended with code {code}")
-
-    def _warn(self, cause: str, compiler: str = "") -> None:
-        compiler = compiler or (self._command or ["?"])[0]
-        warnings.warn(
-            f"A function is not compiled, and about ten times slower, as the C compiler {compiler} "
-            f"must make a library of it in the cache folder: {cause[:300]}. Set FEMFIT_COMPILER to another compiler, "
-            "or to nothing to do without.",
-            RuntimeWarning,
-            stacklevel=2,
-        )
-
-    def _stop(self) -> None:
-        """Leave neither a compiler at work nor what it wrote; those of another process are that one's."""
-        if self._compiler is None or self._compiler.process != os.getpid():
-            return
-        atexit.unregister(self._stop)
-        self._compiler.stop()
-        shutil.rmtree(self._workplace, ignore_errors=True)
-
-    def _forget(self) -> None:
-        """Begin anew, without what belongs to the process from which this one was forked."""
-        self._compiler = None
-        self.__dict__.pop("_workplace", None)
+_ONE_COMPILER = threading.Semaphore()
+"""One function of a process is compiled at a time; a process that was forked meanwhile does without."""
 
 
-@dataclass
-class _Compiler:
-    """A compiler at work, and the process that started it."""
-
-    popen: subprocess.Popen[str]
-    process: int
-
-    def works(self) -> bool:
-        """Whether it is this process's, and not done."""
-        return self.process == os.getpid() and self.popen.poll() is None
-
-    def stop(self) -> None:
-        """End it, and what it started itself."""
-        if not self.works():
-            return
-        if hasattr(os, "killpg"):
-            with suppress(ProcessLookupError):
-                os.killpg(self.popen.pid, signal.SIGKILL)
-        self.popen.kill()
-        self.popen.wait()
-
-
-_COMPILERS: list[_Compiler] = []
-_ONE_COMPILER = threading.Lock()
-"""The process's last compiler, and who may start the next."""
-
-
-def _after_fork() -> None:
-    global _ONE_COMPILER  # noqa: PLW0603  a thread that the child does not have may hold it
-    _ONE_COMPILER = threading.Lock()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
-
-
-def _is_whole(library: Path) -> bool:
-    """Whether a library ends with the digest of what is before: of a part of one the process would die."""
+def _compile(command: list[str], source: str, work: "Future[Path]") -> None:
     try:
-        content = library.read_bytes()
-    except FileNotFoundError:
-        return False
-    length = hashlib.sha256().digest_size
-    return content[-length:] == hashlib.sha256(content[:-length]).digest()
+        work.set_result(_library(command, source))
+    except OSError as error:
+        work.set_exception(error)
+    finally:
+        _ONE_COMPILER.release()
 
 
-def _tidy(used: Path) -> None:
-    """Note that a library was used, and drop those that were not for longest."""
+def _library(command: list[str], source: str) -> Path:
+    """Make the library, or find it in the cache, where all find it whole or not at all."""
+    facts = "\n".join([*command, platform.system(), platform.machine(), source])
+    target = _folder() / f"{hashlib.sha256(facts.encode()).hexdigest()[:32]}.so"
+    if not target.is_file():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        partial = target.with_suffix(f".{secrets.token_hex(4)}.so")
+        made = subprocess.run(  # noqa: S603  the compiler that the user has or names
+            [*command, "-o", str(partial)],
+            input=source,
+            capture_output=True,
+            text=True,
+            check=False,
+            start_new_session=True,  # no Ctrl-C of a terminal
+        )
+        if made.returncode:
+            raise OSError(made.stderr.strip() or f"it ended with code {made.returncode}")
+        partial.replace(target)
     with suppress(OSError):  # another process tidies as well, or the folder is another's
-        os.utime(used)
-        libraries = sorted(used.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
-        for path in libraries[:-KEPT]:
+        os.utime(target)
+        libraries = sorted(target.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
+        for path in libraries[:-KEPT]:  # those that were not used for longest
             path.unlink(missing_ok=True)
+    return target
+
+
+def _compiler() -> list[str] | None:
+    """The command, as the environment or the machine has it."""
+    asked = os.environ.get("FEMFIT_COMPILER")
+    for name, *flags in [["cc"], ["gcc"], ["clang"]] if asked is None else filter(None, [shlex.split(asked)]):
+        if compiler := shutil.which(name):
+            return [compiler, *flags, *FLAGS]
+    if asked and asked.strip():
+        _warn(f"{asked} is not found")
+    return None
+
+
+def _warn(cause: str) -> None:
+    warnings.warn(
+        f"A function is not compiled, and up to ten times slower, as the C compiler must make a library of it in the "
+        f"cache folder {_folder()}: {cause[:300]}. Set FEMFIT_COMPILER to another compiler, or to nothing to do "
+        "without.",
+        RuntimeWarning,
+        stacklevel=2,
+    )
 
 
 def _folder() -> Path:

@@ -13,7 +13,6 @@
     ├── FitError (RuntimeError)           a fit that did not reach an optimum
     │   └── InfeasibleFitError            bounds and constraints that exclude every solution
     ├── FieldSolverError (RuntimeError)   a mesh or a field solution that failed
-    ├── ClusterError (ConnectionError)    a Dask cluster that cannot be used, or was lost
     ├── FilterError (ArithmeticError)     a filter that lost its covariance or its innovations
     ├── SimulationError (ArithmeticError) a motion that cannot be followed
     ├── RunDirectoryError (OSError)       a run directory that cannot be used or resumed
@@ -109,10 +108,6 @@ class InfeasibleFitError(FitError):
 
 class FieldSolverError(FemfitError, RuntimeError):
     """A mesh or a field solution that failed."""
-
-
-class ClusterError(FemfitError, ConnectionError):
-    """A Dask cluster that cannot be used, or was lost."""
 
 
 class FilterError(FemfitError, ArithmeticError):

@@ -15,13 +15,18 @@ import os
 import secrets
 import stat
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from os.path import realpath
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+from zipfile import BadZipFile
 
-from femfit.core.errors import OutputError, UsageError
+import numpy as np
+
+from femfit.core.errors import OutputError, TableError, UsageError
+from femfit.core.text import quoted
 
 
 @contextmanager
@@ -113,22 +118,38 @@ def path_of(value: object, what: str) -> Path:
 
 
 MODEL, FIELD_MODEL, RESULT, MANIFEST = "a model file", "a field model", "a JSON result", "the manifest of a sweep"
-RAW_SIDECAR, NOTES, DRAWING, FEMM = "a raw record's sidecar", "a table's sidecar", "an actuator file", "a FEMM model"
-TABLE, PARQUET, RAW = "a table", "a Parquet table", "a binary record"
-SWEEP, BENCH = "a sweep table of femfit", "a bench table of femfit"
-INTEGRATED, LOOP = "an integrated record of femfit", "a simulated loop's record"
+RAW_SIDECAR, NOTES, DRAWING = "a raw record's sidecar", "a table's sidecar", "an actuator file"
+SWEEP, BENCH = "a sweep table", "a bench table"
+INTEGRATED, LOOP = "an integrated record", "a simulated loop's record"
 OPEN_LOOP, REPLAYED = "a simulated motion's record", "a record with estimates"
-PAGE, PICTURE, PARAVIEW, TEXT = "an HTML page", "a picture", "a ParaView file", "a text"
+PAGE, PICTURE, PARAVIEW = "an HTML page", "a picture", "a ParaView file"
+
+_TABLES = {
+    LOOP: b"estimated_distance_m",
+    INTEGRATED: b"offset_v",
+    OPEN_LOOP: b"static_force_n",
+    REPLAYED: b"_innovation_",
+}
+"""Columns that only tables of femfit have: of simulate, observe and integrate, in lower case."""
+
+_MARKS = {kind: (mark,) for kind, mark in _TABLES.items()} | {
+    MODEL: (b'"magnetics":',),
+    FIELD_MODEL: (b'"coefficients_t":',),
+    RESULT: (b'"written_by": "femfit',),
+    MANIFEST: (b"{",),
+    RAW_SIDECAR: (_TABLES[INTEGRATED],),
+    PAGE: (b'name="generator" content="femfit"',),
+    NOTES: (b'notes = "flux linkage integrated from the coil voltage',),
+    DRAWING: (b"# imported from the femm model", b"# calibrated by femfit from"),
+    PICTURE: (b"\x89png", b"%pdf", b"<svg"),
+    PARAVIEW: (b"<vtkfile",),
+}
+"""Of what stands at the begin or at the end of a file of a kind that femfit wrote, in lower case."""
 
 _BY_SUFFIX = {
-    ".csv": TABLE,
-    ".parquet": PARQUET,
-    ".json": RESULT,
-    ".html": PAGE,
-    ".vtu": PARAVIEW,
-    **dict.fromkeys((".png", ".svg", ".pdf"), PICTURE),
-    **dict.fromkeys((".bin", ".raw", ".f32"), RAW),
-}
+    ".html": PAGE, ".vtu": PARAVIEW, ".json": RESULT, **dict.fromkeys((".png", ".svg", ".pdf"), PICTURE),
+    **dict.fromkeys((".csv", ".parquet", ".bin", ".raw", ".f32"), "a table"),
+}  # fmt: skip
 _SUFFIXES = {
     **dict.fromkeys((MODEL, FIELD_MODEL, RESULT, MANIFEST), (".json",)),
     **dict.fromkeys((NOTES, DRAWING), (".toml",)),
@@ -139,40 +160,12 @@ _SUFFIXES = {
 
 _OTHER_FORMATS = {".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".npz", ".toml", ".xml", ".fem", ".docx"}
 
-_BY_START = ((PARQUET, b"PAR1"), (PICTURE, (b"\x89PNG", b"%PDF")))
-_BY_MARK = (
-    (PAGE, (b"<!doctype html", b"<html")),
-    (PARAVIEW, (b"<vtkfile",)),
-    (PICTURE, (b"<svg",)),
-    (FEMM, (b"[format]",)),
-)
-_OWN_COLUMNS = {
-    LOOP: b"estimated_distance_m",
-    INTEGRATED: b"offset_v",
-    OPEN_LOOP: b"static_force_n",
-    REPLAYED: b"_innovation_",
-}
-"""Columns that only tables of femfit have: of simulate, observe and integrate, in lower case."""
-
-_OF_COLUMNS = (TABLE, PARQUET, RAW, RAW_SIDECAR)
-_NAMES = 2**16
-"""Bytes at the begin, and at the end, of a file in which its columns' names stand."""
-
-_OWN_TEXT = {
-    RESULT: (b'"written_by": "femfit',),
-    PAGE: (b'name="generator" content="femfit"',),
-    NOTES: (b'notes = "flux linkage integrated from the coil voltage',),
-    DRAWING: (b"# imported from the femm model", b"# calibrated by femfit from"),
-}
-"""What stands in a file of this kind that femfit wrote, in lower case."""
-
-_DRAWN = {"fixed", "moving", "coil", "electromagnet", "sweep", "materials"}
-_LARGEST_TEXT = 2**24
-"""Bytes up to which a text is parsed to tell what it is; femfit writes no larger JSON or TOML."""
+_MARKED = 2**16
+"""Bytes at the begin, and at the end, of a file in which its mark stands: of a Parquet table at the end."""
 
 
 def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, str | None]) -> None:
-    """Refuse outputs that would replace an input, each other or a file of another kind, or are named as another format.
+    """Refuse outputs that would replace an input, each other or what femfit did not write as a file of that kind.
 
     A path of None stands for an option that was not given, a kind of None for that of the file's suffix.
     """
@@ -189,94 +182,93 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
         written.add(place)
         if path.is_dir():
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
-        _require_suffix(path, kind)
-        wanted = kind or _BY_SUFFIX.get(path.suffix.lower(), TEXT)
-        if columns := kind in (SWEEP, BENCH, INTEGRATED, LOOP, OPEN_LOOP, REPLAYED):
-            by_suffix = _BY_SUFFIX.get(path.suffix.lower())
-            wanted = by_suffix if by_suffix in (TABLE, PARQUET, RAW) else TABLE
-        present = kind_of(path)
-        if present not in (None, wanted):
+        fitting, suffix = _SUFFIXES.get(kind or "", ()), path.suffix.lower()
+        if fitting and suffix not in fitting and suffix in {*_BY_SUFFIX, *_OTHER_FORMATS}:
             raise OutputError(
-                f"{path} holds {present}, and {wanted} would replace it. Choose another name, or delete that file."
+                f"{path} is to hold {kind}, which is not written as {suffix}. Give a name that ends in {fitting[0]}."
             )
-        table_kind = _own_table(path, present) if present in _OF_COLUMNS else None
-        if table_kind and columns and table_kind != kind:
+        wanted = kind or _BY_SUFFIX.get(suffix, "a result")
+        if path.is_file() and path.stat().st_size and not _is_of(path, wanted):
             raise OutputError(
-                f"{path} holds {table_kind}, and {kind} would replace it. Choose another name, or delete that file."
+                f"{path} was not written by femfit as {wanted}, which would replace it. Choose another name, or delete "
+                "that file."
             )
-        if present is not None and table_kind is None and not _is_own(path, present):
-            raise OutputError(f"{path} was not written by femfit. Choose another name, or delete that file.")
 
 
-def _require_suffix(path: Path, kind: str | None) -> None:
-    """Refuse a name that promises another format than the one that is written."""
-    fitting, suffix = _SUFFIXES.get(kind or "", ()), path.suffix.lower()
-    if fitting and suffix not in fitting and suffix in {*_BY_SUFFIX, *_OTHER_FORMATS}:
-        raise OutputError(
-            f"{path} is to hold {kind}, which is not written as {suffix}. Give a name that ends in {fitting[0]}."
-        )
+def _is_of(path: Path, kind: str) -> bool:
+    """Whether a file is one of a kind that femfit wrote."""
+    if kind == SWEEP:
+        return path.stem == "sweep" and path.with_name("manifest.json").is_file()
+    if kind == BENCH:
+        return _is_of(path.with_suffix(".toml"), NOTES)
+    raw = path.suffix.lower() in {".bin", ".raw", ".f32"}
+    marked = path.with_suffix(".json") if raw else path  # the columns of a raw record stand in its sidecar
+    if not marked.is_file():
+        return False
+    with marked.open("rb") as file:
+        text = file.read(_MARKED)
+        file.seek(-min(_MARKED, marked.stat().st_size), os.SEEK_END)
+        text = (text + file.read()).lower()
+    return any(mark in text for mark in _MARKS.get(kind, tuple(_TABLES.values())))
 
 
-def kind_of(path: Path) -> str | None:
-    """What a file holds; None where there is none, or an empty one."""
-    if not path.is_file() or path.stat().st_size == 0:
+Made = TypeVar("Made")
+
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, BadZipFile, zlib.error, IndexError)
+
+
+def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:
+    """Write what is not None of them, or remove an earlier file where there are no arrays."""
+    if arrays is None:
+        file.unlink(missing_ok=True)
+        return
+    held: dict[str, Any] = {name: np.asarray(value) for name, value in arrays.items() if value is not None}
+    with replacing(file) as partial, partial.open("wb") as out:
+        np.savez_compressed(out, **held)
+
+
+@contextmanager
+def reading(file: Path, remedy: str) -> Iterator[None]:
+    """Say of what a sweep has written, and what cannot be read any more, what to do."""
+    try:
+        yield
+    except _DAMAGED as error:
+        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. {remedy}") from error
+
+
+def read_arrays(file: Path, make: Callable[[dict[str, Any]], Made], remedy: str) -> Made | None:
+    """What is made of a file's arrays; None where there is no file.
+
+    Raises
+    ------
+    TableError
+        If the file is damaged.
+    """
+    if not file.is_file():
         return None
-    with path.open("rb") as file:
-        head = file.read(4096)
-    for kind, starts in _BY_START:
-        if head.startswith(starts):
-            return kind
-    start = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
-    for kind, marks in _BY_MARK:
-        if any(mark in start for mark in marks):
-            return kind
-    binary = any(byte < 9 for byte in head) and not head.startswith((b"\xff\xfe", b"\xfe\xff"))  # UTF-16 has zeros
-    return RAW if binary else _kind_of_text(path, start)
+    with reading(file, remedy), file.open("rb") as source, np.load(source, allow_pickle=False) as held:
+        return make({name: held[name] for name in held.files})
 
 
-def _is_own(path: Path, kind: str) -> bool:
-    """Whether femfit wrote a file; true for kinds that nothing else writes, or that are drawn again at any time."""
-    if kind in _OF_COLUMNS:
-        return _own_table(path, kind) is not None
-    text = path.read_bytes().lower() if kind in _OWN_TEXT else b""
-    return kind not in _OWN_TEXT or any(mark in text for mark in _OWN_TEXT[kind])
+def read_settings(file: Path, example: str) -> dict[str, Any]:
+    """Read a small TOML or JSON file of settings."""
+    try:
+        text = file.read_text(encoding="utf-8")
+        data = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
+    except (OSError, ValueError, RecursionError) as error:
+        kind = "TOML" if file.suffix == ".toml" else "JSON"
+        reason = "it is nested too deeply" if isinstance(error, RecursionError) else quoted(error, 200)
+        raise TableError(f"{file} must be {kind}, with lines like {example}; {reason}.") from error
+    if not isinstance(data, dict):
+        raise TableError(f"{file} must hold settings by name, like {example}; instead received {quoted(data)}.")
+    return data
 
 
-def _own_table(path: Path, kind: str | None) -> str | None:
-    """Which of femfit's tables a table is; None for a table of somebody else."""
-    notes, manifest = path.with_suffix(".toml"), path.with_name("manifest.json")
-    if path.stem == "sweep" and manifest.is_file():
-        return SWEEP
-    if kind_of(notes) == NOTES and _is_own(notes, NOTES):
-        return BENCH
-    named = path.with_suffix(".json") if kind == RAW else path  # columns stand in a raw record's sidecar
-    if not named.is_file():
+def finite_number(value: object) -> float | None:
+    """Return a number of a settings file as a float; None for anything else, and for what a float does not hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    with named.open("rb") as file:
-        names = file.read(_NAMES)
-        file.seek(-min(_NAMES, named.stat().st_size), os.SEEK_END)  # where Parquet has them
-        names = (names.split(b"\n")[0] if kind == TABLE else names + file.read()).lower()
-    return next((table_kind for table_kind, column in _OWN_COLUMNS.items() if column in names), None)
-
-
-def _kind_of_text(path: Path, start: bytes) -> str:
-    if path.stat().st_size <= _LARGEST_TEXT and (start.startswith(b"{") or path.suffix.lower() == ".toml"):
-        text = path.read_bytes().decode("utf-8", "replace")
-        try:
-            if start.startswith(b"{"):
-                return _kind_of_json(json.loads(text), path.name)
-            return DRAWING if _DRAWN & set(tomllib.loads(text)) else NOTES
-        except (ValueError, RecursionError):
-            return TEXT
-    first = start.splitlines()[0] if start else b""
-    return TABLE if any(mark in first for mark in (b",", b";", b"\t")) else TEXT
-
-
-def _kind_of_json(data: dict[str, Any], name: str) -> str:
-    if {"magnetics", "validity"} <= data.keys():
-        return MODEL
-    if "coefficients_T" in data:
-        return FIELD_MODEL
-    if "sample_rate_Hz" in data:
-        return RAW_SIDECAR
-    return MANIFEST if name == "manifest.json" else RESULT
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None

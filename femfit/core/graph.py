@@ -322,22 +322,17 @@ class GraphFunction:
             )
         if (library := self._compilation.after(count)) is not None:
             return library(inputs, count)
-        if count <= self._few:
-            return self._at_points(inputs, count)
+        result = np.empty((self.graph.output.numel(), count))
+        if count <= self._few:  # by the interpreter, one point after the other
+            for k in range(count):
+                result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
+            return result
         if count <= (block := self._block):
             return self._in_numpy(inputs, count).copy()
-        result = np.empty((self.graph.output.numel(), count))
         for first in range(0, count, block):
             part = slice(first, min(first + block, count))
             own = [x[:, part] if x.ndim == 2 and x.shape[1] > 1 else x for x in inputs]
             result[:, part] = self._in_numpy(own, part.stop - first)
-        return result
-
-    def _at_points(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
-        """By the interpreter, one point after the other."""
-        result = np.empty((self.graph.output.numel(), count))
-        for k in range(count):
-            result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
         return result
 
     @cached_property

@@ -80,19 +80,16 @@ class Journal:
         self._waiting.append(json.dumps(content).encode() + b"\n")
         while self._waiting:
             try:
-                self._append(self._waiting[0])
+                written, line = 0, self._waiting[0]
+                while written < len(line):
+                    written += self._file.write(line[written:]) or 0
+                os.fsync(self._file.fileno())
             except OSError as error:
                 if error.errno not in NO_ROOM:
                     raise
                 self._file.truncate(self._length)  # what was written of the line
                 return
             self._length += len(self._waiting.pop(0))
-
-    def _append(self, line: bytes) -> None:
-        written = 0
-        while written < len(line):
-            written += self._file.write(line[written:]) or 0
-        os.fsync(self._file.fileno())
 
     def _lock(self, directory: Path) -> None:
         """Keep other processes out; the system unlocks when this one ends, however it does."""
@@ -114,7 +111,9 @@ class Journal:
             self.changed = () if cut_short or aside.exists() else ("the journal's first line, which is damaged",)
             self._file.truncate(0)
         elif first is not None and first.configuration_hash != header.configuration_hash:
-            self.changed = () if aside.exists() else _changed(header, first.parts)
+            if not aside.exists():
+                changed = tuple(name for name, content in header.parts.items() if first.parts.get(name) != content)
+                self.changed = changed if first.parts else ("the version of femfit",)
             self._file.seek(0)
             _kept(directory, first.configuration_hash).write_bytes(self._file.read())
             self._file.truncate(0)
@@ -130,10 +129,15 @@ class Journal:
         self._file.seek(0)
         for line in self._file.read().splitlines(keepends=True):
             entry = _parse(line)
-            if entry is None or not (first or _is_item(entry)):
+            if entry is None:
                 break
             if not first:
-                self.finished[entry["key"]] = entry["result"]
+                key, result = entry.get("key"), entry.get("result")
+                if not isinstance(key, str) or not isinstance(result, dict):
+                    break
+                if entry.get("checksum") != _checksum(key, result):
+                    break  # what is damaged is dropped with all behind it, and worked out again
+                self.finished[key] = result
             first = False
             length += len(line)
         return length
@@ -150,13 +154,6 @@ def holds(directory: Path, configuration_hash: str) -> bool:
     return current or _kept(directory, configuration_hash).exists()
 
 
-def _changed(header: JournalHeader, parts: Mapping[str, str]) -> tuple[str, ...]:
-    """Names of the parts that are other than those of an earlier journal, where that has them."""
-    if not parts:
-        return ("the version of femfit",)
-    return tuple(name for name, content in header.parts.items() if parts.get(name) != content)
-
-
 def _kept(directory: Path, configuration_hash: str) -> Path:
     """Where the journal of another configuration waits."""
     return directory / f"journal-{configuration_hash[:12]}.jsonl"
@@ -169,12 +166,6 @@ def _header(line: bytes) -> JournalHeader | None:
     if not isinstance(hashed, str) or not re.fullmatch(r"[0-9a-f]+", hashed) or not isinstance(parts, dict):
         return None
     return JournalHeader(hashed, parts)
-
-
-def _is_item(entry: Mapping[str, Any]) -> bool:
-    """Whether a line is a finished item: what is damaged is dropped with all behind it, and worked out again."""
-    key, result = entry.get("key"), entry.get("result")
-    return isinstance(key, str) and isinstance(result, dict) and entry.get("checksum") == _checksum(key, result)
 
 
 def _checksum(key: str, result: Mapping[str, Any]) -> int:

@@ -19,18 +19,6 @@ PIECES = 512, 32
 """Chosen: lengths in which arrays are given to libm's functions."""
 
 
-def _twice(x: FloatArray, out: FloatArray) -> None:
-    np.add(x, x, out=out)
-
-
-def _assign(x: FloatArray, out: FloatArray) -> None:
-    np.copyto(out, x)
-
-
-def _if_else_zero(condition: FloatArray, value: FloatArray, out: FloatArray) -> None:
-    out[:] = np.where(condition, value, 0.0)
-
-
 class _Elementary:
     """A function of libm over arrays, in pieces of a fixed length.
 
@@ -53,22 +41,20 @@ class _Elementary:
             pieces = [x[first:end] for x in arrays]
             if end - first < length:
                 pieces = [np.pad(piece, (0, length - len(piece)), mode="edge") for piece in pieces]
-            out[first:end] = self._caller(length)(*pieces)[: end - first]
+            if length not in self._callers:
+                x = [SX.sym("x", length) for _ in range(self._operands)]
+                self._callers[length] = Caller(ca.Function("f", x, [self._function(*x)]))
+            out[first:end] = self._callers[length](*pieces)[: end - first]
             first = end
-
-    def _caller(self, length: int) -> "Caller":
-        if length not in self._callers:
-            x = [SX.sym("x", length) for _ in range(self._operands)]
-            self._callers[length] = Caller(ca.Function("f", x, [self._function(*x)]))
-        return self._callers[length]
 
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
     "ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide, "NEG": np.negative, "SQ": np.square,
     "SQRT": np.sqrt, "FLOOR": np.floor, "FABS": np.abs, "FMAX": np.fmax, "FMIN": np.fmin, "SIGN": np.sign,
     "LE": np.less_equal, "LT": np.less, "EQ": np.equal, "NE": np.not_equal, "NOT": np.logical_not,
-    "AND": np.logical_and, "OR": np.logical_or, "INV": np.reciprocal, "COPYSIGN": np.copysign, "TWICE": _twice,
-    "ASSIGN": _assign, "IF_ELSE_ZERO": _if_else_zero,
+    "AND": np.logical_and, "OR": np.logical_or, "INV": np.reciprocal, "COPYSIGN": np.copysign,
+    "ASSIGN": np.positive, "TWICE": lambda x, out: np.add(x, x, out=out),
+    "IF_ELSE_ZERO": lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)),
 }  # fmt: skip
 _ELEMENTARY: dict[str, Callable[..., SX]] = {
     "EXP": ca.exp, "EXPM1": ca.expm1, "LOG": ca.log, "LOG1P": ca.log1p, "TANH": ca.tanh, "SIN": ca.sin, "COS": ca.cos,

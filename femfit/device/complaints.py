@@ -36,16 +36,13 @@ def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) ->
     problems.append(_sentences()[code].format(path=path, **facts))
 
 
-def read_table(
-    record: Any, table: object, path: str, problems: list[str], records: Sequence[Any] = (), **more: Any
-) -> Any:
+def read_table(record: Any, table: object, path: str, problems: list[str], **more: Any) -> Any:
     """The record of a table at a key path, with a line for each problem; None if a known key is wrong.
 
     Unknown keys are reported and then ignored, so that they do not keep later checks from their work. Tables within
-    this one are read by themselves. The table could be one of other ``records``; what the record has beside its keys
-    is ``more``.
+    this one are read by themselves; what the record has beside its keys is ``more``.
     """
-    given = given_by(record, table, path, problems, records)
+    given = given_by(record, table, path, problems)
     if given.wrong:
         return None
     count = len(problems)
@@ -65,7 +62,7 @@ def read_part(record: Any, table: object, *names: str) -> Any:
     return None if given.wrong & {*keys, ""} else given if names else in_si(record, given)
 
 
-def given_by(record: Any, table: object, path: str, problems: list[str], records: Sequence[Any] = ()) -> Given:
+def given_by(record: Any, table: object, path: str, problems: list[str]) -> Given:
     """What a table gives of the keys of a record, each by itself."""
     keys = keys_of(record)
     given = Given(
@@ -84,9 +81,8 @@ def given_by(record: Any, table: object, path: str, problems: list[str], records
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
         given.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        foreign = any(name in keys_of(other) for other in records)
         facts = {"near": did_you_mean(str(name), keys), "known": ", ".join(keys)}
-        complain(problems, "foreign" if foreign else "unknown", joined(path, name), **facts)
+        complain(problems, "unknown", joined(path, name), **facts)
     return given
 
 
@@ -222,7 +218,7 @@ def read_tables(data: Tables, problems: list[str]) -> dict[str, Any]:
         # One that should not have a name and is no table is a mistake of the table above it
         if key.named or isinstance(table, dict):
             named = {"name": name} if "name" in record.__dataclass_fields__ and "name" not in keys_of(record) else {}
-            read[path] = read_table(record, table, path, problems, key.records, **named)
+            read[path] = read_table(record, table, path, problems, **named)
     return {path: record for path, record in read.items() if record is not None}
 
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from femfit.device.complaints import joined, read_part, table_at
 from femfit.device.drawing import fixed_key
-from femfit.device.file_numbers import Location, conducts_flux
-from femfit.device.outline_entry import OutlineEntry
+from femfit.device.file_numbers import Location
+from femfit.device.keys import OutlineEntry
 
 COINCIDENT = 1e-6
 """In mm: coordinates that differ by less are one."""
@@ -51,7 +51,6 @@ class _Part:
     body: str
     entry: OutlineEntry
     box: tuple[tuple[float, float], tuple[float, float]]
-    conducts_flux: bool
     name: str  # As the file gives it, after "coil" where a region has the same one
 
 
@@ -84,13 +83,11 @@ def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
             merged[k] = replace(face, label=f"{face.label} without {over[0].slope}")
     named = merged + [_completed(face, merged, parts) for face in contours]
     count = Counter(face.label for face in named)
-    return [_told_apart(face) if count[face.label] > 1 and face.span else face for face in named]
-
-
-def _told_apart(face: Face) -> Face:
-    """With the range of a face in its name, where its part has another one at the same coordinate."""
-    low, high = face.span or (0.0, 0.0)
-    return replace(face, label=f"{face.label} from {'zr'[face.axis]} = {low:g} to {high:g} mm")
+    for k, face in enumerate(named):
+        if count[face.label] > 1 and face.span:  # its part has another face at the same coordinate
+            low, high = face.span
+            named[k] = replace(face, label=f"{face.label} from {'zr'[face.axis]} = {low:g} to {high:g} mm")
+    return named
 
 
 def _completed(contour: Face, merged: Sequence[Face], parts: Sequence[_Part]) -> Face:
@@ -111,45 +108,14 @@ def _label(face: Face, parts: Sequence[_Part]) -> str:
     axis, words = "rz"[face.axis], "face"
     if face.axis == 0:
         words = "bore" if face.side > 0 else "outer surface"
-    elif _is_pole(face, parts):
-        words = "pole face"
     return f"{owner.name}: {words} at {axis} = {face.value:g} mm"
-
-
-def _is_pole(face: Face, parts: Sequence[_Part]) -> bool:
-    """Whether a face of a fixed part that conducts flux looks at the moving part, with nothing fixed between."""
-    owner = next(part for part in parts if part.path == face.part)
-    if face.body != "fixed" or face.span is None or not owner.conducts_flux:
-        return False
-    towards = -face.side
-    for part in parts:
-        shared = _shared(face.span, part.box[0])
-        ahead = [towards * z for z in part.box[1]]
-        if part.path[0] == "moving" and shared and max(ahead) > towards * face.value:
-            return not any(
-                neighbour.body == "fixed"
-                and neighbour.path != face.part
-                and _shared(shared, neighbour.box[0])
-                and max(towards * z for z in neighbour.box[1]) > towards * face.value + COINCIDENT
-                and min(towards * z for z in neighbour.box[1]) < max(ahead)
-                for neighbour in parts
-            )
-    return False
-
-
-def _shared(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float] | None:
-    low, high = max(first[0], second[0]), min(first[1], second[1])
-    return (low, high) if high - low > COINCIDENT else None
 
 
 def _touch(first: Face, second: Face) -> bool:
     if first.span is None or second.span is None or (first.body, first.axis) != (second.body, second.axis):
         return False
-    return (
-        first.side == -second.side
-        and abs(first.value - second.value) < COINCIDENT
-        and _shared(first.span, second.span) is not None
-    )
+    shared = min(first.span[1], second.span[1]) - max(first.span[0], second.span[0])
+    return first.side == -second.side and abs(first.value - second.value) < COINCIDENT and shared > COINCIDENT
 
 
 def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
@@ -167,7 +133,7 @@ def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
         if entry is not None and box is not None:
             shared = path[0] == "coils" and path[-1] in regions
             name = f"{'coil ' * shared}{path[-1]}"
-            yield _Part(path, body, entry, box, conducts_flux(data, table.get("material")), name)
+            yield _Part(path, body, entry, box, name)
 
 
 def _box(entry: OutlineEntry) -> tuple[tuple[float, float], tuple[float, float]] | None:
@@ -225,7 +191,11 @@ def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Fac
         corners[k][0] * corners[(k + 1) % count][1] - corners[(k + 1) % count][0] * corners[k][1] for k in range(count)
     )
     sense = 1 if area > 0.0 else -1
-    joins = [[_is_across(corners[k], corners[(k + 1) % count], axis) for k in range(count)] for axis in (0, 1)]
+    joins: tuple[list[bool], list[bool]] = [], []  # whether each edge is straight and lies at one coordinate
+    for k, start in enumerate(corners[:count]):
+        end, straight = corners[(k + 1) % count], len(start) < 3 or not start[2]
+        for axis in (0, 1):
+            joins[axis].append(straight and abs(start[axis] - end[axis]) < COINCIDENT)
     path = (*part.path, "polygon_mm")
     for axis in (0, 1):
         across, flat = 1 - axis, []
@@ -248,11 +218,6 @@ def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Fac
         for run in _runs([not is_joined for is_joined in joins[across]]):
             if 1 < len(run) < count and not all(joins[axis][k] for k in run[:-1]):
                 yield _contour(corners, places, run, axis, [face for place, face in flat if place[0] in run], part)
-
-
-def _is_across(start: Sequence[float], end: Sequence[float], axis: int) -> bool:
-    """Whether the edge between two corners is straight and lies at one coordinate."""
-    return abs(start[axis] - end[axis]) < COINCIDENT and not (len(start) == 3 and bool(start[2]))
 
 
 def _runs(joins: Sequence[bool]) -> Iterator[list[int]]:
@@ -283,11 +248,7 @@ def _contour(
     curved = any(len(corners[k]) == 3 and corners[k][2] for k in run[:-1])
     if not flat:
         ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
-        label = f"{part.name}: slanted face from {ends}"
-        if curved and abs(values[0] - values[-1]) < COINCIDENT:
-            label = f"{part.name}: rounded edge at {'rz'[axis]} = {values[0]:g} mm"
-        elif curved:
-            label = f"{part.name}: rounded edge from {ends}"
+        label = f"{part.name}: {'rounded edge' if curved else 'slanted face'} from {ends}"
         middle = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
         return Face(axis, values[0], locations, part.body, part=part.path, label=label, key=key, at=middle)
     longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)

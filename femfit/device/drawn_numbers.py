@@ -16,10 +16,9 @@ from typing import Any
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import joined, table_at
-from femfit.device.decimals import decimal_sum
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import Location, with_value
-from femfit.device.keys import converted, keys_of
+from femfit.device.keys import converted, decimal_sum, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, Region
 from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances
@@ -141,21 +140,17 @@ def numbers_from_toml(
         )
     tolerances, general = read_tolerances(data, [])
     faces, hall = (list(_moved(data, source, directory, lengths)) for lengths in (_faces(data), _hall_place(data)))
-    numbers = [*faces, *_materials(actuator), *hall, *_turns(data, actuator)]
-    return tuple(
-        replace(number, facts=_with_tolerance(number.facts, tolerances, general))
-        for number in numbers
-        if harmonic or KINDS[number.facts.kind].at_rest
-    )
-
-
-def _with_tolerance(number: NumberFacts, tolerances: Mapping[str, float], general: float | None) -> NumberFacts:
-    named = [tolerances[key] for key in dict.fromkeys((number.key, *number.also)) if key in tolerances]
-    if named:
-        return replace(number, tolerance=named[0] / number.per(number.value), declared=True)
-    if number.unit == "mm" and general is not None:
-        return replace(number, tolerance=general, declared=True)
-    return number
+    numbers = []
+    for number in (*faces, *_materials(actuator), *hall, *_turns(data, actuator)):
+        facts = number.facts
+        named = [tolerances[key] for key in dict.fromkeys((facts.key, *facts.also)) if key in tolerances]
+        if named:
+            facts = replace(facts, tolerance=named[0] / facts.per(facts.value), declared=True)
+        elif facts.unit == "mm" and general is not None:
+            facts = replace(facts, tolerance=general, declared=True)
+        if harmonic or KINDS[facts.kind].at_rest:
+            numbers.append(replace(number, facts=facts))
+    return tuple(numbers)
 
 
 def _changed(data: dict[str, Any], locations: Iterable[Location], change: float) -> dict[str, Any]:

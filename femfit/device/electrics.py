@@ -16,9 +16,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount, amount_range
-from femfit.device.decimals import scaled
-from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, Record, converted, key
-from femfit.device.outline_entry import OutlineEntry
+from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, OutlineEntry, Record, converted, key, scaled
 
 NOISE: dict[str, Any] = {"ge": 0.0, "le": 1e6}
 TURNS: dict[str, Any] = {"ge": 1.0, "le": 1e7, "kind": "turns"}

@@ -4,11 +4,9 @@ import difflib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from femfit.device.complaints import joined, meant_by, table_at, tables_of
+from femfit.device.complaints import joined, table_at, tables_of
 from femfit.device.keys import keys_of
-from femfit.device.materials import KINDS as MATERIALS
 from femfit.device.materials import LIBRARY
-from femfit.device.parts import NonlinearMaterial
 from femfit.device.schema import BODIES
 from femfit.device.thermal import ThermalMaterial
 
@@ -33,20 +31,6 @@ def material_keys(data: Mapping[str, Any]) -> dict[str, Location]:
     return {joined("", *place): place for place in places}
 
 
-SOFT = 10.0
-"""Conventional: relative permeability from which a part carries flux, as a pole does; magnets have little above 1."""
-
-
-def conducts_flux(data: Mapping[str, Any], material: object) -> bool:
-    """Whether a material of the file, or of the library, is soft magnetic."""
-    table = table_at(data, "materials").get(str(material))
-    if table is None and str(material) in LIBRARY:
-        table = LIBRARY[str(material)].table
-    if meant_by(table, MATERIALS) is NonlinearMaterial:
-        return True
-    return isinstance(table, dict) and table.get("relative_permeability", 1.0) > SOFT
-
-
 def with_value(data: dict[str, Any], location: Location, value: float | str) -> None:
     """Set a number of a file, or the name of a material, in place."""
     first, name = location[:2]
@@ -61,21 +45,8 @@ def with_value(data: dict[str, Any], location: Location, value: float | str) -> 
 WITHOUT_FIELD = {"conductivity_MS_per_m", "lamination_mm", *keys_of(ThermalMaterial)}
 """Keys of materials on which no field at rest depends."""
 
-_NOT_OF_THE_DEVICE = {
-    "schema": "it says how the file is written",
-    "sweep": "it is of the grid itself",
-    "solver": "it says how the field is solved, not what the device is",
-    "thermal": "temperatures alone depend on it, which a sweep does not solve",
-    "reference": "it says what a closed loop is asked for, not what the device is",
-    "tolerances": "it says how far another number may be off",
-}
-_BITS = "bits", "adc_bits"
-
-
-def why_no_number(path: str) -> str:
-    """Why a number of the file can neither be swept nor be off; empty for all others."""
-    first, last = path.partition(".")[0], path.rpartition(".")[2]
-    return "a converter has a whole number of bits" if last in _BITS else _NOT_OF_THE_DEVICE.get(first, "")
+NOT_OF_THE_DEVICE = ("schema", "sweep", "solver", "thermal", "reference", "tolerances")
+"""Tables whose numbers can neither be swept nor be off: they say how it is solved, heated or used, not what it is."""
 
 
 def nearest_numbers(path: str, data: Mapping[str, Any]) -> list[str]:
@@ -91,7 +62,7 @@ def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
     library = sorted((used - table_at(data, "materials").keys()) & LIBRARY.keys())
     unwritten = [(("materials", name), type(LIBRARY[name].material), dict[str, Any](), None) for name in library]
     for place, record, table, _ in (*tables_of(data), *unwritten):
-        if why_no_number(place[0]) or not isinstance(table, dict):
+        if place[0] in NOT_OF_THE_DEVICE or not isinstance(table, dict):
             continue
         for name, key in keys_of(record).items():
             if key.is_number:

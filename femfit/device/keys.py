@@ -7,11 +7,21 @@ row of the reference page, its JSON Schema and its limits in a model file all fo
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from decimal import Decimal
 from functools import cache, cached_property
 from types import SimpleNamespace, UnionType
 from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
 
-from femfit.device.decimals import scaled
+
+def scaled(value: float, exponent: int = -3) -> float:
+    """The double nearest to value * 10^exponent, as from mm to m, the value taken with the digits that print it."""
+    return float(Decimal(repr(float(value))).scaleb(exponent))
+
+
+def decimal_sum(offset: float, factor: float, value: float) -> float:
+    """The double nearest to offset + factor * value, all three taken with the digits that print them."""
+    first, second, third = (Decimal(repr(float(number))) for number in (offset, factor, value))
+    return float(first + second * third)
 
 
 class Unit(NamedTuple):
@@ -200,3 +210,24 @@ def in_si(record: Any, given: Given, complain: Callable[..., None] | None = None
             value = getattr(given, name)
             values[declared.field] = value if declared.hint is Any else converted(value, declared.power)
     return record(**values | record.derived(given, complain or (lambda *_, **__: None)) | more)
+
+
+_ANY = LENGTH | {"kind": "length"}
+
+
+@dataclass(frozen=True)
+class OutlineEntry(Record):
+    """A box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
+
+    r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, **_ANY)
+    z_mm: tuple[float, float] | None = key("[lower, upper] height in mm", None, **_ANY)
+    polygon_mm: tuple[tuple[float, ...], ...] | None = key(
+        "at least three corners [[r, z], ...] in mm; a third number is the angle in degrees of an arc to the next "
+        "corner, positive counter-clockwise",
+        None,
+        count=((2, 1000), (2, 3)),
+        **_ANY,
+    )
+    circle_mm: tuple[float, float, float] | None = key(
+        "[r, z, radius]: a ball where r is 0, a ring with a round section elsewhere", None, **_ANY
+    )

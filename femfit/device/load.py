@@ -2,29 +2,30 @@
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from femfit.core.errors import ActuatorFileError
-from femfit.core.files import path_of
-from femfit.device import checks
+from pydantic import TypeAdapter, ValidationError
+
+from femfit.core.errors import ActuatorFileError, TableError
+from femfit.core.files import json_ready, path_of
+from femfit.device import drawing
 from femfit.device.complaints import complain, read_table, read_tables, table_at
-from femfit.device.decimals import scaled
-from femfit.device.drawing import Drawing, read_drawing
+from femfit.device.keys import scaled
 from femfit.device.parameter_table import read_design
-from femfit.device.parts import AIR, Actuator, MovingPart, Region
+from femfit.device.parameters import eddy_bias, frequencies, read_axes
+from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, is_iron, thick_sheets
 from femfit.device.read_device import (
     check_circuit_names,
-    check_travel,
     hall_places,
     read_circuits,
     read_coils,
     read_mechanics,
     read_sensors,
 )
-from femfit.device.read_sweep import eddy_bias, frequencies, read_axes
 from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
 from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
@@ -93,11 +94,14 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         data = {**data, "sweep": design.axes(data)}
     header: FileEntry | None = read_table(FileEntry, data, "", problems)
     _check_schema(data, problems)
-    entries = read_tables(_with_mass(data), problems)
+    tables, of_body, given = data, table_at(data, "moving"), data.get("mechanics")
+    if "mass_g" in of_body and isinstance(given, dict):  # the mass stands in [moving], as in schema 1
+        tables = {**data, "mechanics": {"mass_g": of_body["mass_g"]} | given}
+    entries = read_tables(tables, problems)
     solver: SolverEntry | None = entries.get("solver")
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
-    drawing = read_drawing(data, entries, directory or Path(), problems)
-    coils = read_coils(entries, drawing, problems)
+    drawn = drawing.read_drawing(data, entries, directory or Path(), problems)
+    coils = read_coils(entries, drawn, problems)
     circuits, coils = read_circuits(data, entries, coils, problems)
     names = [circuit.name for circuit in circuits]
     check_circuit_names(names, problems)
@@ -110,17 +114,15 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     if outside:
         complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
     read_tolerances(data, problems)
-    _check_drawing(data, drawing, distances, problems)
-    if mechanics is not None:
-        check_travel(mechanics, distances, problems)
+    _check_drawing(data, drawn, distances, problems)
     if problems or header is None or mechanics is None:
         raise ActuatorFileError(source, problems)
     return Actuator(
         name=header.name,
         description=header.description,
-        fixed=tuple(_region(part) for part in drawing.fixed),
+        fixed=tuple(_region(part) for part in drawn.fixed),
         coils=coils,
-        moving=MovingPart(tuple(_region(part) for part in drawing.moving)),
+        moving=MovingPart(tuple(_region(part) for part in drawn.moving)),
         mechanics=mechanics,
         sweep=axes.in_si(),
         circuits=circuits,
@@ -161,45 +163,96 @@ def is_schema_1(data: dict[str, Any]) -> bool:
     return data.get("schema") == 1
 
 
-def _with_mass(data: dict[str, Any]) -> dict[str, Any]:
-    """A file whose mass stands in [moving], as in schema 1, with it in [mechanics] too."""
-    moving, mechanics = table_at(data, "moving"), data.get("mechanics")
-    if "mass_g" not in moving or not isinstance(mechanics, dict):
-        return data
-    return {**data, "mechanics": {"mass_g": moving["mass_g"]} | mechanics}
-
-
-def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[float], problems: list[str]) -> None:
+def _check_drawing(
+    data: dict[str, Any], drawn: drawing.Drawing, distances: Sequence[float], problems: list[str]
+) -> None:
     if is_schema_1(data):
         distances = [distance for distance in distances if distance > 0.0]
-    standing, moving = drawing.standing, drawing.mover
-    checks.check_thickness([*standing, *moving], problems)
-    checks.check_overlaps(standing, problems)
-    checks.check_overlaps(moving, problems)
-    if drawing.complete:
+    standing, moving = drawn.standing, drawn.mover
+    drawing.check_thickness([*standing, *moving], problems)
+    drawing.check_overlaps(standing, problems)
+    drawing.check_overlaps(moving, problems)
+    if drawn.complete:
         if not moving:
             complain(problems, "no_moving")
         if not standing:
             complain(problems, "no_fixed")
-        checks.check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
-        checks.check_moving_body(drawing.moving, [winding for winding in drawing.windings if winding.moves], problems)
-    checks.check_collisions(standing, moving, distances, problems)
+        drawing.check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
+        drawing.check_moving_body(drawn.moving, [winding for winding in drawn.windings if winding.moves], problems)
+    drawing.check_collisions(standing, moving, distances, problems)
     for path, place in hall_places(data):
-        checks.check_hall_place(path, place, standing, moving, distances, problems)
+        drawing.check_hall_place(path, place, standing, moving, distances, problems)
 
 
-def _region(part: checks.DrawnPart) -> Region:
+def _region(part: drawing.DrawnPart) -> Region:
     corners = tuple((scaled(r), scaled(z)) for r, z in part.outline.corners)
     return Region(part.name, corners, part.material or AIR, part.outline.bulges)
 
 
-def starter_names() -> tuple[str, ...]:
-    """Names of the drawings, in alphabetical order."""
-    entries = (entry.name for entry in files("femfit.device.examples").iterdir())
-    return tuple(sorted(name.removesuffix(".toml") for name in entries if name.endswith(".toml")))
-
-
 def starter_text(name: str, title: str | None = None) -> str:
     """The actuator file of a drawing, under a name of its own where one is given that is fit for a name."""
-    text = files("femfit.device.examples").joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    text = files("femfit.device").joinpath(f"examples/{name}.toml").read_text(encoding="utf-8")
     return text if not re.match(NAME_PATTERN, title or "") else text.replace(f'name = "{name}"', f'name = "{title}"', 1)
+
+
+def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
+    """The manifest's ``actuator`` entry: circuits, motion, sensors, and what kind of actuator it is."""
+    supplied = {}
+    if len(actuator.circuits) == 1 and actuator.supplies_V:  # as measured tables without a drawing have it, too
+        names = "resistance_ohm", "voltage_min_V", "voltage_max_V"
+        supplied = {name: getattr(actuator.circuits[0], name) for name in names}
+    return {
+        "name": actuator.name,
+        "description": actuator.description,
+        "mass_kg": actuator.mechanics.mass_kg,
+        **supplied,
+        "sample_time_s": actuator.sample_time_s,
+        "reference_distances_m": list(actuator.reference_distances_m),
+        "hall": None if actuator.hall is None else asdict(actuator.hall),
+        "circuits": [json_ready(asdict(circuit)) for circuit in actuator.circuits],
+        "coils": [{"name": coil.name, "turns": coil.turns, "moves": coil.moves} for coil in actuator.coils],
+        "mechanics": asdict(actuator.mechanics),
+        "sensors": [asdict(sensor) for sensor in actuator.sensors],
+        "kind": {
+            "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
+            "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
+            "fixed_iron": any(is_iron(region.material) for region in actuator.fixed),
+            "moving_iron": any(is_iron(region.material) for region in actuator.moving.regions),
+            "coil": bool(actuator.coils),
+            "saturates": actuator.saturates,
+        },
+    }
+
+
+def remarks(actuator: Actuator) -> list[str]:
+    """What was left out of a drawing's materials, and too thick sheets."""
+    materials = {region.material for region in actuator.regions}
+    problems = sorted(
+        f"Material {material.name}: {material.remark}."
+        for material in materials
+        if isinstance(material, NonlinearMaterial) and material.remark
+    )
+    return [*problems, *thick_sheets(actuator)]
+
+
+def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
+    """Build the actuator again that ``dataclasses.asdict`` made a record of."""
+    try:
+        circuits = [circuit_record(each) for each in record.get("circuits") or () if isinstance(each, Mapping)]
+        actuator = TypeAdapter(Actuator).validate_python({**record, "circuits": circuits})
+    except ValidationError as error:
+        problems = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}." for fault in error.errors()]
+        raise ActuatorFileError(source, [*problems, "Sweep again, or give the actuator file."]) from error
+    if re.fullmatch(NAME_PATTERN, actuator.name) is None:  # directories are named after it
+        received = f"instead received {actuator.name[:64]!r}. Sweep again."
+        raise ActuatorFileError(
+            source, [f"name: must begin with a letter and hold letters, digits, - and _; {received}"]
+        )
+    return actuator
+
+
+def circuit_record(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A circuit's record without what is null, as a voltage's open limits; TableError for one of an earlier version."""
+    if "coils" in record or "minimum" in (record.get("drive") or {}):
+        raise TableError("The manifest's circuits are of an earlier version. Sweep again, or give the actuator file.")
+    return {key: value for key, value in record.items() if value is not None}

@@ -1,16 +1,195 @@
-"""The library of materials: tables as in ``[materials]`` of an actuator file, which may name one or define its own."""
+"""The library of materials, and the curves of soft ones: H(B), its slope and the energy, from tabulated points.
 
+Between the points H(B) is the monotone cubic of Fritsch and Carlson, so that dH/dB is continuous and H never turns
+back; H is odd, which fixes its slope at B = 0. Beyond the last point dH/dB rises linearly to nu_0 over a fifth of the
+last B and stays there: a saturated material takes up field like air. No slope exceeds nu_0. Points from users, a CSV
+file or two lists, are checked before they are used.
+
+References
+----------
+F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238: monotone piecewise cubic interpolation;
+C. Pechstein and B. Juettler, J. Comput. Appl. Math. 196 (2006) 45: monotone B-H curves in field solvers.
+"""
+
+import csv
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
 from femfit.core.errors import ActuatorFileError
-from femfit.device.bh import read_bh_csv
+from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.complaints import meant_by, read_table
 from femfit.device.keys import converted, keys_of
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
+
+TAIL = 0.2
+"""Length, relative to the last B, over which dH/dB rises to nu_0. The polarisation still gained there is at most a
+tenth of the last B, as between the usual end of a data sheet's curve (10 kA/m) and the saturation of iron."""
+
+
+class BHCurve:
+    """H(B), to be evaluated at arrays of B >= 0 in T."""
+
+    def __init__(self, flux_density_T: tuple[float, ...], field_A_per_m: tuple[float, ...]) -> None:
+        b, h = np.asarray(flux_density_T, dtype=np.float64), np.asarray(field_A_per_m, dtype=np.float64)
+        slopes = np.minimum(_slopes(b, h), 1.0 / MU_0)
+        tail = TAIL * b[-1]
+        self.saturated_T = float(b[-1] + tail)
+        self._saturated_field = float(h[-1] + 0.5 * tail * (slopes[-1] + 1.0 / MU_0))
+        self._field = CubicHermiteSpline(
+            np.append(b, self.saturated_T), np.append(h, self._saturated_field), np.append(slopes, 1.0 / MU_0)
+        )
+        self._slope = self._field.derivative()
+        self._energy = self._field.antiderivative()
+
+    def field(self, b: FloatArray) -> FloatArray:
+        """H in A/m."""
+        inside, beyond = self._split(b)
+        return np.asarray(self._field(inside) + beyond / MU_0)
+
+    def differential_reluctivity(self, b: FloatArray) -> FloatArray:
+        """dH/dB in m/H."""
+        return np.asarray(self._slope(self._split(b)[0]))
+
+    def reluctivity(self, b: FloatArray) -> FloatArray:
+        """H / B in m/H, its limit dH/dB at B = 0."""
+        b = np.asarray(b, dtype=np.float64)
+        zero = b == 0.0
+        return np.where(zero, float(self._slope(0.0)), self.field(b) / np.where(zero, 1.0, b))
+
+    def energy_density(self, b: FloatArray) -> FloatArray:
+        """Integral of H dB from 0, in J/m^3."""
+        inside, beyond = self._split(b)
+        return np.asarray(self._energy(inside) + beyond * (self._saturated_field + 0.5 * beyond / MU_0))
+
+    def _split(self, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """B up to saturation, and what is beyond."""
+        inside = np.minimum(b, self.saturated_T)
+        return inside, b - inside
+
+
+def _slopes(b: FloatArray, h: FloatArray) -> FloatArray:
+    """dH/dB at the points. With the points mirrored at B = 0, since H is odd, the slope there is the first secant's.
+
+    At the last point it is at least the last secant's: a saturating curve does not become steeper in B(H) again.
+    """
+    mirrored = PchipInterpolator(np.append(-b[:0:-1], b), np.append(-h[:0:-1], h))
+    slopes = np.asarray(mirrored(b, 1))
+    slopes[-1] = max(slopes[-1], (h[-1] - h[-2]) / (b[-1] - b[-2]))
+    return slopes
+
+
+HEADER = ("B_T", "H_A_per_m")
+MIN_POINTS, MAX_POINTS = 3, 1000
+MAX_FLUX_DENSITY = 5.0
+"""In T; beyond what any magnet reaches, so that a larger value is one in kG, G or mT."""
+
+MAX_RELATIVE_PERMEABILITY = 2e6
+"""Above that of the softest alloys known (about 1e6, Supermalloy): a larger one is H in kA/m or Oe."""
+
+SLOPE_TOLERANCE = 0.01
+"""dB/dH may fall below mu_0 by so much: tables are rounded."""
+
+LITTLE_BELOW = 0.5
+"""Least dB/dH over mu_0 of a flux density that was measured a little too small in saturation; the polarisation, which
+is often tabulated in its place, rises with less and less there."""
+
+Points = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
+    """Read B and H from a CSV file with the header ``B_T,H_A_per_m``; lines that begin with # are comments.
+
+    Gives (B, H), or None and what keeps the file from being read, each beginning with a verb.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except FileNotFoundError:
+        words = f"must name a steel of the library or an existing file; {file} does not exist."
+        return None, [f"{words} A path is relative to the actuator file."]
+    except (OSError, UnicodeDecodeError) as error:
+        return None, [f"must name a readable text file; {file} is not: {error}."]
+    rows = [(n, row) for n, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
+    names = [name.strip() for name in rows[0][1]] if rows else []
+    if not set(HEADER) <= set(names):
+        return None, [f"must have the columns {','.join(HEADER)}; {file.name} begins with {','.join(names)[:60]!r}."]
+    columns = [names.index(name) for name in HEADER]
+    values: list[tuple[float, float]] = []
+    problems: list[str] = []
+    for number, row in rows[1:]:
+        try:
+            b, h = (float(row[column]) for column in columns)
+        except (ValueError, IndexError):
+            problems.append(f"must hold two numbers a line; line {number} of {file.name} is {','.join(row)[:60]!r}.")
+        else:
+            values.append((b, h))
+    if problems:
+        return None, problems[:5]
+    return (tuple(b for b, _ in values), tuple(h for _, h in values)), []
+
+
+def without_flat_end(b: Sequence[float], h: Sequence[float]) -> tuple[Points, str]:
+    """The curve without last points between which B rises a little less than mu_0 H, and a remark if there are any.
+
+    Published tables end so, where the field of the measuring coil was taken away a little too much. Above the last
+    point that is kept the material takes up field like air, as it does above any curve's last point.
+    """
+    slopes = [
+        (b1 - b0) / (h1 - h0) / MU_0 if h1 > h0 else 0.0 for (b0, h0), (b1, h1) in pairwise(zip(b, h, strict=True))
+    ]
+    length = len(b)
+    while length > MIN_POINTS and LITTLE_BELOW <= slopes[length - 2] < 1.0 - SLOPE_TOLERANCE:
+        length -= 1
+    points = tuple(b[:length]), tuple(h[:length])
+    if length == len(b):
+        return points, ""
+    return points, (
+        f"the B-H curve is cut at {b[length - 1]:g} T: above, it rises with less than mu_0 (down to "
+        f"{min(slopes[length - 1 :]):.2g} mu_0), as no material does"
+    )
+
+
+def curve_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
+    """What is wrong with the points of a curve: sentences without a subject, none if the curve is usable."""
+    if len(b) != len(h):
+        return [f"must have as many B_T as H_A_per_m; it has {len(b)} and {len(h)}. Give them in pairs."]
+    if not MIN_POINTS <= len(b) <= MAX_POINTS:
+        return [f"must have {MIN_POINTS} to {MAX_POINTS} points; it has {len(b)}. Give more or fewer of them."]
+    if not all(abs(value) < 1e12 for value in (*b, *h)):  # false for NaN, too
+        return ["must hold finite numbers. Correct or remove the others."]
+    if (b[0], h[0]) != (0.0, 0.0):
+        return [f"must start at B = 0, H = 0; it starts at {b[0]:g}, {h[0]:g}. Give the initial or mean curve from 0."]
+    problems = []
+    for name, values in zip(HEADER, (b, h), strict=True):
+        places = [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
+        if places:
+            problems.append(f"must have strictly ascending {name}; it has {'; '.join(places[:3])}. Correct the table.")
+    if problems:
+        return problems
+    if b[-1] > MAX_FLUX_DENSITY:
+        problems.append(f"must have B in tesla up to {MAX_FLUX_DENSITY:g}; it goes up to {b[-1]:g}. 1 T is 10 kG.")
+    steepest = max(right / field for right, field in zip(b[1:], h[1:], strict=True)) / MU_0
+    if steepest > MAX_RELATIVE_PERMEABILITY:
+        problems.append(
+            f"must have H in A/m; its relative permeability would reach {steepest:.3g}. 1 Oe is 79.577 A/m."
+        )
+    for (b0, h0), (b1, h1) in pairwise(zip(b, h, strict=True)):
+        slope = (b1 - b0) / (h1 - h0) / MU_0
+        if slope < 1.0 - SLOPE_TOLERANCE:
+            problems.append(
+                f"must rise at least with mu_0; from {b0:g} to {b1:g} T it rises with {slope:.3g} mu_0. H must be the "
+                "field in A/m and B the whole flux density, not the polarisation."
+            )
+            break
+    return problems
+
 
 KINDS = (LinearMaterial, NonlinearMaterial)
 

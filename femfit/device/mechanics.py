@@ -13,8 +13,7 @@ from casadi import SX
 
 from femfit.core.graph import Expression, row_of
 from femfit.core.numerics import GRAVITY, FloatArray
-from femfit.device.decimals import scaled
-from femfit.device.keys import FORCE, LENGTH, POINTS, Given, Record, key
+from femfit.device.keys import FORCE, LENGTH, POINTS, Given, Record, key, scaled
 
 
 @dataclass(frozen=True)
@@ -113,10 +112,13 @@ class Mechanics(Record):
         return self.mass_kg * self.gravity_m_s2 + np.zeros(np.shape(distance)) + self.beside_weight(distance)
 
     def static_gradient(self, distance: FloatArray) -> FloatArray:
-        """Slope of :meth:`static_force` in N/m."""
+        """Slope of :meth:`static_force` in N/m; of a table, that of the piece above each distance."""
         slope = np.zeros(np.shape(distance))
         for spring in self.springs:
-            slope = slope + spring_gradient(spring, distance)
+            if isinstance(spring, Spring):
+                slope = slope - spring.stiffness_N_per_m
+            else:
+                slope = slope + _piece(spring, distance)[3]
         return slope
 
     def friction(self, velocity: Expression, sample_time_s: float) -> Expression:
@@ -127,7 +129,7 @@ class Mechanics(Record):
         """
         force = -self.viscous_N_s_per_m * velocity
         if self.coulomb_N:
-            force = force - self.coulomb_N * np.tanh(velocity / self._creep(sample_time_s))
+            force = force - self.coulomb_N * np.tanh(velocity / (self.coulomb_N * sample_time_s / self.mass_kg))
         return force
 
     def acceleration(
@@ -170,9 +172,6 @@ class Mechanics(Record):
         """Energy of all springs in J at distances in m of any shape, or of an expression."""
         return sum(spring_energy(spring, distance) for spring in self.springs) + 0.0 * distance
 
-    def _creep(self, sample_time_s: float) -> float:
-        return self.coulomb_N * sample_time_s / self.mass_kg
-
 
 def spring_force(spring: Spring | ForceTable, distance: Expression) -> Expression:
     """Force of a spring along growing distance, in N."""
@@ -180,13 +179,6 @@ def spring_force(spring: Spring | ForceTable, distance: Expression) -> Expressio
         return spring.preload_N - spring.stiffness_N_per_m * (distance - spring.distance_m)
     way, _, force, slope = _piece(spring, distance)
     return force + slope * way
-
-
-def spring_gradient(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
-    """Slope of :func:`spring_force` in N/m; of a table, that of the piece above each distance."""
-    if isinstance(spring, Spring):
-        return np.full(np.shape(distance), -spring.stiffness_N_per_m)
-    return np.asarray(_piece(spring, distance)[3])
 
 
 def spring_energy(spring: Spring | ForceTable, distance: Expression) -> Expression:

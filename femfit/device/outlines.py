@@ -16,7 +16,7 @@ from shapely import LineString, Polygon
 from shapely.validation import explain_validity
 
 from femfit.device.complaints import complain, joined
-from femfit.device.outline_entry import OutlineEntry
+from femfit.device.keys import OutlineEntry
 
 LARGEST_STEP = math.radians(2.0)
 """Angle of a chord that stands for a piece of an arc in checks: 0.015 % of the radius away from it."""
@@ -111,7 +111,9 @@ def outline(entry: OutlineEntry, path: str, problems: list[str]) -> DrawnOutline
     if polygon.area < MIN_AREA:
         complain(problems, "no_area", key)
         return None
-    if _touches_axis_in_a_point(polygon):
+    _, lower, _, upper = polygon.bounds
+    contact = polygon.intersection(LineString([(0.0, lower - 1.0), (0.0, upper + 1.0)]))  # with the axis
+    if any(piece.geom_type == "Point" for piece in getattr(contact, "geoms", [contact]) if not piece.is_empty):
         complain(problems, "axis_point", key)
         return None
     if not polygon.exterior.is_ccw:
@@ -182,9 +184,3 @@ def _box(r: Sequence[float], z: Sequence[float], path: str, problems: list[str])
     for key, low, high in descending:
         complain(problems, "box", joined(path, key), low=low, high=high)
     return None if descending else (joined(path, "r_mm"), [(r[0], z[0]), (r[1], z[0]), (r[1], z[1]), (r[0], z[1])], [])
-
-
-def _touches_axis_in_a_point(polygon: Polygon) -> bool:
-    _, lower, _, upper = polygon.bounds
-    contact = polygon.intersection(LineString([(0.0, lower - 1.0), (0.0, upper + 1.0)]))
-    return any(piece.geom_type == "Point" for piece in getattr(contact, "geoms", [contact]) if not piece.is_empty)

@@ -10,7 +10,7 @@ from typing import Any, TypeGuard
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
 from femfit.device.complaints import complain, did_you_mean, joined, read_part, read_table, read_value, table_at
-from femfit.device.file_numbers import Location, material_keys, nearest_numbers, numbers_of, why_no_number
+from femfit.device.file_numbers import Location, material_keys, nearest_numbers, numbers_of
 from femfit.device.keys import Key, keys_of, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import (
@@ -19,11 +19,11 @@ from femfit.device.parameters import (
     ParameterDesign,
     Points,
     SweptParameter,
+    axis_values,
     grid_points,
     latin_hypercube,
     list_points,
 )
-from femfit.device.read_sweep import axis_values
 from femfit.device.schema import (
     MAX_AXIS_POINTS,
     PARAMETER,
@@ -55,15 +55,13 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     if entry is None:
         return None
     if not entry.parameters:
-        for key in (key for key in ("design", "samples", "seed") if key in data["sweep"]):
-            complain(problems, "no_parameters", key=key)
         return None
     count = len(problems)
     read = [_parameter(name, table, data, problems) for name, table in _flat(entry.parameters).items()]
     readable = [parameter for parameter in read if parameter is not None]
     parameters, values = tuple(parameter for parameter, _ in readable), [column for _, column in readable]
     _check_names(parameters, data, problems)
-    points = _points(entry, parameters, values, data["sweep"], problems) if len(problems) == count else ()
+    points = _points(entry, parameters, values, problems) if len(problems) == count else ()
     return ParameterDesign(parameters, points) if len(problems) == count else None
 
 
@@ -72,16 +70,13 @@ def _flat(tables: Mapping[str, Any], path: str = "") -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for name, table in tables.items():
         inner = f"{path}.{name}" if path else name
-        if isinstance(table, dict) and table and not _specifies(table):
-            flat |= _flat(table, inner)
+        keys = table if isinstance(table, dict) else {}
+        gives_values = any(key in SPECIFICATION and not isinstance(value, dict) for key, value in keys.items())
+        if keys and not gives_values:
+            flat |= _flat(keys, inner)
         else:
             flat[inner] = table
     return flat
-
-
-def _specifies(table: Mapping[str, Any]) -> bool:
-    """Whether a table gives values, rather than being the beginning of a key path."""
-    return any(key in SPECIFICATION and not isinstance(value, dict) for key, value in table.items())
 
 
 def _parameter(
@@ -109,7 +104,8 @@ def _parameter(
     )
     if values is None or len(readable) < len(keys):
         return None
-    units = sorted({unit_of(_last_name(key.location)) for key in readable})
+    last_names = [[name for name in key.location if isinstance(name, str)][-1] for key in readable]
+    units = sorted({unit_of(name) for name in last_names})
     if len(units) > 1:
         complain(problems, "key_units", path, units=" and ".join(unit or "none" for unit in units))
     elif named and (unit_of(name) != units[0] or not NAME.fullmatch(name)):
@@ -126,19 +122,13 @@ def _following(value: object, path: str, data: Mapping[str, Any], problems: list
     material = material_keys(data).get(entry.path)
     if material is not None and isinstance(table, dict) and len(table) > 1:
         complain(problems, "material_factor", path)
-    location = material or _location(entry.path, path, data, problems)
-    return None if location is None else FollowingKey(location, entry.factor, entry.offset)
-
-
-def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]) -> Location | None:
-    location = numbers_of(data).get(name)
-    if location is None and (why := why_no_number(name)):
-        complain(problems, "not_swept", path, key=name[:100], why=why)
-    elif location is None:
-        near = ", ".join(nearest_numbers(name, data))
+    location = material or numbers_of(data).get(entry.path)
+    if location is None:
+        near = ", ".join(nearest_numbers(entry.path, data))
         near = f"Nearest: {near}." if near else 'An example: "coils.NAME.turns".'
-        complain(problems, "no_key", path, key=name[:100], near=near)
-    return location
+        complain(problems, "no_key", path, key=entry.path[:100], near=near)
+        return None
+    return FollowingKey(location, entry.factor, entry.offset)
 
 
 def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
@@ -187,7 +177,6 @@ def _points(
     entry: DesignEntry,
     parameters: tuple[SweptParameter, ...],
     values: list[Any],
-    sweep: Mapping[str, Any],
     problems: list[str],
 ) -> Points:
     sampled, count = entry.design == "latin_hypercube", len(problems)
@@ -200,11 +189,9 @@ def _points(
             complain(problems, "repeated", path)
     if sampled and entry.samples is None:
         complain(problems, "no_samples")
-    for key in (key for key in ("samples", "seed") if key in sweep and not sampled):
-        complain(problems, "design_key", key=key, design=entry.design)
     if len(problems) > count:
         return ()
-    if entry.samples is not None:
+    if sampled and entry.samples is not None:
         return latin_hypercube(values, entry.samples, entry.seed)
     if entry.design == "list":
         return list_points([parameter.name for parameter in parameters], values, problems)
@@ -213,7 +200,3 @@ def _points(
 
 def _is_names(values: Values) -> TypeGuard[Sequence[str]]:
     return not isinstance(values, SampledEntry) and all(isinstance(value, str) for value in values)
-
-
-def _last_name(location: Location) -> str:
-    return str([key for key in location if isinstance(key, str)][-1])

@@ -1,24 +1,166 @@
-"""[sweep.parameters]: what of a file is swept, and the points of the sweep.
+"""What a file sweeps: currents, distances and frequencies, and the points of ``[sweep.parameters]``.
+
+A grid is a key of the sweep table; it must come out the same on every machine and in every language.
 
 References
 ----------
 M. D. McKay, R. J. Beckman and W. J. Conover, Technometrics 21 (1979) 239: Latin hypercube sampling.
 """
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from itertools import product
+from decimal import Decimal
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 
-from femfit.device.complaints import complain
-from femfit.device.decimals import decimal_sum, scaled
+from femfit.device.complaints import complain, did_you_mean, joined, read_table, read_value
+from femfit.device.drawing import coil_tables
 from femfit.device.file_numbers import Location, with_value
-from femfit.device.keys import SI_UNITS, unit_of
-from femfit.device.schema import MAX_AXIS_POINTS, SampledEntry
+from femfit.device.keys import SI_UNITS, Key, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.parts import SweepAxes
+from femfit.device.schema import (
+    MAX_AXIS_POINTS,
+    MAX_FREQUENCIES,
+    FrequencyRangeEntry,
+    RangeEntry,
+    SampledEntry,
+    SolverEntry,
+    SweepEntry,
+)
+
+MIN_DISTANCE = 1e-3
+"""In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
+
+CURRENT, DISTANCE = (keys_of(SweepEntry)[name] for name in ("current_A", "distance_mm"))
+_DIGITS = 9
+"""Significant digits of a frequency between the ends of a range, the same on every machine."""
+
+
+@dataclass(frozen=True)
+class FileAxes:
+    """The axes in the file's units; empty where they are unusable."""
+
+    currents_A: tuple[tuple[float, ...], ...]  # One axis a circuit
+    distances_mm: tuple[float, ...]
+
+    def in_si(self) -> SweepAxes:
+        """The sweep's grid; an actuator without a circuit has the one current of zero."""
+        first, *others_A = self.currents_A or ((0.0,),)
+        return SweepAxes(first, tuple(scaled(d) for d in self.distances_mm), tuple(others_A))
+
+
+def read_axis(key: Key, value: object, path: str, problems: list[str]) -> tuple[float, ...]:
+    """The ascending values of a key that are given as a list, or as a table of equal steps; none if unusable."""
+    if isinstance(value, dict):
+        entry = read_table(key.stepped, value, path, problems)
+        return () if entry is None else axis_values(entry, path, problems)
+    if isinstance(value, list):
+        return axis_values(read_value(key, value, path, problems) or (), path, problems)
+    steps = ", ".join(keys_of(key.stepped))
+    complain(problems, "no_axis", path, steps=steps, given=str(value)[:60], remedy=key.remedy)
+    return ()
+
+
+def axis_values(
+    axis: RangeEntry | FrequencyRangeEntry | Sequence[float], path: str, problems: list[str]
+) -> tuple[float, ...]:
+    """The ascending values of an axis, in the file's unit; none where they are unusable."""
+    if isinstance(axis, RangeEntry | FrequencyRangeEntry):
+        if axis.stop <= axis.start:
+            complain(problems, "no_range", path, start=axis.start, stop=axis.stop)
+            return ()
+        return _stepped(axis, path, problems) if isinstance(axis, RangeEntry) else _by_decade(axis, path, problems)
+    values = tuple(map(float, axis))
+    for before, after in pairwise(values):
+        if after <= before:
+            how = "repeats" if after == before else "follows"
+            complain(problems, "no_order", path, after=after, before=before, how=how)
+            return ()
+    return values
+
+
+def _stepped(axis: RangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
+    start, stop, step = (Decimal(repr(float(v))) for v in (axis.start, axis.stop, axis.step))
+    if (stop - start) / step > MAX_AXIS_POINTS - 1:
+        complain(problems, "many_steps", path, most=MAX_AXIS_POINTS, **vars(axis))
+        return ()
+    count = round((stop - start) / step)
+    if start + count * step != stop:
+        complain(problems, "no_divisor", path, end=float(start + count * step), **vars(axis))
+        return ()
+    return tuple(float(start + k * step) for k in range(count + 1))
+
+
+def _by_decade(axis: FrequencyRangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
+    """Equally spaced in their logarithm, both ends included."""
+    # A range of no whole number of steps gets a step more, not wider ones
+    steps = math.ceil(round(axis.per_decade * math.log10(axis.stop / axis.start), _DIGITS))
+    if steps >= MAX_FREQUENCIES:
+        complain(problems, "many_frequencies", path, most=MAX_FREQUENCIES, count=steps + 1)
+        return ()
+    between = (axis.start * (axis.stop / axis.start) ** (k / steps) for k in range(1, steps))
+    return (axis.start, *(float(f"{value:.{_DIGITS}g}") for value in between), axis.stop)
+
+
+def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> FileAxes:
+    """The axes of a file with these circuits."""
+    sweep = data.get("sweep")
+    if not isinstance(sweep, dict):
+        return FileAxes((), ())
+    currents, without = sweep.get("current_A"), not any(coil_tables(data))
+    read_table(SweepEntry, sweep, "sweep", problems)
+    axes, each = [], isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
+    if isinstance(currents, dict) and each:
+        axes = _by_circuit(currents, circuits, problems)
+    elif currents is None and not without:
+        complain(problems, "missing", "sweep.current_A", remedy=CURRENT.remedy)
+    elif not without:
+        if len(circuits) > 1:
+            first, second, *_ = circuits
+            complain(problems, "each_current", known=", ".join(circuits), first=first, second=second)
+        axes = [read_axis(CURRENT, currents, "sweep.current_A", problems)]
+    distances_mm: tuple[float, ...] = ()
+    if "distance_mm" in sweep:
+        distances_mm = read_axis(DISTANCE, sweep["distance_mm"], "sweep.distance_mm", problems)
+    if distances_mm and distances_mm[0] < MIN_DISTANCE and data.get("schema") == 1:
+        complain(problems, "no_gap", start=distances_mm[0], least=MIN_DISTANCE)
+    return FileAxes(tuple(axes), distances_mm)
+
+
+def _by_circuit(currents: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> list[tuple[float, ...]]:
+    paths = {name: joined("sweep.current_A", name) for name in (*currents, *circuits)}
+    for name in (name for name in currents if name not in circuits):
+        near, known = did_you_mean(name, circuits), ", ".join(circuits) or "none"
+        complain(problems, "not_a_circuit", paths[name], near=near, known=known)
+    for name in (name for name in circuits if name not in currents):
+        complain(problems, "missing", paths[name], remedy="Give the circuit's currents.")
+    return [read_axis(CURRENT, currents[name], paths[name], problems) for name in circuits if name in currents]
+
+
+def frequencies(entry: SolverEntry | None, problems: list[str]) -> tuple[float, ...]:
+    """The ascending frequencies in Hz."""
+    if entry is None or entry.frequency_Hz is None:
+        return ()
+    value = entry.frequency_Hz
+    given = list(value) if isinstance(value, tuple) else value
+    return read_axis(keys_of(SolverEntry)["frequency_Hz"], given, "solver.frequency_Hz", problems)
+
+
+def eddy_bias(entry: SolverEntry | None, circuits: int, problems: list[str]) -> tuple[float, ...]:
+    """The currents in A about which eddy currents are linearised; empty where the file gives none."""
+    bias = entry.eddy_bias_A if entry is not None else None
+    if bias is None:
+        return ()
+    values = bias if isinstance(bias, tuple) else (bias,)
+    if len(values) != circuits:
+        complain(problems, "eddy_bias", circuits=circuits, count=len(values))
+    return values
+
 
 Value = float | str
 """Value of a parameter: a number, or the name of a material."""

@@ -8,7 +8,7 @@ conductivity, how deep a field enters it.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -88,16 +88,6 @@ class LinearMaterial(Conductor):
     def reluctivity(self) -> float:
         """1 / (mu_0 mu_r) in m/H."""
         return 1.0 / (MU_0 * self.relative_permeability)
-
-    def at_temperature(self, temperature_C: float) -> "LinearMaterial":
-        """The material of 20 degC at a temperature, B_r (1 + alpha (T - 20 degC)); its permeability is kept.
-
-        References
-        ----------
-        IEC 60404-8-1: temperature coefficient of the remanent flux density, reversible part.
-        """
-        factor = 1.0 + self.remanence_coefficient_per_K * (temperature_C - REFERENCE_TEMPERATURE)
-        return replace(self, remanence_T=self.remanence_T * factor, temperature_C=temperature_C)
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,11 @@ from itertools import permutations
 from math import inf
 from typing import Any
 
-from femfit.device.checks import DrawnPart
 from femfit.device.complaints import complain, did_you_mean, joined, read_part, table_at
-from femfit.device.decimals import scaled
-from femfit.device.drawing import Drawing
+from femfit.device.drawing import Drawing, DrawnPart
 from femfit.device.electrics import AnySensor, Circuit, CurrentSensor, Drive, HallElement, PickupCoil
-from femfit.device.keys import Given
+from femfit.device.keys import Given, OutlineEntry, scaled
 from femfit.device.mechanics import Mechanics
-from femfit.device.outline_entry import OutlineEntry
 from femfit.device.outlines import flattened, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, Coil, smallest_winding_area, wire_resistance
 from femfit.device.schema import CircuitEntry, CoilEntry, SupplyEntry
@@ -76,7 +73,11 @@ def read_circuits(
         drive = Drive(diode_V=diode_V if entry.diode_V is None else entry.diode_V)
         if entry.kind == "current":
             drive = Drive("current", None, entry.current_min_A, entry.current_max_A, entry.bandwidth_Hz)
-            _check_amplifier(drive, path, problems)
+            least, most = drive.current_min_A, drive.current_max_A
+            if least is None or most is None:
+                complain(problems, "no_currents", path)
+            elif least >= most:
+                complain(problems, "exchanged", path, low="current_min_A", high="current_max_A", least=least, most=most)
         elif None in (low, high) and (supply is not None or "supply" not in data):
             complain(problems, "no_voltages", path)
         _check_driver(path, low, high, entry.diode_V if entry.kind == "voltage" else None, problems)
@@ -124,14 +125,6 @@ def _connect(
     return members
 
 
-def _check_amplifier(drive: Drive, path: str, problems: list[str]) -> None:
-    low, high = drive.current_min_A, drive.current_max_A
-    if low is None or high is None:
-        complain(problems, "no_currents", path)
-    elif low >= high:
-        complain(problems, "exchanged", path, low="current_min_A", high="current_max_A", least=low, most=high)
-
-
 def _check_driver(path: str, low: float | None, high: float | None, diode: float | None, problems: list[str]) -> None:
     if low is None or high is None:
         return
@@ -156,14 +149,6 @@ def read_mechanics(data: Tables, entries: Tables, problems: list[str]) -> Mechan
         complain(problems, "stops", near=near, far=far)
         return None
     return mechanics
-
-
-def check_travel(mechanics: Mechanics, distances: Sequence[float], problems: list[str]) -> None:
-    """Report stops that keep the body away from all distances of the sweep, in mm."""
-    near, far = (1e3 * end for end in mechanics.ends)
-    if distances and (near > distances[-1] + 1e-9 or far < distances[0] - 1e-9):
-        name, place = ("near_stop", near) if near > distances[-1] else ("far_stop", far)
-        complain(problems, "travel_outside", name=name, first=distances[0], last=distances[-1], place=place)
 
 
 def _sensor_tables(data: Tables) -> Iterator[tuple[str, str, Any]]:

@@ -11,13 +11,13 @@ from typing import Any
 
 import tomlkit
 
-from femfit.core.errors import ActuatorFileError, OutputError
+from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import complain, joined
-from femfit.device.decimals import decimal_sum, scaled
+from femfit.device.complaints import joined
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.file_numbers import Location, numbers_of, with_value
-from femfit.device.load import actuator_from_tables, actuator_from_toml, parse, read_text
+from femfit.device.keys import decimal_sum, scaled
+from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parameter_table import read_design
 from femfit.device.parameters import AXES, ParameterDesign, Value
@@ -32,23 +32,6 @@ def drawing_text(path: str | Path) -> str:
     path = path_of(path, "An actuator file")
     read_text(path)  # says what is wrong with a file that cannot be read
     return path.read_bytes().decode("utf-8-sig")
-
-
-def require_same_elsewhere(drawing: Path, written: Path) -> None:
-    """Refuse a place for a drawing from which the further files that it names are not found."""
-    text = drawing_text(drawing)
-    try:
-        same = actuator_from_toml(text, str(drawing), drawing.parent) == actuator_from_toml(
-            text, str(written), written.parent
-        )
-    except ActuatorFileError:
-        actuator_from_toml(text, str(drawing), drawing.parent)  # its own problems are said of itself
-        same = False
-    if not same:
-        raise OutputError(
-            f"{drawing} names further files relative to itself, which are not beside {written}. Write it beside "
-            "the old drawing."
-        )
 
 
 def rewritten(
@@ -147,10 +130,6 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
     design = read_design(data, [])
     if design is None:
         return only(actuator)
-    problems: list[str] = []
-    _check_idle(design, data, directory, problems)
-    if problems:
-        raise ActuatorFileError(source, problems)
     variants = tuple(_variant(design, point, data, actuator, directory) for point in design.points)
     if all(variant.actuator is None for variant in variants):
         raise ActuatorFileError(
@@ -172,8 +151,11 @@ def _variant(
         for parameter, value in zip(design.parameters, point, strict=True)
         if parameter.name not in AXES
     )
-    built = _built(design.variant(data, point), directory)
-    if isinstance(built, Actuator):
+    try:
+        built = actuator_from_tables(design.variant(data, point), "variant", directory)
+    except ActuatorFileError as error:
+        problem = " ".join(error.problems)
+    else:
         return Variant(values, built.sweep, built)
     parameters = dict(zip((parameter.name for parameter in design.parameters), point, strict=True))
     current, distance = (parameters.get(name) for name in AXES)
@@ -181,26 +163,4 @@ def _variant(
         base.sweep.currents_A if current is None else (float(current),),
         base.sweep.distances_m if distance is None else (scaled(float(distance)),),
     )
-    return Variant(values, axes, None, built)
-
-
-def _built(tables: dict[str, Any], directory: Path | None) -> Actuator | str:
-    """The actuator, or what is wrong with it."""
-    try:
-        return actuator_from_tables(tables, "variant", directory)
-    except ActuatorFileError as error:
-        return " ".join(error.problems)
-
-
-def _check_idle(design: ParameterDesign, data: dict[str, Any], directory: Path | None, problems: list[str]) -> None:
-    """Report each parameter that makes no difference, as the wire's temperature beside a given resistance."""
-    for place, parameter in enumerate(design.parameters):
-        every: set[Any] = {point[place] for point in design.points}  # numbers, or names of materials
-        values = sorted(every)
-        if parameter.name in AXES or len(values) < 2:
-            continue
-        alone = ParameterDesign((parameter,), ())
-        ends = [_built(alone.variant(data, (value,)), directory) for value in (values[0], values[-1])]
-        if isinstance(ends[0], Actuator) and ends[0] == ends[1]:
-            first, last = (value if isinstance(value, str) else f"{value:g}" for value in (values[0], values[-1]))
-            complain(problems, "idle", name=parameter.name, first=first, last=last)
+    return Variant(values, axes, None, problem)

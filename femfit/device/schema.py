@@ -9,11 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from femfit.device.decimals import decimal_sum
 from femfit.device.electrics import TURNS, AnySensor, Drive, HallElement
-from femfit.device.keys import ELECTRICAL, LENGTH, Given, Record, key
+from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key
 from femfit.device.mechanics import Mechanics
-from femfit.device.outline_entry import OutlineEntry
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.thermal import Surroundings
 

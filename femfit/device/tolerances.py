@@ -4,14 +4,14 @@ Limits that a standard or a maker guarantees are read as two standard deviations
 ``[tolerances]``, by key paths, replace them.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from femfit.device.complaints import complain, joined, read_table, table_at
 from femfit.device.drawing import fixed_key
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.file_numbers import nearest_numbers, numbers_of, why_no_number
+from femfit.device.file_numbers import nearest_numbers, numbers_of
 from femfit.device.keys import keys_of
 from femfit.device.schema import ToleranceEntry
 
@@ -65,24 +65,18 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
         return {}, None
     entries = {key: value for key, value in table.items() if key in keys_of(ToleranceEntry)}
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
-    keys, tolerances = {*numbers_of(data), *_curve_keys(data)}, {}
+    keys, tolerances = {*numbers_of(data)}, {}
+    regions = (region for body in (fixed_key(data), "moving") for region in table_at(data, body, "regions").values())
+    for material in {str(region.get("material")) for region in regions if isinstance(region, dict)}:
+        # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
+        keys |= {joined("materials", material, name) for name in ("B_T", "H_A_per_m")}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
         if CONTOUR in key and any(face.key == key for face in drawn_faces(data)):
             keys.add(key)
-        if key not in keys and (why := why_no_number(key)):
-            complain(problems, "no_tolerance", key=key, why=why)
-        elif key not in keys:
+        if key not in keys:
             complain(problems, "no_number", key=key, near=", ".join(nearest_numbers(key, data)))
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < LARGEST:
             complain(problems, "tolerance", key=key, given=str(value)[:60])
         else:
             tolerances[key] = float(value)
     return tolerances, None if general is None else general.length_mm
-
-
-def _curve_keys(data: Mapping[str, Any]) -> Iterator[str]:
-    """The lists of magnetisation curves, each of which is scaled as a whole: their tolerances are shares."""
-    regions = (table for body in (fixed_key(data), "moving") for table in table_at(data, body, "regions").values())
-    for material in {str(table.get("material")) for table in regions if isinstance(table, dict)}:
-        for key in ("B_T", "H_A_per_m"):
-            yield joined("materials", material, key)

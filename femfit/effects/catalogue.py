@@ -1,4 +1,4 @@
-"""The catalogue of effects: one tuple; third parties add theirs by the entry point ``femfit.effects``.
+"""The catalogue of effects: one tuple.
 
 The effects of a device of several circuits: some are of one circuit each, some of the whole device.
 
@@ -9,9 +9,8 @@ resistance alone. What is not listed here is written for one current, and a devi
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import entry_points
 
-from femfit.core.entry_catalogue import EntryCatalogue
+from femfit.core.errors import UsageError
 from femfit.effects import (
     circuit,
     friction,
@@ -22,7 +21,6 @@ from femfit.effects import (
     lateral_misalignment,
     magnet,
     springs,
-    tolerances,
     zeros_and_scales,
 )
 from femfit.effects.effect import AddedEffect, Calibration, Effect
@@ -62,24 +60,20 @@ def of_circuit(effect: Effect, circuit: str) -> Effect:
         )
         for one in effect.calibrations
     )
+    needs = effect.needs
+    for quantity in _QUANTITIES:  # the columns are the circuit's own
+        stem, _, unit = quantity.rpartition("_")
+        needs = tuple(need.replace(quantity, f"{stem}_{circuit}_{unit}") for need in needs)
     return replace(
         effect,
         name=f"{effect.name}{SEPARATOR}{circuit}",
         of=circuit,
         symptom=f"{effect.symptom} This in circuit {circuit}.",
         parameters=tuple(replace(p, words=p.words and f"{p.words} in circuit {circuit}") for p in effect.parameters),
-        needs=tuple(_need(one, circuit) for one in effect.needs),
+        needs=needs,
         experiment=f"{effect.experiment} (Circuit {circuit}.)",
         calibrations=calibrations,
     )
-
-
-def _need(need: str, circuit: str) -> str:
-    """A need whose columns are the circuit's own."""
-    for quantity in _QUANTITIES:
-        stem, _, unit = quantity.rpartition("_")
-        need = need.replace(quantity, f"{stem}_{circuit}_{unit}")
-    return need
 
 
 def effects_of(all_effects: Mapping[str, Effect], circuits: Sequence[str]) -> dict[str, Effect]:
@@ -111,9 +105,9 @@ def source_scales(effects: Iterable[AddedEffect], circuits: Sequence[str]) -> li
 
 BUILT_IN: tuple[Effect, ...] = (
     zeros_and_scales.DISTANCE_OFFSET,
-    tolerances.REMANENCE,
-    tolerances.TURNS,
-    tolerances.RESISTANCE,
+    circuit.REMANENCE,
+    circuit.TURNS,
+    circuit.RESISTANCE,
     zeros_and_scales.FORCE_OFFSET,
     zeros_and_scales.FORCE_GAIN,
     zeros_and_scales.CURRENT_OFFSET,
@@ -164,21 +158,9 @@ drawing leaves out.
 _EARLIER_NAMES = {"base_magnet_strength": "remanence", "base_turns": "turns", "base_resistance": "resistance"}
 """As model files of earlier versions call them."""
 
-GROUP = "femfit.effects"
-"""Entry points of other packages' effects, each named as its effect."""
-
-_CATALOGUE = EntryCatalogue(Effect, "Effect", BUILT_IN)
-
 
 def all_effects() -> dict[str, Effect]:
-    """Every effect by its name: those of femfit, then those of installed packages.
-
-    A name of femfit's own cannot be taken by another package.
-
-    Raises
-    ------
-    ModelFileError
-        If an installed package's effect cannot be loaded.
+    """Every effect by its name, in the catalogue's order.
 
     Examples
     --------
@@ -186,15 +168,18 @@ def all_effects() -> dict[str, Effect]:
     >>> list(ff.list_effects())[:3]
     ['distance_offset', 'remanence', 'turns']
     """
-    return _CATALOGUE.all(entry_points(group=GROUP))
+    return {effect.name: effect for effect in BUILT_IN}
 
 
 def effect_by_name(name: str) -> Effect:
-    """Look up an effect, or that of a circuit as ``turns:lower``; only the package that gives it is loaded."""
+    """Look up an effect, or that of a circuit as ``turns:lower``."""
     kind, _, circuit = name.partition(SEPARATOR)
     if circuit and kind in OF_EACH:
         return _of_circuit(kind, circuit)
-    return _CATALOGUE.find(_EARLIER_NAMES.get(name, name), lambda: entry_points(group=GROUP))
+    effects = all_effects()
+    if (known := _EARLIER_NAMES.get(name, name)) not in effects:
+        raise UsageError(f"Effect must be one of {', '.join(effects)}; instead received {name!r}.")
+    return effects[known]
 
 
 @cache

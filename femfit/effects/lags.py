@@ -63,11 +63,6 @@ def _coenergy(
     return base(d, i - conditions.nominal.peak_current_A * induced, h)
 
 
-def slow_lag(p: Parameters) -> float:
-    """By how much the field follows a slow current late, in s."""
-    return sum(p[f"{mode}_share"] * p["time_s"] / faster for mode, faster in _MODES.items())
-
-
 def _share(mode: str, description: str, words: str) -> EffectParameter:
     # The winding's own leakage, here at least a twentieth, keeps the current from jumping
     return EffectParameter(

@@ -30,10 +30,8 @@ def _coenergy(
     if not conditions.nominal.has_magnet:
         return _with_gap(base, d, i, h, conditions, p)
 
-    def linear(at: Expression) -> Expression:
-        return base(at, i, h) - (1.0 - p["image_share"]) * base(at, 0.0 * i, 0.0)
-
-    return base(d, i, h) - 0.25 * p["offset_squared_m2"] * slope(linear, d, 2)
+    bend = slope(lambda at: base(at, i, h) - (1.0 - p["image_share"]) * base(at, 0.0 * i, 0.0), d, 2)
+    return base(d, i, h) - 0.25 * p["offset_squared_m2"] * bend
 
 
 def _with_gap(

@@ -12,9 +12,9 @@ linkage as well: W'(d, i, h) -> W'(d, i + i_e, h) + h B_e, with i_e = share B_e 
 import numpy as np
 
 from femfit.core.graph import Expression
+from femfit.effects.circuit import remanence_scaled
 from femfit.effects.conditions import Conditions, warmth
 from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
-from femfit.effects.tolerances import remanence_scaled
 
 USUAL_COEFFICIENT = -1.1e-3
 """Relative change of NdFeB's remanence per kelvin, by which an unrecorded warming is counted (IEC 60404-8-1)."""

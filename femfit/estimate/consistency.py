@@ -23,19 +23,11 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.estimate.constants import (
-    COVARIANCE_BLOCK,
     DELAY_GAIN,
-    FOLLOWS,
-    FORGOTTEN,
     LAGS,
-    LEAST_BLOCKS_OF_RECORD,
     LEAST_JUDGED,
-    MOVING,
-    SHOWN,
 )
 from femfit.estimate.noise import ConsistencyBand, consistency_band
-from femfit.estimate.prepare import Prepared
-from femfit.estimate.run_filter import Replayed
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,42 +146,3 @@ def _delay(recorded: FloatArray, estimated: FloatArray, step_s: float) -> float 
     before, here, after = variances[best - 1 : best + 2]
     shift = 0.5 * (before - after) / (before - 2.0 * here + after)
     return float((best - LAGS + shift) * step_s)
-
-
-@dataclass(frozen=True)
-class DryFriction:
-    """A force against the velocity, and its standard deviation."""
-
-    force_N: float
-    deviation_N: float
-
-
-def dry_friction(prepared: Prepared, replayed: Replayed) -> DryFriction | None:
-    """The friction where it is clear of its scatter and acts both ways; None elsewhere.
-
-    Nothing is said of a filter whose innovations are far larger than it says: it lags behind the motion, and a model
-    that is wrong along the distance would look like friction.
-    """
-    square = np.nanmean(replayed.innovation**2 / replayed.variance)
-    if not square < FOLLOWS:
-        return None
-    velocity, deviation = replayed.mean[:, 1], replayed.deviation[:, 1]
-    mass, step = prepared.model.require_motion().mass_kg, prepared.model.sample_time_s
-    force = mass * (velocity - replayed.predicted[:, 1]) / step
-    with np.errstate(invalid="ignore"):
-        moves = (np.abs(velocity) > MOVING * deviation) & np.isfinite(force) & ~prepared.log.held
-    for begin in prepared.log.begins:  # where the first estimate is still being corrected
-        moves[begin : begin + FORGOTTEN] = False
-    near, far = prepared.model.require_motion().ends
-    moves &= (replayed.mean[:, 0] > near) & (replayed.mean[:, 0] < far)
-    each = []
-    for sign in (-1.0, 1.0):
-        here = moves & (np.sign(velocity) == sign)
-        blocks = int(here.sum()) // COVARIANCE_BLOCK
-        if blocks < LEAST_BLOCKS_OF_RECORD:
-            return None
-        means = np.array([block.mean() for block in np.array_split(force[here], blocks)])
-        each.append((float(means.mean()), float(means.var(ddof=1) / blocks)))
-    (approaching, first), (leaving, second) = each
-    friction, spread = 0.5 * (approaching - leaving), 0.5 * float(np.sqrt(first + second))
-    return DryFriction(friction, spread) if friction > SHOWN * spread else None

@@ -99,9 +99,6 @@ DECISIVE = 5.0
 AT_STOP = 0.02
 """Conventional: part of the validity domain within which a body at rest counts as on a stop."""
 
-NEARER = 10.0
-"""Conventional: logarithm of a likelihood ratio from which one of two explanations is believed (1 to 22,000)."""
-
 OFF = 3.0
 """Conventional: a current within so many standard deviations of zero has stopped."""
 
@@ -140,10 +137,6 @@ SLOWEST_STEP, FASTEST_STEP = 100.0, 1e-6
 """Conventional: times of the model's slowest own time above which a step cannot be filtered, and of its fastest below
 which rounding is all that a step changes."""
 
-FLUX_ERROR = 0.1
-"""Conventional: part by which a model's change of the flux linkage may be wrong where a resistance is told."""
-
-
 SHORTEST_PIECE, LONGEST_PIECE = 250, 2000
 """Conventional: samples of a piece of a record; pieces run side by side, and a filter forgets its start within one."""
 
@@ -159,9 +152,6 @@ LAGS = 20
 
 DELAY_GAIN = 0.9
 """Conventional: a shift counts as a delay if it takes the rms of what is left of a channel below this part."""
-
-MOST_LEFT = 0.5
-"""Conventional: a cause accounts for a misfit where the model with it leaves less than this part."""
 
 STANDS_STILL = 1e-3
 """Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
@@ -201,18 +191,6 @@ FORGOTTEN_SHARE = 1.0 / 6.0
 
 LEAST_JUDGED = 60
 """Conventional: readings from which innovations are judged and a noise is sought; 60 tell a deviation to 9 %."""
-
-COVARIANCE_LAGS, COVARIANCE_BLOCK = 15, 50
-"""Conventional: lags of the autocovariances that noises are fitted to, and samples of a block whose means scatter."""
-
-FOLLOWS = 2.0
-"""Conventional: mean square of the normalised innovations up to which a filter follows the motion."""
-
-MOVING, SHOWN = 3.0, 4.0
-"""Conventional: deviations of its velocity from which a body moves one way, and of a friction from which it is said."""
-
-LEAST_BLOCKS_OF_RECORD = 10
-"""Conventional: such blocks that give a scatter; ten tell it to a quarter."""
 
 UNKNOWN = 2.0
 """Conventional: a noise whose logarithm is uncertain by more than this is said to be at most its upper limit."""

@@ -95,7 +95,13 @@ def error_bound(
         distances_m = (ends[0] + np.array([0.25, 0.5, 0.75]) * (ends[1] - ends[0])).tolist()
     process = levitation_process(without_stops(model), sensors=sensors, biases=biases, noise=noise)
     circuits = len(model.circuits)
-    currents = _places_of_currents(model) if currents_A is None else np.asarray(currents_A, dtype=np.float64)
+    if currents_A is None:  # no current, or the nearest to it, and half of the largest
+        limits = box.current_limits_A[:circuits]
+        still = np.clip(0.0, limits[:, 0], limits[:, 1])
+        currents = np.stack([still, 0.5 * limits[:, 1]]) if circuits else np.zeros((1, 0))
+        currents = currents[:, 0] if circuits == 1 else currents
+    else:
+        currents = np.asarray(currents_A, dtype=np.float64)
     if currents.shape[1:] != (() if circuits == 1 else (circuits,)):
         raise FilterError(
             f"currents_A must hold {circuits} currents for each point, one a circuit; instead received the shape "
@@ -119,14 +125,6 @@ def error_bound(
         deviations=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
         first=np.sqrt(np.diag(process.require_start_covariance())),
     )
-
-
-def _places_of_currents(model: ActuatorModel) -> FloatArray:
-    """No current, or the nearest to it, and half of the largest; shape (2,), or (2, n) where there is not one."""
-    limits = model.validity.current_limits_A[: len(model.circuits)]
-    still = np.clip(0.0, limits[:, 0], limits[:, 1])
-    places = np.stack([still, 0.5 * limits[:, 1]]) if len(limits) else np.zeros((1, 0))
-    return places[:, 0] if len(limits) == 1 else places
 
 
 def bound_along(process: FilterProcess, states: FloatArray, inputs: FloatArray) -> FloatArray:

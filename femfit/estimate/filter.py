@@ -19,9 +19,8 @@ from femfit.core.graph import Memo
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Printed
 from femfit.core.text import counted
-from femfit.estimate.cholesky import cholesky
 from femfit.estimate.constants import BAND_99_9, DIVERGENCE_STEPS
-from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState
+from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState, cholesky
 from femfit.estimate.single_step import SingleStep, StepFunction, Terms, in_arrays
 from femfit.estimate.words import sentence
 

@@ -14,30 +14,121 @@ section 5.4 (likelihood of the innovations).
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.consistency import dry_friction
 from femfit.estimate.constants import (
-    COVARIANCE_BLOCK,
-    COVARIANCE_LAGS,
     FORGOTTEN,
     FORGOTTEN_SHARE,
-    LEAST_BLOCKS_OF_RECORD,
     LEAST_JUDGED,
     NOISE_PIECE,
     NOISE_SAMPLES,
     UNKNOWN,
 )
 from femfit.estimate.filter import Filter
-from femfit.estimate.found_noise import FoundNoise, NoiseEstimate, Source, Stretches, variance_factors
 from femfit.estimate.noise import motion_rate, operating_distance
 from femfit.estimate.prepare import Prepared
 from femfit.estimate.process import FilterOutcome, FilterProcess
 from femfit.estimate.run_filter import Replayed
+from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import currents_by_voltages
+from femfit.model.sensors import HALL, reading_of
+from femfit.model.validity import ProcessNoise
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """A standard deviation or density from a record."""
+
+    name: str  # acceleration, voltage, or a sensor's
+    unit: str
+    value: float
+    assumed: float  # What the filter was given
+    low: float  # 95 % interval
+    high: float
+    known: bool  # False where the record only says that it is no larger than ``high``
+
+    @property
+    def tells(self) -> bool:
+        """Whether the record says more than that the noise may be larger than the filter was given."""
+        return self.known or self.high < self.assumed
+
+
+@dataclass(frozen=True, eq=False)
+class FoundNoise:
+    """All noises of a record."""
+
+    estimates: tuple[NoiseEstimate, ...]
+    samples: int
+    force_N: float | None  # Force error that the acceleration noise amounts to
+
+    def lines(self, *, lost: bool = False) -> list[str]:
+        """In plain words; a noise that may be larger than the filter was given is not told where it is not known.
+
+        Parameters
+        ----------
+        lost : bool
+            Whether the filter was lost: then what the innovations are made of cannot be told.
+        """
+        return sentence("observe", "noise", self, lost).splitlines()
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return {
+            "estimates": [vars(estimate) for estimate in self.estimates],
+            "samples": self.samples,
+        }
+
+
+def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:
+    """The model with the noises that a record showed; what the record could not tell stays."""
+    deviations = {estimate.name: estimate.value for estimate in noise.estimates if estimate.known}
+    process = ProcessNoise(
+        deviations["acceleration"] ** 2 if "acceleration" in deviations else None, deviations.get("voltage")
+    )
+
+    def changed(quiet: ActuatorModel) -> ActuatorModel:
+        def own(name: str, before: float) -> float:  # what is left of the noise beside the converter's rounding
+            rounding = reading_of(quiet, name).white ** 2 - before**2
+            return float(np.sqrt(max(deviations[name] ** 2 - rounding, 0.0))) if name in deviations else before
+
+        sensors = tuple(replace(s, noise=own(s.name, s.noise)) for s in quiet.other_sensors)
+        hall = quiet.sensor and replace(quiet.sensor, noise_V=own(HALL, quiet.sensor.noise_V))
+        return replace(quiet, other_sensors=sensors, sensor=hall, process_noise=process)
+
+    held = changed(model)
+    return held if model.base is None else replace(held, base=changed(model.base))
+
+
+class Stretches(NamedTuple):
+    """Pieces of a record side by side, as a filter saw them: (steps, pieces, ...)."""
+
+    innovation: FloatArray  # Reading less prediction; (steps, pieces, sensors)
+    slope: FloatArray  # F from each sample to the next; (steps, pieces, n, n)
+    outputs: FloatArray  # H; (steps, pieces, sensors, n)
+    shift: FloatArray  # K e; (steps, pieces, n)
+    forgotten: int  # Steps at the begin of a piece that do not count
+
+
+class Source(NamedTuple):
+    """A noise as the filter was given it."""
+
+    name: str  # acceleration, voltage, or a sensor's
+    unit: str
+    assumed: float  # Standard deviation or density
+    motion: FloatArray  # Its part of Q; (n, n)
+    readings: FloatArray  # And of the sensors' variances; (sensors,)
+
+    def estimate(self, value: float, low: float, high: float, known: bool) -> NoiseEstimate:
+        """What a record shows of it."""
+        return NoiseEstimate(
+            self.name, self.unit, float(value), float(self.assumed), float(low), float(high), bool(known)
+        )
+
 
 NEWTON_STEPS = 30
 """Conventional: it settles in about ten where the noises can be told apart."""
@@ -71,27 +162,7 @@ def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> Found
         estimates=tuple(estimates),
         samples=(windows.innovation.shape[0] - windows.forgotten) * windows.innovation.shape[1],
         force_N=model.require_motion().mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate)),
-        shares=_shares(process, windows, sources, fixed, logs),
-        by_autocovariance=_by_autocovariance(windows, sources, fixed),
-        friction=dry_friction(prepared, replayed),
     )
-
-
-def _by_autocovariance(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) -> tuple[NoiseEstimate, ...]:
-    """The noises of the same pieces once more; none where these are too few for their scatter."""
-    steps, pieces, _ = windows.innovation.shape
-    if (steps - windows.forgotten - COVARIANCE_LAGS) * pieces < LEAST_BLOCKS_OF_RECORD * COVARIANCE_BLOCK:
-        return ()
-    factors = variance_factors(windows, sources, fixed)
-    if factors is None:
-        return ()
-    estimates = []
-    for source, value, deviation in zip(sources, factors.value, factors.deviation, strict=True):
-        low, high = value - 1.96 * deviation, value + 1.96 * deviation
-        if source.assumed:
-            size, least, most = source.assumed * np.sqrt([value, max(low, 0.0), high])
-            estimates.append(source.estimate(size, least, most, low > 0.0))
-    return tuple(estimates)
 
 
 def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> Stretches | None:
@@ -213,30 +284,3 @@ def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) ->
         if np.abs(step).max() < 1e-3 or best == len(tries) - 1:
             break
     return logs, curvature
-
-
-def _shares(
-    process: FilterProcess, windows: Stretches, sources: Sequence[Source], fixed: FloatArray, logs: FloatArray
-) -> dict[str, dict[str, float]]:
-    """What the innovations come from in the steady state: each noise alone through the filter found."""
-    slope, outputs = np.median(windows.slope, axis=(0, 1)), np.median(windows.outputs, axis=(0, 1))
-    words = {"acceleration": "unknown force", "voltage": "unknown voltage"}
-    causes = {
-        words.get(source.name, f"noise of {source.name}"): (factor * source.motion, factor * source.readings)
-        for source, factor in zip(sources, np.exp(2.0 * logs), strict=True)
-    }
-    causes["drift of the bias"] = fixed, np.zeros(len(outputs))
-    q, r = (sum(parts) for parts in zip(*causes.values(), strict=True))
-    covariance, by_cause = process.require_start_covariance(), dict.fromkeys(causes, np.zeros_like(fixed))
-    for _ in range(2 * NOISE_PIECE):
-        gain = np.linalg.solve(outputs @ covariance @ outputs.T + np.diag(r), outputs @ covariance).T
-        closed, driven = slope - slope @ gain @ outputs, slope @ gain
-        covariance = closed @ covariance @ slope.T + q
-        covariance = 0.5 * (covariance + covariance.T)
-        for word, (motion, readings) in causes.items():
-            by_cause[word] = closed @ by_cause[word] @ closed.T + motion + driven * readings @ driven.T
-    shares = {}
-    for k, output in enumerate(process.outputs):
-        each = {word: float(outputs[k] @ by_cause[word] @ outputs[k] + causes[word][1][k]) for word in causes}
-        shares[output.name] = {word: share / sum(each.values()) for word, share in each.items()}
-    return shares

@@ -58,12 +58,6 @@ class OneFilter:
         return self.lost_at_s is None and bool(judged) and all(sensor.consistent and sensor.white for sensor in judged)
 
     @property
-    def misfit(self) -> float:
-        """By how much the mean square of all normalised innovations exceeds 1; infinite where none is judged."""
-        excess = sum(sensor.count * max(sensor.mean_square - 1.0, 0.0) for sensor in self.innovations)
-        return excess / sum(sensor.count for sensor in self.innovations) if self.innovations else float("inf")
-
-    @property
     def cautious(self) -> bool:
         """Whether it is not trusted only because it allows for more noise than the record has."""
         ran = self.lost_at_s is None and bool(self.innovations)
@@ -169,7 +163,13 @@ def followed(
 def follow(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
     """The record through one filter."""
     model, built = prepared.model, filter_of(prepared, name, biases, noise)
-    replayed = replay(built, prepared.log, resting_filter(prepared, built))
+    resting = None
+    if prepared.resting is not None:  # of a body that stands still: the current flows as in a body that nothing moves
+        process = built.process.predicting(held=True)
+        covariance = process.process_covariance.copy()
+        covariance[:2, :2] = np.diag(np.square(prepared.resting))
+        resting = replace(built, process=replace(process, process_covariance=covariance))
+    replayed = replay(built, prepared.log, resting)
     judged = [
         innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
         for k, reading in enumerate(prepared.readings)
@@ -228,13 +228,3 @@ def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise
         noise=noise,
         first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
     )
-
-
-def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
-    """The same filter of a body that stands still: the current flows as it does in a body that nothing moves."""
-    if prepared.resting is None:
-        return None
-    process = built.process.predicting(held=True)
-    covariance = process.process_covariance.copy()
-    covariance[:2, :2] = np.diag(np.square(prepared.resting))
-    return replace(built, process=replace(process, process_covariance=covariance))

@@ -80,17 +80,31 @@ def levitation_process(
     distance = operating_distance(model) if distance is None else distance
     noise = default_noise(model, distance) if noise is None else noise
     outputs = tuple(_output(graph, name, noise) for name in sensors)
-    first, walks = _biases(model, graph.biases, noise)
+    first, walks = [], []  # standard deviations of biases, and their random walks over sqrt(s)
+    for name in graph.biases:
+        span = 0.0 if name == HALL else readings_span(model, sensor_named(model, name))
+        first.append(BIAS_DEVIATION_V if name == HALL else BIAS_SHARE * span)
+        walks.append(noise.bias_density if name == HALL else BIAS_SHARE_PER_ROOT_S * span)
     deviations = np.append(first_deviations(model), first)
-    remembered = graph.sample_spreads(_places(model, graph.base), deviations)
+    # Bodies held still all over the validity domain
+    distances, currents = model.validity.grid(5, 3)
+    places, n = np.zeros((distances.size, graph.base)), len(model.circuits)
+    places[:, 0], places[:, 2 : 2 + n] = distances, currents[:, :n]
+    remembered = graph.sample_spreads(places, deviations)
     covariance = process_covariance(model, noise, distance, walks)
+    # A step adds to remembered values far less than what the readings' noise would make of them
+    variance = {output.name: output.variance for output in outputs}
+    added = [
+        np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
+        for samples in graph.samples
+    ]
     lower, upper = _plausible_range(model, graph.order)
     return FilterProcess(
         names=graph.names,
         step_s=model.sample_time_s,
         transition=graph.transition,
         outputs=outputs,
-        process_covariance=block_diag(covariance, np.diag(_sample_variances(graph, outputs))),
+        process_covariance=block_diag(covariance, np.diag(np.concatenate([*added, np.zeros(0)]))),
         transition_jacobian=graph.transition_jacobian if graph.light else None,
         lower=lower,
         upper=upper,
@@ -113,34 +127,6 @@ def _output(graph: ProcessGraph, name: str, noise: FilterNoise) -> Output:
         )
     measure, slope = partial(graph.measure, name), partial(graph.gradient, name)
     return Output(name, reading.unit, measure, white**2, slope, reading.period(graph.model.sample_time_s))
-
-
-def _biases(model: ActuatorModel, biases: Sequence[str], noise: FilterNoise) -> tuple[list[float], list[float]]:
-    """First standard deviations of biases, and their random walks over sqrt(s)."""
-    first, walks = [], []
-    for name in biases:
-        span = 0.0 if name == HALL else readings_span(model, sensor_named(model, name))
-        first.append(BIAS_DEVIATION_V if name == HALL else BIAS_SHARE * span)
-        walks.append(noise.bias_density if name == HALL else BIAS_SHARE_PER_ROOT_S * span)
-    return first, walks
-
-
-def _places(model: ActuatorModel, states: int) -> FloatArray:
-    """Bodies held still all over the validity domain, of shape (N, states)."""
-    distance, currents = model.validity.grid(5, 3)
-    places, n = np.zeros((distance.size, states)), len(model.circuits)
-    places[:, 0], places[:, 2 : 2 + n] = distance, currents[:, :n]
-    return places
-
-
-def _sample_variances(graph: ProcessGraph, outputs: Sequence[Output]) -> FloatArray:
-    """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
-    variance = {output.name: output.variance for output in outputs}
-    parts = [
-        np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
-        for samples in graph.samples
-    ]
-    return np.concatenate([*parts, np.zeros(0)])
 
 
 def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:

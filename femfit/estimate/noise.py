@@ -32,7 +32,6 @@ import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
-from femfit.device.electrics import Circuit
 from femfit.estimate.constants import (
     BIAS_DENSITY,
     DRIVER_ERROR,
@@ -65,11 +64,6 @@ def unstable_pole(model: ActuatorModel, distance: float) -> float:
             "noise ratio follows."
         )
     return float(np.sqrt(-gradient / model.require_motion().mass_kg))
-
-
-def noise_ratio_bound(model: ActuatorModel, distance: float) -> float:
-    """Best ratio of direct to filtered distance noise, 1 / sqrt(2 lambda t_s)."""
-    return float(1.0 / np.sqrt(2.0 * unstable_pole(model, distance) * model.sample_time_s))
 
 
 @dataclass(frozen=True)
@@ -121,16 +115,13 @@ def default_noise(model: ActuatorModel, distance: float | None = None) -> Filter
         error = model.misfit.force_rms_N if share is None or not weight else share * weight
     recorded = model.process_noise
     density, volts = (recorded.acceleration_density, recorded.voltage_V) if recorded is not None else (None, None)
+    errors = tuple(DRIVER_ERROR * max(abs(one.voltage_min_V), abs(one.voltage_max_V)) for one in circuits)
+    driver_error = errors[0] if len(errors) == 1 else errors
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
-        voltage_V=_driver_errors(circuits) if volts is None else volts,
+        voltage_V=driver_error if volts is None else volts,
         hall_V=reading_of(model, HALL).white if model.sensor is not None else float("nan"),
     )
-
-
-def _driver_errors(circuits: Sequence[Circuit]) -> float | tuple[float, ...]:
-    errors = tuple(DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)) for circuit in circuits)
-    return errors[0] if len(errors) == 1 else errors
 
 
 def motion_rate(model: ActuatorModel, distance: float) -> float:

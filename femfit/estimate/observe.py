@@ -12,14 +12,12 @@ from femfit.core.errors import FilterError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
 from femfit.core.text import amount
-from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, MOST_LEFT
-from femfit.estimate.find_noise import find_noise
+from femfit.estimate.constants import AT_STOP, LEAST_JUDGED
+from femfit.estimate.find_noise import FoundNoise, find_noise
 from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
-from femfit.estimate.found_noise import FoundNoise
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.prepare import Prepared, prepare
 from femfit.estimate.record_checks import suspect_record
-from femfit.estimate.record_voltage import SteadyResistance
 from femfit.estimate.seating import Seating, find_seatings
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -54,16 +52,6 @@ class Observation(Printed):
     findings: tuple[Finding, ...]
     noise: FoundNoise | None
     seatings: tuple[Seating, ...] = ()  # As the first filter tells them
-    resistances: tuple[SteadyResistance, ...] = ()  # That steady currents show, whatever the filters do
-    with_resistances: OneFilter | None = None  # The first filter with those that contradict, where it is not trusted
-
-    @property
-    def of_resistance(self) -> bool:
-        """Whether the resistances that steady currents show account for most of the first filter's misfit."""
-        mended = self.with_resistances
-        if mended is None or mended.lost_at_s is not None:
-            return False
-        return mended.trusted or mended.misfit < MOST_LEFT * self.filters[0].misfit
 
     def __str__(self) -> str:
         return sentence("observe", "observation", self)
@@ -90,10 +78,6 @@ class Observation(Printed):
             "filters": [run.to_dict() for run in self.filters],
             "seatings": [vars(seating) for seating in self.seatings],
             "noise": None if self.noise is None else self.noise.to_dict(),
-            "resistances": [
-                {**vars(resistance), "contradicts": resistance.contradicts} for resistance in self.resistances
-            ],
-            "of_resistance": self.of_resistance,
             "findings": [str(finding) for finding in self.findings],
         }
 
@@ -159,9 +143,6 @@ def observe(
     prepared = prepare(model, series, sensors)
     noise = noise_of(prepared, noise)
     runs = [follow(prepared, name, biases, noise) for name in names]
-    mended = None
-    if not runs[0].trusted and any(resistance.contradicts for resistance in prepared.resistances):
-        mended = follow(_with_resistances(prepared), names[0], biases, noise)
     shown = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
@@ -180,19 +161,7 @@ def observe(
         ),
         noise=shown,
         seatings=find_seatings(prepared, runs[0].built, runs[0].replayed),
-        resistances=prepared.resistances,
-        with_resistances=mended,
     )
-
-
-def _with_resistances(prepared: Prepared) -> Prepared:
-    """The record with a model whose resistances are those that steady currents show."""
-    ohm = {resistance.circuit: resistance.ohm for resistance in prepared.resistances if resistance.contradicts}
-    circuits = tuple(
-        replace(circuit, resistance_ohm=ohm.get(circuit.name, circuit.resistance_ohm))
-        for circuit in prepared.model.circuits
-    )
-    return replace(prepared, model=replace(prepared.model, circuits=circuits))
 
 
 def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:

@@ -25,14 +25,13 @@ from femfit.estimate.record import (
     with_distance,
     without_repeats,
 )
-from femfit.estimate.record_checks import require_possible_step
-from femfit.estimate.record_voltage import SteadyResistance, given_voltage, steady_resistance
-from femfit.estimate.rests import Rests, Track, find_rests
+from femfit.estimate.record_checks import given_voltage, require_possible_step
+from femfit.estimate.rests import Track, find_rests
 from femfit.estimate.run_filter import Log
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import OtherSensor
-from femfit.model.sensed_effects import true_setting_of
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
+from femfit.model.with_effects import true_setting_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 
@@ -51,7 +50,6 @@ class Prepared:
     noise: dict[str, float]  # White noise of each sensor
     # To what distance in m and velocity in m/s a body counts as still; None where it nowhere is
     resting: tuple[float, float] | None
-    resistances: tuple[SteadyResistance, ...] = ()  # That the record shows by itself
 
     @property
     def columns(self) -> set[str | None]:
@@ -101,26 +99,23 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     noises = [_noise(series, channel.values, reading) for channel, reading in zip(channels, readings, strict=True)]
     findings += [told for channel in channels for told in channel.findings]
     findings += [told for _, of_noise in noises for told in of_noise]
+    # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
+    placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
+    held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
     log = Log(
         inputs=inputs[:, 0] if len(commands) == 1 else inputs,
         readings=np.stack([channel.values for channel in channels], axis=1),
         begins=begins,
         guesses=_guesses(model, distance, track.current_A[:, : len(columns)]),
-        held=_held(model, rests, names),
+        held=replace(rests, rests=held_rests).held,
         limits=np.stack([channel.limit for channel in channels], axis=1),
         side=np.stack([channel.side for channel in channels], axis=1),
     )
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
-    resting = _resting_deviations(rests, step, noise_m)
-    flowing = track.current_A.copy()
-    for reading in (reading_of(model, name) for name in sensors_of(model)):
-        if reading.column in columns:  # a current at the end of its range stands still whatever flows
-            flowing[at_ends(recorded.get(reading.column, unknown), reading)[0], columns.index(reading.column)] = np.nan
-    track = replace(track, current_A=flowing)
-    shown = [steady_resistance(model, track, feed, k) for k, feed in enumerate(feeds)]
-    resistances = tuple(resistance for resistance in shown if resistance is not None)
-    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting, resistances)
+    # A held body stays where it is; it may have become so fast before its leaving is seen
+    resting = (STANDS_STILL * noise_m, STILL * noise_m / (BLOCK * step)) if rests.rests else None
+    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting)
 
 
 def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
@@ -176,22 +171,6 @@ def _sample_noise(series: TimeSeries, name: str, values: FloatArray, added: Bool
         return float(declared)
     spread = white_noise(values, segment)  # of rows that follow each other, or else of those that were written
     return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
-
-
-def _held(model: ActuatorModel, rests: Rests, sensors: Sequence[str]) -> BoolArray:
-    """Samples at which the body is kept where the estimate is; on a stop only where the filter reads the distance.
-
-    An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there.
-    """
-    read = any(isinstance(sensor_named(model, name), PositionSensor) for name in sensors)
-    return replace(rests, rests=tuple(rest for rest in rests.rests if read or rest.place == "held")).held
-
-
-def _resting_deviations(rests: Rests, step: float, noise: float) -> tuple[float, float] | None:
-    """A held body stays where it is; it may have become so fast before its leaving is seen."""
-    if not rests.rests:
-        return None
-    return STANDS_STILL * noise, STILL * noise / (BLOCK * step)
 
 
 def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:

@@ -39,8 +39,8 @@ from femfit.estimate.constants import (
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensing import piece_of
 from femfit.model.sensors import WHOLE, Reading, reading_of
-from femfit.tables.circuit_columns import parts_of
 from femfit.tables.findings import finding
+from femfit.tables.header import parts_of
 from femfit.tables.measurement import TimeSeries
 
 

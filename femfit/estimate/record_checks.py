@@ -4,16 +4,19 @@ A passive winding turns what it takes up into heat and motion: the mean of U i i
 something drives the body. Where it is clearly negative, voltage and current are counted opposite ways.
 """
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.core.text import amount, amount_range
-from femfit.estimate.constants import AGAINST, FASTEST_STEP, FLOWS, SLOWEST_STEP
+from femfit.core.text import amount, amount_range, counted
+from femfit.estimate.constants import AGAINST, FALLING, FASTEST_STEP, FLOWS, OFF, SLOWEST_STEP
+from femfit.estimate.rests import Track
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
@@ -124,3 +127,67 @@ def _own_times(model: ActuatorModel) -> tuple[float, ...]:
         if most > 0.0:
             times.append(float(np.sqrt(2.0 * motion.mass_kg * (box.distance_max_m - box.distance_min_m) / most)))
     return tuple(time for time in times if time > 0.0 and np.isfinite(time))
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """The voltage that the driver gave, and what is said of it."""
+
+    voltage_V: FloatArray
+    unsure: BoolArray  # Where a diode stops conducting in the noise of the current, at a moment that is estimated
+    findings: tuple[Finding, ...]
+
+
+def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circuit: int) -> Given:
+    """The voltage at the winding: commands beyond the supply are clamped, as the driver does.
+
+    Parameters
+    ----------
+    voltage : array, shape (samples,)
+        Commands in V; NaN where missing.
+    circuit : int
+        The place of the circuit whose voltage it is.
+    """
+    fed, noise_A = model.circuits[circuit], track.noise_A[circuit]
+    clamped = np.clip(voltage, fed.voltage_min_V, fed.voltage_max_V)
+    with np.errstate(invalid="ignore"):
+        beyond = clamped != voltage
+    beyond &= np.isfinite(voltage)
+    diode, unsure = fed.drive.diode_V, np.zeros(len(voltage), dtype=bool)
+    if diode is not None:
+        off, clear = voltage <= 0.0, OFF * noise_A if np.isfinite(noise_A) else 0.0
+        flows, unsure = _conducts(track.current_A[:, circuit], track.segment, off, clear)
+        voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), volts) for volts in (voltage, clamped))
+        beyond &= ~off
+    if not beyond.any():
+        return Given(voltage, unsure, ())
+    reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
+    if int(beyond.sum()) == 1:
+        reach = amount(float(voltage[beyond][0]), "V")
+    of = f" to {fed.name}" if len(model.circuits) > 1 else ""
+    commands = f"{counted(int(beyond.sum()), 'command')}{of} of {len(voltage)} ({reach})"
+    told = finding("clamped", commands=commands, limits=amount_range(fed.voltage_min_V, fed.voltage_max_V, "V"))
+    return Given(clamped, unsure, (told,))
+
+
+def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: float) -> tuple[BoolArray, BoolArray]:
+    """Where the freewheel diode carries a current, and about when it stops.
+
+    It does where the current is clear of the noise, and on to the end to which the last slope leads.
+
+    Without the last part the drop of the diode would be missing over the time that the current takes from the noise's
+    size to nothing.
+    """
+    flows, unsure = current > clear, np.zeros(len(current), dtype=bool)
+    ends = np.flatnonzero(flows[:-1] & ~flows[1:] & off[1:] & (np.diff(segment) == 0))
+    for last in ends.tolist():
+        first = max(last + 1 - FALLING, int(np.searchsorted(segment, segment[last])))
+        if last + 1 - first < FALLING or not flows[first : last + 1].all():
+            continue
+        fitted = np.polyfit(np.arange(first - last, 1), current[first : last + 1], 1)
+        slope, level = float(fitted[0]), float(fitted[1])
+        more = min(math.ceil(-level / slope), FALLING) if slope < 0.0 < level else 0
+        reach = slice(last + 1, last + 1 + more)
+        flows[reach] = off[reach] & (segment[reach] == segment[last])
+        unsure[last + 1 : last + 1 + 2 * more] = True
+    return np.asarray(flows), unsure

@@ -22,7 +22,6 @@ import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.mechanics import Stop
-from femfit.estimate.cholesky import cholesky
 from femfit.estimate.constants import (
     APART,
     AT_REST,
@@ -36,7 +35,7 @@ from femfit.estimate.constants import (
 from femfit.estimate.filter import Filter
 from femfit.estimate.noise import consistency_band
 from femfit.estimate.prepare import Prepared
-from femfit.estimate.process import FilterOutcome, FilterState
+from femfit.estimate.process import FilterOutcome, FilterState, cholesky
 from femfit.estimate.run_filter import Replayed
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel

@@ -1,6 +1,6 @@
 """The words of filters and of records."""
 
-from femfit.core.words import Words, constants_of
+from femfit.core.results import Words, constants_of
 from femfit.estimate import constants
 
 sentence = Words("femfit.estimate", names=constants_of(constants)).sentence

@@ -17,7 +17,6 @@ from netgen.occ import Face, Glue, MoveTo, OCCGeometry, WorkPlane, gp_Vec2d
 from ngsolve import CF, Integrate, Mesh
 
 from femfit.core.errors import FieldSolverError
-from femfit.device.electrics import HallElement
 from femfit.device.outlines import Corner, flattened, reversed_outline
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.field.harmonic import LAYER_FACTOR, skin_layers
@@ -89,7 +88,11 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     half_disc = WorkPlane().MoveTo(0.0, -layout.outer_radius).Arc(layout.outer_radius, 180.0).Close().Face()
     rest = _without(half_disc, [*still, outer])
     if actuator.hall is not None:
-        size = _hall_size(actuator, actuator.hall, layout)
+        hall = shapely.Point(actuator.hall.radius_m, actuator.hall.height_m)
+        room = min((polygon(fixed_part).distance(hall) for fixed_part in fixed_parts(actuator)), default=math.inf)
+        size = HALL_SIZE * layout.clearance
+        if 0.2 * size < room < 1.5 * size:  # or slivers would lie between the disc and the part beside it
+            size = 0.5 * room
         disc = WorkPlane().Circle(actuator.hall.radius_m, actuator.hall.height_m, size).Face() * rest
         disc.faces.name, disc.faces.maxh = "air", 0.5 * size
         pieces.append(disc)
@@ -119,13 +122,6 @@ def _mark_skins(shape: Any, actuator: Actuator, layout: Layout, settings: Solver
                     for vertex in edge.vertices:
                         vertex.hpref = 1.0
     return max(layers.values(), default=0)
-
-
-def _hall_size(actuator: Actuator, hall: HallElement, layout: Layout) -> float:
-    """Radius in m of the finely meshed disc round a Hall element, without slivers between it and a part beside it."""
-    size, place = HALL_SIZE * layout.clearance, shapely.Point(hall.radius_m, hall.height_m)
-    room = min((polygon(fixed_part).distance(place) for fixed_part in fixed_parts(actuator)), default=math.inf)
-    return 0.5 * room if 0.2 * size < room < 1.5 * size else size
 
 
 def _without(face: Face, tools: Sequence[Face]) -> Any:
@@ -194,15 +190,11 @@ def _face(corners: Sequence[Corner], bulges: Sequence[float] = (), shift: float 
         stop = corners[(k + 1) % len(corners)]
         bulge = bulges[k] if bulges else 0.0
         if bulge:
-            path = path.ArcTo(stop[0], stop[1] + shift, gp_Vec2d(*_tangent(start, stop, bulge)))
+            half = -2.0 * math.atan(bulge)  # of the arc's angle, by which its tangent is turned back from the chord
+            along, across = stop[0] - start[0], stop[1] - start[1]
+            cosine, sine = math.cos(half), math.sin(half)
+            tangent = gp_Vec2d(along * cosine - across * sine, along * sine + across * cosine)
+            path = path.ArcTo(stop[0], stop[1] + shift, tangent)
         elif k + 1 < len(corners):
             path = path.LineTo(stop[0], stop[1] + shift)
     return path.Close().Face()
-
-
-def _tangent(start: Corner, stop: Corner, bulge: float) -> Corner:
-    """Direction in which an arc leaves its start: the chord's, turned back by half of the arc's angle."""
-    half = -2.0 * math.atan(bulge)
-    along, across = stop[0] - start[0], stop[1] - start[1]
-    cosine, sine = math.cos(half), math.sin(half)
-    return along * cosine - across * sine, along * sine + across * cosine

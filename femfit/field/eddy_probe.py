@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.eddy_task import Patterns, principal
+from femfit.field.eddy_sweep import principal
 from femfit.field.harmonic import ConductorPoints, FieldArray, HarmonicSystem
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.nonlinear_system import BiasedSystem, static_system
 from femfit.field.point_rows import Coefficients
 from femfit.field.signature_rows import ImpedanceSignatures
-from femfit.field.sweep_task import MeshGroup
+from femfit.field.sweep_task import MeshGroup, Patterns
 from femfit.field.weak_form import function_of, hall_field
 from femfit.tables.eddy_table import Transfers
 
@@ -117,10 +117,13 @@ class EddyProbe:
         """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
         system, hall = self._static, self._hall
         source_fields = [GridFunction(system.space) for _ in fields]
-        forces, halls = [], []
+        forces, halls, induced_loads = [], [], []
+        for field in fields:  # -s M w of the moving part
+            real, imaginary = self.points.loads(self.points.rows(np.array([field.real, field.imag])), moving=True)
+            induced_loads.append(-s * (real + 1j * imaginary))
         for component in (np.real, np.imag):
             totals = [function_of(system.space, component(field)) for field in fields]
-            loads = [component(-s * self._mass(field)) for field in fields]
+            loads = [component(load) for load in induced_loads]
             if component is np.real:
                 loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
             system.find_own(totals, loads, source_fields)
@@ -141,11 +144,6 @@ class EddyProbe:
             2.0 * float(InnerProduct(total, a.vec) - InnerProduct(alone, b.vec))
             for a, b in zip(totals, source_fields, strict=True)
         ]
-
-    def _mass(self, field: FieldArray) -> FieldArray:
-        """M w of the moving part."""
-        real, imaginary = self.points.loads(self.points.rows(np.array([field.real, field.imag])), moving=True)
-        return np.asarray(real + 1j * imaginary)
 
 
 class PatternFields:

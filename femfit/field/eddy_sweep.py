@@ -14,17 +14,15 @@ from typing import Any
 import numpy as np
 
 from femfit.core.errors import FieldSolverError, TableError
+from femfit.core.files import read_arrays, write_arrays
 from femfit.core.journal import Journal
 from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.eddy_task import FormsTask, Patterns, ProbeTask, principal
 from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.sweep_task import MeshGroup
-from femfit.field.sweep_workers import AGAIN
+from femfit.field.sweep_task import AGAIN, FormsTask, MeshGroup, Patterns, ProbeTask
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import EddyTable, Transfers
-from femfit.tables.files import read_arrays, write_arrays
 from femfit.tables.signatures import ImpedanceSlopes
 
 ORDER = 4
@@ -43,7 +41,7 @@ LOWEST_HZ = 1e-3  # of frequencies that are solved for
 
 PATTERNS_NAME = "eddy_patterns.npz"
 
-Done = Callable[[Any, dict[str, Any]], list[Any]]
+Done = Callable[[Any, dict[str, Any]], None]
 Solve = Callable[[Sequence[Any], Done], None]
 """Solves tasks, and hands each and its result over."""
 
@@ -83,12 +81,8 @@ def eddy_sweep(
         write_arrays(vars(probed) | {"key": key}, file)
     patterns = Patterns(plan.reference, probed.rows, zlib.crc32(probed.rows.tobytes()))
     tasks = [FormsTask(plan.meshes[d], d, patterns, plan.biases.get(d, ())) for d in actuator.sweep.distances_m]
-
-    def record(task: FormsTask, result: dict[str, Any]) -> list[Any]:
-        journal.record(task.key, result)
-        return []
-
-    solve([task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)], record)
+    unsolved = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
+    solve(unsolved, lambda task, result: journal.record(task.key, result))
     results = {task.distance: journal.finished[task.key] for task in tasks}
     solved = {distance: result for distance, result in results.items() if result["status"] == "ok"}
     if not solved:
@@ -204,9 +198,8 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
         tasks.append(ProbeTask(*settings, shifts, coarse, numbers, plan.biases.get(d, ())))
     results: dict[float, dict[str, Any]] = {}
 
-    def record(task: ProbeTask, result: dict[str, Any]) -> list[Any]:
+    def record(task: ProbeTask, result: dict[str, Any]) -> None:
         results[task.distance] = result
-        return []
 
     solve(tasks, record)
     solved = {task.distance: results[task.distance] for task in tasks if results[task.distance]["status"] == "ok"}
@@ -255,3 +248,13 @@ def _read(file: Path, key: str) -> _Probed | None:
         return read_arrays(file, made, "")
     except TableError:
         return None
+
+
+def principal(products: FloatArray, tolerance: float) -> FloatArray:
+    """Factors (q, k) of principal components of k rows by their products (k, k), the largest power first.
+
+    What is left out of all rows together has less than the tolerance's square of their power.
+    """
+    powers, directions = np.linalg.eigh(products)
+    retained = np.cumsum(np.maximum(powers, 0.0)) > tolerance**2 * powers.sum()
+    return np.asarray(directions[:, retained].T[::-1])

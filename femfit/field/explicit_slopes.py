@@ -93,7 +93,13 @@ class ExplicitSlopes:
         self._loads = self._coil_slopes(motion, velocities)
         self._named = materials(actuator)
         self._media = [(self.points.of_region(name), _Medium.of(material)) for name, material in self._named.items()]
-        self._changes = [self._changed_media(number) for number in numbers]
+        self._changes: list[list[tuple[IntArray, _Medium, _Medium]]] = []
+        for number in numbers:
+            larger, smaller = materials(number.larger), materials(number.smaller)
+            changed = [name for name in self._named if larger[name] != smaller[name]]
+            self._changes.append(
+                [(self.points.of_region(name), _Medium.of(larger[name]), _Medium.of(smaller[name])) for name in changed]
+            )
         self._left = motion.remainder(velocities)
         self._sides = [
             PlacedPoints(space, self._left.points + sign * BESIDE * self._left.normals, share) for sign in (-1.0, 1.0)
@@ -163,15 +169,6 @@ class ExplicitSlopes:
                 change = slope.vec.FV().NumPy() + (larger - smaller) / (2.0 * number.step) * plain
                 result[k, circuits.index(coil.circuit)] += change
         return result
-
-    def _changed_media(self, number: DrawnNumber) -> list[tuple[IntArray, _Medium, _Medium]]:
-        """Points of the regions whose material is another one, and its two media."""
-        larger, smaller = materials(number.larger), materials(number.smaller)
-        return [
-            (self.points.of_region(name), _Medium.of(larger[name]), _Medium.of(smaller[name]))
-            for name in self._named
-            if larger[name] != smaller[name]
-        ]
 
     def _media_of_sides(self) -> tuple[list[list[tuple[IntArray, _Medium]]], BoolArray]:
         """The media inside and outside of edges with a remainder, and where the two sides differ."""

@@ -241,12 +241,6 @@ def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: Solve
     return [tuple(distances[a:b]) for a, b in pairwise(cuts)]
 
 
-def reference_distance(group: tuple[float, ...], layout: Layout) -> float:
-    """The distance at which the mesh of a group of ascending distances is made: the geometric mean of its gaps."""
-    low, high = (d - layout.outer_offset - layout.fixed_top for d in (group[0], group[-1]))
-    return float(np.sqrt(low * high)) + layout.outer_offset + layout.fixed_top if len(group) > 1 else group[0]
-
-
 MOVING = "moving(_coil)?:.*"
 FIXED = "fixed(_coil)?:.*"
 

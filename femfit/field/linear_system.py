@@ -14,11 +14,18 @@ from ngsolve import H1, BilinearForm, GridFunction, dx
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.parts import Actuator
-from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import AIR
 from femfit.field.newton import inner
 from femfit.field.point_rows import Coefficients
-from femfit.field.weak_form import hall_field, linear_materials, reluctivity, source_loads, stiffness
+from femfit.field.weak_form import (
+    LayerForce,
+    hall_field,
+    linear_materials,
+    quadratic,
+    reluctivity,
+    source_loads,
+    stiffness,
+)
 
 if TYPE_CHECKING:
     from femfit.field.moving_mesh import MovingMesh

@@ -20,7 +20,7 @@ from ngsolve.comp import IntegrationRuleSpace
 from scipy import sparse
 
 from femfit.core.numerics import MU_0, BoolArray, FloatArray, IntArray
-from femfit.device.bh import BHCurve
+from femfit.device.materials import BHCurve
 from femfit.device.parts import LinearMaterial, Material
 from femfit.field.newton import inner
 from femfit.field.weak_form import flux_density
@@ -86,7 +86,14 @@ class MaterialPoints:
         self._reluctivity = np.zeros(len(self.weight))
         self.coercive_field = np.zeros((2, len(self.weight)))
         for name, material in named.items():
-            self._take(np.flatnonzero(self._named_points(name)), material)
+            points = np.flatnonzero(self._named_points(name))
+            if isinstance(material, LinearMaterial):
+                self._reluctivity[points] = material.reluctivity
+                coercive = material.reluctivity * material.remanence_T * np.array(material.direction)  # nu B_r
+                self.coercive_field[:, points] = coercive[:, None]
+            else:
+                self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
+                self._ends.append((points, material.flux_density_T[-1]))
         self.moving = self._named_points("moving:.*")
         self._tensor = tuple(GridFunction(self._points.space) for _ in range(3))
         self.tangent_form = self.tangent_on(space)
@@ -143,16 +150,6 @@ class MaterialPoints:
 
     def _named_points(self, pattern: str) -> BoolArray:
         return self._points.values(self.space.mesh.MaterialCF({pattern: 1.0}, default=0.0)) > 0.5
-
-    def _take(self, points: IntArray, material: Material) -> None:
-        """Note the law of a region's points: nu and nu B_r of a linear one, or the curve."""
-        if isinstance(material, LinearMaterial):
-            self._reluctivity[points] = material.reluctivity
-            coercive = material.reluctivity * material.remanence_T * np.array(material.direction)
-            self.coercive_field[:, points] = coercive[:, None]
-        else:
-            self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
-            self._ends.append((points, material.flux_density_T[-1]))
 
     def tangent_on(self, space: H1) -> BilinearForm:
         """The form of ``tangent_form`` on a space of the same mesh, real or complex; not assembled."""

@@ -24,14 +24,13 @@ import numpy as np
 from ngsolve import H1, GridFunction, grad
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
-from femfit.device.bh import BHCurve
+from femfit.device.materials import BHCurve
 from femfit.device.parts import Actuator, LinearMaterial, Material
 from femfit.field.drawing import build_mesh
-from femfit.field.force import AROUND_FIXED, weight
-from femfit.field.layout import Layout, layer_outlines, layout_of_group, reference_distance
+from femfit.field.layout import Layout, layer_outlines, layout_of_group
 from femfit.field.material_points import QuadraturePoints
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import function_of
+from femfit.field.weak_form import AROUND_FIXED, function_of, weight
 
 STILL = 0.6  # of the gap above the fixed parts
 BISECTIONS = 40  # of the stretch; a step of rounding of it
@@ -52,7 +51,11 @@ class MovingMesh:
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
         self.layout = layout_of_group(actuator, group, layout, settings)
-        self.reference = reference_distance(group, self.layout)
+        self.reference = group[0]
+        if len(group) > 1:  # the geometric mean of the gaps
+            offset, top = self.layout.outer_offset, self.layout.fixed_top
+            low, high = (distance - offset - top for distance in (group[0], group[-1]))
+            self.reference = float(np.sqrt(low * high)) + offset + top
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
         _, low, _, high = layer_outlines(actuator, self.layout)[1].bounds
         self._layer_heights = (low + self.reference, high + self.reference)
@@ -109,18 +112,13 @@ class MovingMesh:
 
 def stretch_share(mesh: ng.Mesh, layout: Layout, layer_heights: tuple[float, float]) -> ng.GridFunction:
     """Share of the moving part's shift that each place of the mesh makes: 1 at the part, 0 at the fixed ones."""
-    points = np.array([vertex.point for vertex in mesh.vertices])
-    return function_of(H1(mesh, order=1), _profile(points, layout, layer_heights))
-
-
-def _profile(points: FloatArray, layout: Layout, layer_heights: tuple[float, float]) -> FloatArray:
-    """Share of the shift at points of shape (n, 2), between 0 and 1."""
     low, high = layer_heights
     far = FADE * layout.radius
     still = layout.fixed_top + STILL * (low - layout.fixed_top)
+    points = np.array([vertex.point for vertex in mesh.vertices])
     along = np.interp(points[:, 1], [still, low, high, far], [0.0, 1.0, 1.0, 0.0])
     across = np.interp(points[:, 0], [1.5 * layout.radius, far], [1.0, 0.0])
-    return np.asarray(along * across)
+    return function_of(H1(mesh, order=1), along * across)
 
 
 Law: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.field.currents import between, weakest
+from femfit.field.point_rows import between, weakest
 
 if TYPE_CHECKING:
     from femfit.field.nonlinear_system import NonlinearSystem
@@ -101,7 +101,8 @@ def minimise(
             steps.clear()
         correction = _correction(problem, here.gradient, steps)
         decrease = -inner(here.gradient, correction)
-        residual = _relative(decrease, here.square)
+        scale = max(here.square, decrease)
+        residual = math.sqrt(max(decrease, 0.0) / scale) if scale != 0.0 else 0.0
         if not math.isfinite(residual):
             return NewtonResult(state, len(history), residual, False, tuple(history))
         stale = not fresh and not history and residual > NEAR
@@ -119,7 +120,10 @@ def minimise(
             history.pop()  # a renewed derivative from here is better than a short step by one that misleads
             continue
         state, here = trial, there
-        _remember(steps, step * correction, here.gradient - before)
+        moved, bent = step * correction, here.gradient - before
+        product = inner(moved, bent)
+        if product > 0.0:  # as of any convex energy, but for rounding
+            steps.append(_Step(moved, bent, product))
         stale = renewal_cost == 0.0 or step < 1.0 or slow
     return NewtonResult(state, limit, history[-1], False, tuple(history))
 
@@ -131,12 +135,6 @@ class _Step:
     state: FloatArray
     gradient: FloatArray
     product: float
-
-
-def _remember(steps: deque[_Step], state: FloatArray, gradient: FloatArray) -> None:
-    product = inner(state, gradient)
-    if product > 0.0:  # as of any convex energy, but for rounding
-        steps.append(_Step(state, gradient, product))
 
 
 def _correction(problem: "NonlinearSystem", gradient: FloatArray, steps: deque[_Step]) -> FloatArray:
@@ -156,11 +154,6 @@ def _steps_left(before: float, residual: float, tolerance: float) -> float:
     if residual <= tolerance:
         return 0.0
     return math.log(tolerance / residual) / math.log(residual / before) if residual < before else math.inf
-
-
-def _relative(decrease: float, square: float) -> float:
-    scale = max(square, decrease)
-    return math.sqrt(max(decrease, 0.0) / scale) if scale != 0.0 else 0.0
 
 
 def _search(

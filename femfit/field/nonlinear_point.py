@@ -27,18 +27,24 @@ from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.currents import CurrentsLike, current_points, swept_currents
-from femfit.field.force import LayerForce, OtherForces
 from femfit.field.layout import Layout
-from femfit.field.linear_point import PickupCoils
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.newton import NewtonResult, States, along_currents
 from femfit.field.nonlinear_system import NonlinearSystem
-from femfit.field.point_rows import NO_CONVERGENCE, NO_INDUCTANCE, NonlinearPoint, PointSolution, table_rows
+from femfit.field.point_rows import (
+    NO_CONVERGENCE,
+    CurrentsLike,
+    NonlinearPoint,
+    PointSolution,
+    current_points,
+    swept_currents,
+    table_rows,
+)
+from femfit.field.problem import PickupCoils
 from femfit.field.signature_rows import SignatureRows
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import hall_field
+from femfit.field.weak_form import LayerForce, OtherForces, hall_field
 
 FIRST_ORDER = 2
 """Polynomial order at which the way along the currents is found: a tenth of what an iteration costs at order 5."""
@@ -71,6 +77,7 @@ class NonlinearActuator:
         orders = sorted({min(FIRST_ORDER, below), below} if estimate else {min(FIRST_ORDER, below)})
         self._systems = [NonlinearSystem(self._moving, actuator, order) for order in (*orders, settings.order)]
         self.coarse, self.fine = self._systems[-2:]
+        self.unknowns = int(self.fine.space.ndof)  # of the finer of the two orders
         self._raise_order = [
             csr(ConvertOperator(low.space, high.space), low.space.ndof) for low, high in pairwise(self._systems)
         ]
@@ -86,11 +93,6 @@ class NonlinearActuator:
             self._systems[0].move()
             swept = current_points(swept_currents(actuator.sweep), len(self._circuits))
             self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns of the finer of the two orders."""
-        return int(self.fine.space.ndof)
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table, one value a point; one without convergence has its ``status`` and no field."""
@@ -109,21 +111,16 @@ class NonlinearActuator:
                 pending = np.array([point for point in points if tuple(point) in bases])
             self.fine.move()
             coarse, evaluate = _states(results[-1]), self._evaluation(distance)
-            start, solutions, statuses = np.zeros_like(self.fine.circuits), {}, {}
-            finest = {}
+            finest, solutions = {}, {}
             for key, result in along_currents(self.fine, pending, bases, self._tolerance):
-                finest[key], statuses[key] = result, ("ok" if result.converged else NO_CONVERGENCE)
-                if result.converged:  # the derivative that was kept for it serves its inductance, too
-                    start, response = self.fine.response(result.state, start)
-                    if response:
-                        solutions[key] = evaluate(np.array(key), result.state, coarse[key], start)
-                    else:
-                        start, statuses[key] = np.zeros_like(self.fine.circuits), NO_INDUCTANCE
+                finest[key] = result
+                if result.converged:
+                    solutions[key] = evaluate(np.array(key), result.state, coarse[key])
         self._solved = {distance: solutions}
         solved = []
         for key in map(tuple, points):  # from the lowest order to the one at which a point ended
             ended = [of_order[key] for of_order in (*results, finest) if key in of_order]
-            iterations, status = sum(order.iterations for order in ended), statuses.get(key, NO_CONVERGENCE)
+            iterations, status = sum(order.iterations for order in ended), "ok" if key in solutions else NO_CONVERGENCE
             solved.append(NonlinearPoint(iterations, ended[-1].residual, status, solutions.get(key)))
         return solved
 
@@ -156,23 +153,28 @@ class NonlinearActuator:
         self._moving.move_to(distance)
         return PointField(self.fine.function(solution.state), solution.force, solution.self_force)
 
-    def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray, FloatArray], PointSolution]:
+    def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
         linked = self._pickups.at(distance)
 
-        def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
+        def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> PointSolution:
             total, own = self._total, self._own
             total.vec.FV().NumPy()[:], own.vec.FV().NumPy()[:] = fine, self.fine.own_state(fine, currents)
             self_force = self._layer.between(own, own)
             reaction, work = (float(form[0, 0]) for form in self._others.evaluate())
+            coarse_force = None
+            if self._coarse_layer is not None:  # the force of a state one order lower is asked for
+                vectors = coarse, self.coarse.own_state(coarse, currents)
+                of_all, of_mover = (self._coarse_layer.between(w, w) for w in map(self.coarse.function, vectors))
+                coarse_force = of_all - of_mover
             return PointSolution(
                 force=self._layer.between(total, total) - self_force,
                 reaction=reaction,
                 work=work,
-                coarse_force=self._coarse_force(coarse, currents),
+                coarse_force=coarse_force,
                 self_force=self_force,
                 flux_linkage=self.fine.flux_linkage(fine),
-                inductance=self.fine.inductance(fine, response),
+                inductance=self.fine.inductance(fine),
                 coenergy=-self.fine.evaluate(fine, currents).energy,
                 hall=None if self._hall is None else hall_field(self._hall, self.mesh, total),
                 beyond_curve=self.fine.beyond_curve(fine),
@@ -181,15 +183,6 @@ class NonlinearActuator:
             )
 
         return evaluate
-
-    def _coarse_force(self, state: FloatArray, currents: FloatArray) -> float | None:
-        """The force in N of a state one order lower, where it is asked for."""
-        if self._coarse_layer is None:
-            return None
-        total, source_field = (
-            self.coarse.function(vector) for vector in (state, self.coarse.own_state(state, currents))
-        )
-        return self._coarse_layer.between(total, total) - self._coarse_layer.between(source_field, source_field)
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:

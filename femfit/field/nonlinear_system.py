@@ -29,16 +29,11 @@ from femfit.field.linear_system import (
     SummedInverse,
     inner_products,
 )
-from femfit.field.material_points import MaterialPoints, Tensor, csr
+from femfit.field.material_points import MaterialPoints, csr
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.point_rows import Coefficients
 from femfit.field.weak_form import function_of, materials, source_loads, stiffness
-
-RESPONSE_TOLERANCE = 1e-3
-"""Tolerance of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
-
-RESPONSE_LIMIT = 100
 
 
 class NonlinearSystem:
@@ -93,41 +88,9 @@ class NonlinearSystem:
         self.renew(state)
         return np.array([self.solve(load) for load in loads])
 
-    def response(self, state: FloatArray, guess: FloatArray) -> tuple[FloatArray, bool]:
-        """dw/di in 1/A at a converged state, shape (circuits, unknowns), and whether to RESPONSE_TOLERANCE.
-
-        By conjugate gradients from a guess, with the second derivative at the state, preconditioned by the kept one.
-        """
-        tensor = self.points.tensor(self._flux_density(state))
-        solved = [self._respond(tensor, load, x) for load, x in zip(self.circuits, guess, strict=True)]
-        return np.array([x for x, _ in solved]).reshape(guess.shape), all(converged for _, converged in solved)
-
-    def _respond(self, tensor: Tensor, load: FloatArray, x: FloatArray) -> tuple[FloatArray, bool]:
-        residual = load - self._second_derivative(tensor, x)
-        preconditioned = self.solve(residual)
-        direction, product = preconditioned, inner(residual, preconditioned)
-        limit = RESPONSE_TOLERANCE**2 * inner(load, self.solve(load))
-        for _ in range(RESPONSE_LIMIT):
-            if not product > limit:  # nor where a number is lost
-                break
-            image = self._second_derivative(tensor, direction)
-            step = product / inner(direction, image)
-            x = x + step * direction
-            residual = residual - step * image
-            preconditioned = self.solve(residual)
-            before, product = product, inner(residual, preconditioned)
-            direction = preconditioned + (product / before) * direction
-        return x, product <= limit
-
-    def inductance(self, state: FloatArray, response: FloatArray) -> FloatArray:
-        """d(flux linkages)/d(currents) in H: load . x for exact responses x, stationary at them."""
-        tensor = self.points.tensor(self._flux_density(state))
-        images = [self._second_derivative(tensor, x) for x in response]
-        linked, energy = (
-            np.array([[inner(x, load) for load in loads] for x in response]) for loads in (self.circuits, images)
-        )
-        count = len(response)
-        return np.asarray((linked + linked.T - energy).reshape(count, count))
+    def inductance(self, state: FloatArray) -> FloatArray:
+        """d(flux linkages)/d(currents) at a converged state, in H, shape (circuits, circuits)."""
+        return np.array([self.flux_linkage(change) for change in self.respond(state, self.circuits)])
 
     def flux_linkage(self, state: FloatArray) -> FloatArray:
         """Of each circuit, in Wb."""
@@ -158,12 +121,6 @@ class NonlinearSystem:
         if state is not self._last_state:
             self._last_state, self._last_flux_density = state, self.points.flux_density(state)
         return self._last_flux_density
-
-    def _second_derivative(self, tensor: Tensor, x: FloatArray) -> FloatArray:
-        rr, rz, zz = tensor
-        b = self.points.flux_density(x)
-        field = np.stack([rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]])
-        return np.asarray(self._stiffness @ x + self.points.load(field))
 
 
 FIRST_ORDER = 2

@@ -104,8 +104,10 @@ class OutlineMotion:
         x, gauss = 0.5 * (1.0 + x), 0.5 * gauss
         largest = np.abs(velocities).max(axis=(1, 2), initial=0.0)[:, None]
         edges_seen, rows = set[tuple[int, int]](), list[tuple[FloatArray, FloatArray, str, FloatArray]]()
+        names = list(materials(self.actuator))  # of the fixed regions, then of the moving ones
         for edge in self._edges:
-            where, name = self._line(edge), _mesh_region(self.actuator, edge.part)
+            body, place = edge.part
+            where, name = self._line(edge), names[place + (len(self.actuator.fixed) if body == "moving" else 0)]
             for k in range(len(edge.vertices) - 1):
                 ends = edge.vertices[k : k + 2]
                 pair = (int(ends.min()), int(ends.max()))
@@ -200,10 +202,6 @@ def _outline(actuator: Actuator, location: tuple[str, int]) -> Region | Coil:
         actuator.coils if kind == "coils" else actuator.fixed if kind == "fixed" else actuator.moving.regions
     )
     return parts[place]
-
-
-def _mesh_region(actuator: Actuator, location: tuple[str, int]) -> str:
-    return list(materials(actuator))[location[1] + (len(actuator.fixed) if location[0] == "moving" else 0)]
 
 
 def _edge(shape: Region | Coil, edge: int, shift: float) -> tuple[FloatArray, FloatArray, float]:

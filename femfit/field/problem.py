@@ -1,18 +1,44 @@
-"""The choice of the solver by the actuator's materials, and the field of a drawing as a probe would read it."""
+r"""The field problem of an actuator: all currents of a linear actuator from one factorisation a distance.
 
-from collections.abc import Callable
+The field is a sum over the sources s = (1, i_1 .. i_n) of the magnets' and of each circuit's with 1 A, so the force is
+a quadratic form in s, flux linkages and the Hall field are linear in it, and the co-energy is a quadratic form again.
+The stress of the moving part's own field integrates to zero, but not on a mesh: it is evaluated on the same mesh with
+everything else taken away, and subtracted (:mod:`femfit.field.linear_system`).
+
+The flux linkage of windings without current is a quadrature of the solved field over their sections. A winding of N
+turns that fill a section of area A links (N / A) integral 2 pi r A_phi = (N / A) integral 2 pi r^2 w. Without a current
+it changes nothing, so the mesh knows nothing of it, and it may share its section with a coil. The section is cut at the
+heights of its corners; in each strip the nodes of Gauss lie along z, and along r between edges.
+"""
+
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+import ngsolve as ng
 import numpy as np
 from netgen.libngpy._meshing import NgException
+from ngsolve import GridFunction
 
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, FieldSolverError
 from femfit.core.numerics import FloatArray
+from femfit.device.drawn_numbers import DrawnNumber
+from femfit.device.electrics import PickupCoil
 from femfit.device.parts import Actuator
-from femfit.field.currents import CurrentsLike, current_points, swept_currents, weakest
 from femfit.field.layout import Layout, layout_of
-from femfit.field.linear_point import LinearActuator
+from femfit.field.linear_system import LinearSystem
+from femfit.field.moving_mesh import MovingMesh, PointField
+from femfit.field.point_rows import (
+    CurrentsLike,
+    DistanceSolution,
+    current_points,
+    sources,
+    superpose,
+    swept_currents,
+    weakest,
+)
+from femfit.field.signature_rows import SignatureRows
 from femfit.field.tolerance import (
     LevelChoice,
     SolverSettings,
@@ -22,12 +48,153 @@ from femfit.field.tolerance import (
     meet_tolerance,
     settings_for,
 )
-from femfit.field.weak_form import flux_density
+from femfit.field.weak_form import OtherForces, flux_density
+
+NODES = 6
+"""Numerical: of Gauss along each side of a strip, exact for polynomials of degree 11; fields have degree 5 or so."""
+
+INSIDE = 0.9
+"""Numerical: of the radius up to which the field is solved; the mesh's outer edges are chords of that circle."""
+
+STRIPS = 4
+"""Numerical: a section is cut into at least as many strips, and each of them into as many cells."""
+
+
+class PickupCoils:
+    """The pickup coils of an actuator on a mesh; none where the drawing has none."""
+
+    def __init__(self, actuator: Actuator, moving: MovingMesh) -> None:
+        self._moving = moving
+        coils = [sensor for sensor in actuator.sensors if isinstance(sensor, PickupCoil)]
+        for coil in coils:
+            farthest = max(float(np.hypot(r, z)) for r, z in coil.vertices_m)
+            if farthest > INSIDE * moving.layout.outer_radius:
+                raise FieldSolverError(
+                    f"Pickup coil {coil.name!r} must lie near the actuator; it reaches {1e3 * farthest:.4g} mm from "
+                    f"the origin, and the field ends at {1e3 * moving.layout.outer_radius:.4g} mm. Draw it nearer."
+                )
+        self._coils = [(coil, *section_nodes(coil.vertices_m)) for coil in coils]
+
+    def at(self, distance: float) -> Callable[[GridFunction], dict[str, float]]:
+        """What a solution gives each coil's flux linkage in Wb, with the moving part at a distance in m."""
+        placed = {}
+        for coil, points, weights in self._coils:
+            physical = points + np.array([0.0, distance if coil.moves else 0.0])
+            fields = self._moving.unstretched(physical, distance)
+            density = coil.turns / weights.sum() * 2.0 * np.pi * points[:, 0] ** 2
+            placed[coil.name] = self._moving.mesh(fields[:, 0], fields[:, 1]), density * weights
+        return lambda w: {name: float(weights @ w(places)[:, 0]) for name, (places, weights) in placed.items()}
+
+
+def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
+    """Nodes (n, 2) and weights (n,) for integrals over the inside of a polygon; the weights sum to its area."""
+    outline = np.array(corners)
+    starts, stops = outline, np.roll(outline, -1, axis=0)
+    x, w = np.polynomial.legendre.leggauss(NODES)
+    heights = np.unique(outline[:, 1])
+    points: list[FloatArray] = []
+    weights: list[FloatArray] = []
+    for low, high in pairwise(heights):
+        cuts = np.linspace(low, high, max(1, int(np.ceil(STRIPS * (high - low) / np.ptp(heights)))) + 1)
+        for bottom, top in pairwise(cuts):
+            half = 0.5 * (top - bottom)
+            for z, share in zip(0.5 * (bottom + top) + half * x, w, strict=True):
+                crosses = (starts[:, 1] > z) != (stops[:, 1] > z)
+                a, b = starts[crosses], stops[crosses]
+                edges = np.sort(a[:, 0] + (z - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]))
+                for near, far in zip(edges[::2], edges[1::2], strict=True):
+                    ends = np.linspace(near, far, STRIPS + 1)
+                    quarter = 0.5 * np.diff(ends)[:, None]
+                    r = (0.5 * (ends[1:] + ends[:-1])[:, None] + quarter * x).ravel()
+                    points.append(np.column_stack([r, np.full_like(r, z)]))
+                    weights.append(half * share * (quarter * w).ravel())
+    return np.concatenate(points), np.concatenate(weights)
+
+
+class LinearActuator:
+    """One mesh of an actuator with linear materials, to be stretched over a group of distances.
+
+    The group's distances are in m, ascending; with ``estimate`` each is also solved one order lower, for the force's
+    error.
+    """
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        group: tuple[float, ...],
+        layout: Layout,
+        settings: SolverSettings,
+        *,
+        estimate: bool = True,
+    ) -> None:
+        self.actuator = actuator
+        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
+        self.layout = layout
+        self._moving = MovingMesh(actuator, group, layout, settings)
+        self.mesh = self._moving.mesh
+        self._pickups = PickupCoils(actuator, self._moving)
+        self._system = LinearSystem(self._moving, actuator, settings.order)
+        self.unknowns = int(self._system.space.ndof)  # of the finer of the two orders
+        self._lower = LinearSystem(self._moving, actuator, settings.order - 1) if estimate else None
+        self._signatures: SignatureRows | None = None
+        self._solved: float | None = None  # distance that the fields are of
+        self._others = OtherForces(
+            self._system.total, self._system.own, self._moving.reaction_weight, self._moving.work_weight
+        )
+
+    def solve(self, distance: float) -> DistanceSolution:
+        """Solve at a distance."""
+        with self._moving.at(distance):
+            fine = self._system.evaluate()
+            reaction, work = self._others.evaluate()
+            linked = [*map(self._pickups.at(distance), self._system.total)]
+            lower = None if self._lower is None else self._lower.evaluate()
+        self._solved = distance
+        return DistanceSolution(
+            **vars(fine),
+            force_change=None if lower is None else fine.force - lower.force,
+            reaction=reaction,
+            work=work,
+            pickup={name: np.array([links[name] for links in linked]) for name in linked[0]},
+        )
+
+    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
+        """Columns of the sweep table at a distance, one value a point of the currents."""
+        solution = self.solve(distance)
+        if not np.all(np.isfinite(solution.force)):
+            raise FieldSolverError(
+                "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
+            )
+        columns = superpose(sources(currents, self._circuits), solution, self._circuits)
+        return {name: values.tolist() for name, values in columns.items()}
+
+    def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
+        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`, at points of the currents."""
+        if self._solved != distance:
+            self.solve(distance)
+        system = self._system
+        if self._signatures is None:
+            self._signatures = SignatureRows(self.actuator, numbers, self._moving, system.space, system.loads[1:])
+        totals = np.stack([total.vec.FV().NumPy() for total in system.total])
+        points = current_points(currents, len(self._circuits))
+        return self._signatures.of_sources(distance, points, totals, system.respond)
+
+    def field(self, distance: float, currents: CurrentsLike) -> PointField:
+        """The field at a point, with the mesh left stretched to it."""
+        solution = self.solve(distance)
+        self._moving.move_to(distance)
+        (factors,) = sources(currents, self._circuits)
+        field = ng.GridFunction(self._system.space)
+        for factor, total in zip(factors, self._system.total, strict=True):  # as solved
+            field.vec.data += factor * total.vec
+        force, self_force = (float(factors @ form @ factors) for form in (solution.force, solution.self_force))
+        return PointField(field, force, self_force)
+
 
 if TYPE_CHECKING:
     from femfit.field.nonlinear_point import NonlinearActuator
 
-    FieldProblem = LinearActuator | NonlinearActuator | ToleranceProblem
+    FieldProblem: TypeAlias = LinearActuator | NonlinearActuator | ToleranceProblem
 
 
 def prepare(

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from ngsolve import H1, VOL, ElementId, GridFunction, Mesh
 
-from femfit.core.numerics import BoolArray, ComplexArray, FloatArray
+from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import HallElement
 from femfit.device.parts import Actuator, LinearMaterial, Region
@@ -58,7 +58,8 @@ class SignatureRows:
         self._hall_moves = np.zeros((len(numbers), space.ndof))
         if actuator.hall is not None:
             self._hall = hall_row(actuator.hall, space)[None]
-            still = _vertices_at(actuator.hall, mesh)
+            element = mesh[_element_at(actuator.hall, mesh)]  # which does not move with its vertices
+            still[[vertex.nr for vertex in element.vertices]] = True
             for k, number in enumerate(numbers):
                 self._hall_moves[k] = _hall_motion(number, space)
         self._slopes = ExplicitSlopes(space, actuator, moving.reference, numbers, self._share, still)
@@ -76,11 +77,16 @@ class SignatureRows:
         currents, states : array, shapes (points, circuits) and (points, unknowns)
         """
         stretch, rows = distance - self._moving.reference, []
+        points, step = self._slopes.points, self._step
         for point, state in zip(currents[:, None], states, strict=True):
             sample = self._slopes.sample(state[:, None])
-            loads = np.concatenate([self._pull(sample, stretch), self._loads, self._hall])
+            fields = sample[: 3 * len(points.weight)]
+            closer, farther = (points.air_residual(fields, stretch + s) for s in (-step, step))
+            pull = (closer - farther).T / (2.0 * step)  # what a metre of distance changes of the field's equations
+            loads = np.concatenate([pull, self._loads, self._hall])
             pulled, *changes = self._slopes.sample(solve(state, loads).T).T[:, :, None]
-            columns = [self._along_distance(stretch, point, sample, pulled)[0]]
+            high, low = (self._slopes.evaluate(sample + s * pulled, point, stretch + s) for s in (step, -step))
+            columns = [np.asarray((low - high) / (2.0 * step))]  # -dE/dd
             for change, unit in zip(changes, np.eye(len(self._loads)), strict=False):
                 columns.append(self._difference(stretch, point, sample, self._size, change, unit))
             columns += [self._of_hall(stretch, point, sample, change, state) for change in changes[len(self._loads) :]]
@@ -90,44 +96,12 @@ class SignatureRows:
     def of_sources(self, distance: float, currents: FloatArray, totals: FloatArray, solve: Solve) -> FloatArray:
         """The same where nothing saturates, from the fields of the magnets and of each circuit's ampere (1 + n, ..).
 
-        Slopes of the force and of W' are quadratic in the currents, that of the Hall field is linear: some corners of
-        the currents tell all.
+        All slopes are then quadratic in the currents: some corners of these tell all.
         """
-        stretch, circuits = distance - self._moving.reference, currents.shape[1]
         largest = np.abs(currents).max(axis=0, initial=0.0)
-        corners = np.where(largest > 0.0, largest, 1.0) * _corners(circuits)
-        sample = self._slopes.sample(totals.T)
-        loads = np.concatenate([self._pull(sample, stretch), self._hall])
-        solved = self._slopes.sample(solve(totals[0], loads).T)
-        factors = _linear(corners).T
-        force, coenergy = self._along_distance(stretch, corners, sample @ factors, solved[:, : 1 + circuits] @ factors)
-        quadratic = np.linalg.inv(_quadratic(corners))
-        columns = [_quadratic(currents) @ quadratic @ force]
-        slopes = _quadratic_slopes(currents)
-        columns += [slopes[k] @ quadratic @ coenergy for k in range(circuits)]
-        few = slice(None, 1 + circuits)
-        for change in solved.T[1 + circuits :, :, None]:
-            at_few = np.repeat(change, 1 + circuits, axis=1)
-            hall = self._of_hall(stretch, corners[few], sample @ factors[:, few], at_few, factors.T[few] @ totals)
-            columns.append(_linear(currents) @ np.linalg.inv(_linear(corners[few])) @ hall)
-        return np.stack(columns, axis=2)
-
-    def _pull(self, samples: FloatArray, stretch: float) -> FloatArray:
-        """What a metre of distance changes of the field's equations at states; shape (k, unknowns)."""
-        points, step = self._slopes.points, self._step
-        fields = samples[: 3 * len(points.weight)]
-        return (points.air_residual(fields, stretch - step) - points.air_residual(fields, stretch + step)).T / (
-            2.0 * step
-        )
-
-    def _along_distance(
-        self, stretch: float, currents: FloatArray, sample: FloatArray, change: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """-dE/dd and E at points whose samples change so with the distance; shape (points, numbers) each."""
-        high, low = (
-            self._slopes.evaluate(sample + s * change, currents, stretch + s) for s in (self._step, -self._step)
-        )
-        return (low - high) / (2.0 * self._step), 0.5 * (low + high)
+        corners = np.where(largest > 0.0, largest, 1.0) * _corners(currents.shape[1])
+        slopes = self.of_states(distance, corners, np.insert(corners, 0, 1.0, axis=1) @ totals, solve)
+        return np.tensordot(_quadratic(currents) @ np.linalg.inv(_quadratic(corners)), slopes, axes=1)
 
     def _difference(
         self, stretch: float, currents: FloatArray, sample: FloatArray, size: float, change: FloatArray, fed: FloatArray
@@ -155,27 +129,10 @@ def _corners(circuits: int) -> FloatArray:
     return np.array([np.zeros(circuits), *unit, *-unit, *(a + b for a, b in combinations(unit, 2))])
 
 
-def _linear(points: FloatArray) -> FloatArray:
-    """1 and the variables at points of shape (n, variables)."""
-    return np.column_stack([np.ones(len(points)), points])
-
-
 def _quadratic(points: FloatArray) -> FloatArray:
     """1, the variables and their products at points of shape (n, variables)."""
     products = [a * b for a, b in combinations_with_replacement(points.T, 2)]
-    return np.column_stack([_linear(points), *products])
-
-
-def _quadratic_slopes(points: FloatArray) -> FloatArray:
-    """Slopes of :func:`_quadratic` along each variable; shape (variables, n, terms)."""
-    count = points.shape[1]
-    pairs = list(combinations_with_replacement(range(count), 2))
-    result = np.zeros((count, len(points), 1 + count + len(pairs)))
-    for k in range(count):
-        result[k, :, 1 + k] = 1.0
-        for place, (i, j) in enumerate(pairs, 1 + count):
-            result[k, :, place] = (i == k) * points[:, j] + (j == k) * points[:, i]
-    return result
+    return np.column_stack([np.ones(len(points)), points, *products])
 
 
 def hall_row(hall: HallElement, space: H1) -> FloatArray:
@@ -192,13 +149,6 @@ def hall_row(hall: HallElement, space: H1) -> FloatArray:
 
 def _element_at(hall: HallElement, mesh: Mesh) -> Any:
     return ElementId(VOL, mesh(hall.radius_m, hall.height_m).nr)
-
-
-def _vertices_at(hall: HallElement, mesh: Mesh) -> BoolArray:
-    """The vertices of the element of the mesh that a Hall element sits in: it does not move with them."""
-    still = np.zeros(mesh.nv, dtype=np.bool_)
-    still[[vertex.nr for vertex in mesh[_element_at(hall, mesh)].vertices]] = True
-    return still
 
 
 def _hall_motion(number: DrawnNumber, space: H1) -> FloatArray:

@@ -2,10 +2,11 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from femfit.core.errors import FieldSolverError, RunDirectoryError, UsageError
 from femfit.core.files import path_of
@@ -14,19 +15,24 @@ from femfit.device.drawn_numbers import DrawnNumber, read_numbers
 from femfit.device.parts import Actuator
 from femfit.device.rewrite import VariantSweep, only, read_variants
 from femfit.device.tolerances import KINDS
-from femfit.field.currents import bias_currents, current_points, swept_currents
 from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
 from femfit.field.layout import layout_of, stretch_groups
+from femfit.field.point_rows import bias_currents, current_points, swept_currents
 from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
-from femfit.field.sweep_task import DistanceTask, LevelTask, MeshGroup, SweepTask, solve_task
-from femfit.field.sweep_workers import AGAIN, Done, Result, solve_here, solve_in_processes, solve_on_cluster, versions
+from femfit.field.sweep_task import (
+    AGAIN,
+    DistanceTask,
+    Done,
+    LevelTask,
+    MeshGroup,
+    Result,
+    solve_in_processes,
+    solve_task,
+    versions,
+)
 from femfit.field.tolerance import SolverSettings, settings_for, shares_checks
-from femfit.tables.eddy_table import EddyTable
-from femfit.tables.impedance_table import impedance_rows, write_impedance
+from femfit.tables.eddy_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,6 @@ def run_sweep(
     directory: str | Path,
     *,
     workers: int = 2,
-    scheduler: str | None = None,
     settings: SolverSettings | None = None,
     signatures: bool | Sequence[DrawnNumber] = False,
     progress: Progress | None = None,
@@ -61,8 +66,6 @@ def run_sweep(
         For journal, table and manifest; made if absent. A sweep that was interrupted goes on there.
     workers : int
         Processes of this machine. The calling script needs no ``__main__`` guard.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers solve instead.
     settings : SolverSettings, optional
         Order and element sizes; the defaults with the actuator's tolerance otherwise.
     signatures : bool or sequence of DrawnNumber
@@ -85,8 +88,6 @@ def run_sweep(
         If signatures are asked for of what is no actuator file.
     FieldSolverError
         If not even a plan of the meshes can be made for any variant.
-    ClusterError
-        If the scheduler cannot be used or is lost.
 
     Examples
     --------
@@ -118,48 +119,39 @@ def run_sweep(
         if progress is not None:
             progress(SweepProgress(len(finished) * currents, len(tasks) * currents, journal.changed))
 
-    def record(task: SweepTask, result: Result) -> None:
+    def record(task: DistanceTask, result: Result) -> None:
         journal.record(task.key, result)
-        finished.update(names & {task.key})
+        finished.add(task.key)
         report()
 
     with Journal(directory, JournalHeader(configuration["hash"], configuration["parts"])) as journal:
         finished = names & journal.finished.keys()
         report()
         unfinished = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
-        first, done = _in_order(unfinished, journal.finished, record)
-        _solve_all(first, workers, scheduler, done)
+        _solve_all(_at_levels(unfinished, journal, record, workers), record, workers)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
         rows = sweep_rows(sweep, solved | failed)
         eddy, slopes = None, None
         if harmonic:
-
-            def solve(tasks: Sequence[Any], done: Callable[[Any, Result], list[Any]]) -> None:
-                _solve_all(tasks, workers, scheduler, done)
-
+            solve = partial(_solve_all, workers=workers)
             patterns, biases = directory / PATTERNS_NAME, bias_currents(sweep.actuator, rows)
             eddy, slopes = eddy_sweep(
                 sweep.actuator, journal, patterns, configuration["hash"], solve, of_impedances, biases
             )
+        manifest = sweep_manifest(sweep, configuration)
+        tables = [result.get("rows", {}) for result in solved.values()]
+        beyond = [columns["beyond_bh_curve"] for columns in tables if "beyond_bh_curve" in columns]
+        if beyond:  # the actuator saturates
+            manifest |= {"points_beyond_bh_curve": sum(map(sum, beyond))}
         table = SweepTable(
             rows,
-            sweep_manifest(sweep, configuration) | _beyond_curve(solved),
+            manifest,
             signatures_of(sweep, solved, at_rest) if at_rest else None,
             eddy,
             slopes,
         )
         _write(table, sweep.actuator, directory, journal)
     return table
-
-
-def _impedance(eddy: EddyTable, actuator: Actuator) -> "pd.DataFrame":
-    circuits = actuator.circuits
-    return impedance_rows(
-        eddy,
-        current_points(swept_currents(actuator.sweep), len(circuits)),
-        [circuit.resistance_ohm for circuit in circuits],
-        [circuit.inductance_H for circuit in circuits],
-    )
 
 
 def plan_sweep(actuator: Actuator, settings: SolverSettings, variant: int = 1) -> list[DistanceTask]:
@@ -193,40 +185,39 @@ def _plan(
     return tasks, failed
 
 
-def _in_order(
-    tasks: Sequence[DistanceTask], finished: Mapping[str, Result], record: Callable[[SweepTask, Result], None]
-) -> tuple[list[SweepTask], Done[SweepTask]]:
-    """The tasks that can be solved at once, and what follows a result: a level comes before its distances."""
-    first: list[SweepTask] = []
-    behind: dict[LevelTask, list[DistanceTask]] = {}
-    for task in tasks:
-        if task.mesh.settings.tolerance is not None and shares_checks(task.mesh.distances):
-            behind.setdefault(LevelTask(task.mesh, task.variant), []).append(task)
-        else:
-            first.append(task)
-    for level, distances in behind.items():
-        solved = finished.get(level.key)
-        first += [level] if solved is None else level.distances(distances, solved)
+def _at_levels(
+    tasks: Sequence[DistanceTask], journal: Journal, record: Done[DistanceTask], workers: int
+) -> list[DistanceTask]:
+    """The tasks as their groups' levels want them, which are chosen first; those of a level that fails are done."""
+    levels = [
+        LevelTask(task.mesh, task.variant)
+        if task.mesh.settings.tolerance is not None and shares_checks(task.mesh.distances)
+        else None
+        for task in tasks
+    ]
+    solved: dict[LevelTask | None, Result] = {None: {"status": "ok"}}
 
-    def done(task: SweepTask, result: Result) -> list[SweepTask]:
-        if not isinstance(task, LevelTask):
-            record(task, result)
-            return []
+    def chosen(level: LevelTask, result: Result) -> None:
+        solved[level] = result
         if "choice" in result:
+            journal.record(level.key, result)
+
+    unsolved = [level for level in dict.fromkeys(levels) if level is not None]
+    solved |= {level: journal.finished[level.key] for level in unsolved if level.key in journal.finished}
+    _solve_all([level for level in unsolved if level not in solved], chosen, workers)
+    ready = []
+    for task, result in zip(tasks, map(solved.__getitem__, levels), strict=True):
+        if result["status"] == "ok":
+            ready.append(task.at_level(result["choice"]) if "choice" in result else task)
+        else:
             record(task, result)
-            return [*task.distances(behind[task], result)]
-        for distance in behind[task]:
-            record(distance, result)
-        return []
-
-    return first, done
+    return ready
 
 
-def _solve_all(tasks: Sequence[SweepTask], workers: int, scheduler: str | None, done: Done[SweepTask]) -> None:
-    if scheduler is not None and tasks:
-        solve_on_cluster(tasks, solve_task, done, scheduler)
-    elif workers == 1 or (len(tasks) < 2 and not any(isinstance(task, LevelTask) for task in tasks)):
-        solve_here(tasks, solve_task, done)
+def _solve_all(tasks: Sequence[Any], done: Done[Any], workers: int) -> None:
+    if workers == 1 or len(tasks) < 2:
+        for task in tasks:
+            done(task, solve_task(task))
     else:
         solve_in_processes(tasks, solve_task, done, workers)
 
@@ -235,22 +226,17 @@ def _write(table: SweepTable, actuator: Actuator, directory: Path, journal: Jour
     """Write the tables; on a full disk say what is kept."""
     try:
         write_sweep_table(table, directory)
-        induced = table.eddy if actuator.circuits else None
-        write_impedance(None if induced is None else _impedance(induced, actuator), directory)
+        circuits = actuator.circuits
+        currents = current_points(swept_currents(actuator.sweep), len(circuits))
+        windings = [circuit.resistance_ohm for circuit in circuits], [circuit.inductance_H for circuit in circuits]
+        induced = table.eddy if circuits else None
+        write_impedance(None if induced is None else impedance_rows(induced, currents, *windings), directory)
     except OSError as error:
         raise RunDirectoryError(
             f"The table could not be written to {directory}: {error.strerror or error}. {journal.on_disk} of "
             f"{len(journal.finished)} results are in the journal. Make room, and give the same command again: it "
             "solves what is missing and writes the table."
         ) from error
-
-
-def _beyond_curve(solved: Mapping[tuple[int, float], Mapping[str, Any]]) -> dict[str, int]:
-    """How many points needed a B-H curve beyond its end; nothing for actuators that do not saturate."""
-    flags = [
-        result["rows"]["beyond_bh_curve"] for result in solved.values() if "beyond_bh_curve" in result.get("rows", {})
-    ]
-    return {"points_beyond_bh_curve": sum(map(sum, flags))} if flags else {}
 
 
 def _numbers(sweep: str | Path | Actuator | VariantSweep) -> tuple[DrawnNumber, ...]:

@@ -12,11 +12,10 @@ from femfit.core.sweep_columns import VARIANT, current_columns, flux_columns, sw
 from femfit.core.text import counted
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import REMEDY, HallElement, PickupCoil, where_clipped
+from femfit.device.load import sweep_manifest_entry
 from femfit.device.parts import SweepAxes
 from femfit.device.rewrite import VariantSweep
-from femfit.device.summary import sweep_manifest_entry
-from femfit.field.currents import swept_currents
-from femfit.field.point_rows import NO_CONVERGENCE, NO_INDUCTANCE
+from femfit.field.point_rows import NO_CONVERGENCE, swept_currents
 from femfit.field.tolerance import SMALL
 from femfit.tables.signatures import Signatures
 from femfit.tables.sweep_table import SweepTable, current_names
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
 
 Result = Mapping[str, Any]
 THIS_DISTANCE = (
-    "The same currents were solved at other distances, so it is the mesh of this one, also where its elements are "
-    "smaller. Look there for a narrow gap or a thin sliver of a part, move the distance a little, or leave it out."
+    "The same currents were solved at other distances, so it is the mesh of this one. Look there for a narrow gap or a "
+    "thin sliver of a part, move the distance a little, or leave it out."
 )
 STEEL = "Check the B-H curve for kinks, or sweep the current in smaller steps."
 
@@ -192,25 +191,13 @@ def failed_points(table: SweepTable) -> list[str]:
     for reason, failed in rows[rows["status"] != "ok"].groupby("status", sort=False):
         text, places = f"{counted(len(failed), 'point')} {reason}", failed["distance_m"].unique()
         if len(failed) < len(rows) and VARIANT not in rows:
-            text += f"; at {listing(_at_distance(rows, failed, place) for place in places)}"
-        if reason in {NO_CONVERGENCE, NO_INDUCTANCE}:
+            text += f"; at {listing(f'{1e3 * place:g} mm' for place in places)}"
+        if reason == NO_CONVERGENCE:
             solved = {tuple(values) for values in rows.loc[rows["status"] == "ok", currents].to_numpy()}
             elsewhere = solved.issuperset(tuple(values) for values in failed[currents].to_numpy())
             text += f". {THIS_DISTANCE if len(places) == 1 and elsewhere else STEEL}"
         lines.append(text)
     return lines
-
-
-def _at_distance(rows: "pd.DataFrame", failed: "pd.DataFrame", distance: float) -> str:
-    """A distance with the currents that failed there."""
-    amperes = failed.loc[failed["distance_m"] == distance, current_names(rows)].to_numpy()
-    everything = len(amperes) == (rows["distance_m"] == distance).sum()
-    each = (
-        "all currents"
-        if everything
-        else listing([" and ".join(f"{current:g}" for current in point) for point in amperes])
-    )
-    return f"{1e3 * distance:g} mm ({each}{'' if everything else ' A'})"
 
 
 def variants_without_a_point(table: SweepTable) -> list[int]:

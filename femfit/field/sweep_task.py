@@ -1,30 +1,86 @@
-"""The tasks of a sweep, as workers solve them: the level of a group of distances, and each distance."""
+"""The tasks of a sweep, and the processes that solve them; one that kills its worker costs itself alone.
 
-import threading
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+A task is the level of a group of distances, a distance, or, of the harmonic part, a probe or the forms of a distance.
+
+A process that dies breaks its pool and every task in it, and the pool does not say whose fault it was. So few tasks are
+handed out at a time, those that were out are solved again, each in a process of its own, and the rest goes to a new
+pool.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
+from femfit import __version__
 from femfit.core.errors import FemfitError, FieldSolverError
 from femfit.core.files import json_ready
-from femfit.core.interrupts import held_interrupts, kept_interrupts
+from femfit.core.numerics import FloatArray
+from femfit.core.processes import held_interrupts, kept_interrupts, process_pool
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.currents import swept_currents
 from femfit.field.layout import Layout
-from femfit.field.sweep_workers import AGAIN
+from femfit.field.point_rows import swept_currents
 from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem
+
+Task = TypeVar("Task")
+Result = dict[str, Any]
+Solve = Callable[[Task], Result]
+Done = Callable[[Task, Result], None]
+"""Takes a task and its result here, as they come."""
+
+AGAIN = "again"
+"""Mark of a result that the machine, not the task, is to blame for: the same command tries it again."""
+
+DIED: Result = {"status": "failed: the worker process died (out of memory, or killed)", AGAIN: True}
+
+SPARE = 1
+"""Tasks handed out beyond the workers, so that none waits for its next one."""
+
+
+def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task], workers: int) -> None:
+    """Solve tasks in processes of this machine; the result is :data:`DIED` where the task's own process died."""
+    waiting = deque(tasks)
+    while waiting:
+        out: dict[Future[Result], Task] = {}
+        pool = process_pool(workers)  # starts them as tasks come
+        try:
+            while waiting or out:
+                while waiting and len(out) < workers + SPARE:
+                    out[pool.submit(solve, waiting[0])] = waiting[0]
+                    waiting.popleft()
+                for future in wait(out, return_when=FIRST_COMPLETED).done:
+                    result = future.result()
+                    done(out.pop(future), result)
+        except BrokenProcessPool:
+            for task in out.values():
+                done(task, _alone(task, solve))
+        finally:
+            pool.shutdown(wait=False, kill_workers=True)  # nothing is left to do, or the user will not wait for it
+
+
+def versions() -> dict[str, str]:
+    """What results depend on beside their task."""
+    return {"femfit": __version__, "ngsolve": version("ngsolve")}
+
+
+def _alone(task: Task, solve: Solve[Task]) -> Result:
+    pool = process_pool(1)
+    try:
+        return dict(pool.submit(solve, task).result())
+    except BrokenProcessPool:
+        return DIED
+    finally:
+        pool.shutdown(wait=False, kill_workers=True)
+
 
 if TYPE_CHECKING:
     from femfit.field.problem import FieldProblem
-
-_ONE_AT_A_TIME = threading.Lock()
-"""A cluster's worker may have several threads, but a mesh has one state: it is stretched to one distance."""
-
-
-FINER = 0.8
-"""Numerical: share of the elements' size of a mesh that is to be another one at about the same cost."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +99,6 @@ class MeshGroup:
         """The group of a distance alone, in m."""
         return replace(self, distances=(distance,), choice=None)
 
-    def finer(self, distance: float) -> "MeshGroup":
-        """That with a mesh of smaller elements."""
-        settings = self.settings
-        corners, regions = FINER * settings.corner_fraction, FINER * settings.region_fraction
-        return replace(self.of(distance), settings=replace(settings, corner_fraction=corners, region_fraction=regions))
-
 
 @dataclass(frozen=True)
 class DistanceTask:
@@ -64,6 +114,12 @@ class DistanceTask:
         """Name in the journal."""
         return f"{self.variant}: {self.distance!r}"
 
+    def at_level(self, choice: Mapping[str, Any] | None) -> "DistanceTask":
+        """The task on the level of a :class:`LevelTask`'s result, or on a mesh of its own where its group has none."""
+        if choice is None:
+            return replace(self, mesh=self.mesh.of(self.distance))
+        return replace(self, mesh=replace(self.mesh, choice=LevelChoice(**choice)))
+
     def result(self) -> dict[str, Any]:
         """On the group's mesh, or on one of the distance's own where that cannot be made."""
         try:
@@ -74,12 +130,6 @@ class DistanceTask:
             problem = MESHES.problem(self.mesh.of(self.distance))
         currents = swept_currents(self.mesh.actuator.sweep)
         rows = problem.rows(self.distance, currents)
-        if failed := _failed(rows):  # which may be for a mesh that is badly shaped here
-            with suppress(FieldSolverError):
-                finer = MESHES.problem(self.mesh.finer(self.distance))
-                again = finer.rows(self.distance, currents)
-                if _failed(again) < failed:
-                    problem, rows = finer, again
         result = {"rows": json_ready(rows)}  # a current without a field has null
         if not self.numbers:
             return result
@@ -110,18 +160,6 @@ class LevelTask:
             return {"choice": None}
         return {"choice": asdict(problem.choice) if isinstance(problem, ToleranceProblem) else None}
 
-    def distances(self, tasks: Sequence[DistanceTask], result: dict[str, Any]) -> list[DistanceTask]:
-        """The group's distances, as the result says that they are to be solved."""
-        if result["choice"] is None:
-            return [replace(task, mesh=self.mesh.of(task.distance)) for task in tasks]
-        mesh = replace(self.mesh, choice=LevelChoice.from_json(result["choice"]))
-        return [replace(task, mesh=mesh) for task in tasks]
-
-
-def _failed(rows: Mapping[str, Sequence[Any]]) -> int:
-    """How many points have no field; a linear actuator's rows, of one solution, have no status."""
-    return sum(status != "ok" for status in rows.get("status", ()))
-
 
 SweepTask = DistanceTask | LevelTask
 """What a worker solves; picklable."""
@@ -137,13 +175,26 @@ def solve_task(task: SweepTask) -> dict[str, Any]:
         the drawing at fault.
     """
     try:
-        with _ONE_AT_A_TIME, kept_interrupts():
+        with kept_interrupts():
             return {"status": "ok"} | task.result()
     except BaseException as error:
         MESHES.clear()  # what was interrupted half-way must not serve the next distance
-        if not isinstance(error, _failures()):
+        from netgen.libngpy._meshing import NgException  # noqa: PLC0415  loaded by now
+
+        text = " ".join(str(error).split())
+        if isinstance(error, FemfitError):
+            return {"status": f"failed: {text}"}
+        if not isinstance(error, NgException | RuntimeError | MemoryError | ArithmeticError):
             raise
-        return _failure(error)
+        if isinstance(error, MemoryError) or "allocate" in text:
+            return {
+                "status": f"failed: out of memory ({text}). Give the same command with fewer workers, or more memory",
+                AGAIN: True,
+            }
+        return {
+            "status": f"failed: the field solver stopped ({text}). Look for extreme dimensions or materials in the "
+            "actuator file"
+        }
 
 
 class MeshCache:
@@ -176,23 +227,77 @@ MESHES = MeshCache()
 """This process's mesh; a worker solves many distances on one."""
 
 
-def _failures() -> tuple[type[Exception], ...]:
-    """What meshing and solving raise when a drawing or the memory is beyond them."""
-    from netgen.libngpy._meshing import NgException  # noqa: PLC0415  loaded by now
+@dataclass(frozen=True)
+class Patterns:
+    """Rows (q, points) of :class:`femfit.field.harmonic.ConductorPoints` of a mesh."""
 
-    return (NgException, RuntimeError, MemoryError, ArithmeticError)
+    mesh: MeshGroup
+    rows: FloatArray = field(compare=False)
+    checksum: int  # Of the rows
 
 
-def _failure(error: Exception) -> dict[str, Any]:
-    text = " ".join(str(error).split())
-    if isinstance(error, FemfitError):
-        return {"status": f"failed: {text}"}
-    if isinstance(error, MemoryError) or "allocate" in text:
-        return {
-            "status": f"failed: out of memory ({text}). Give the same command with fewer workers, or more memory",
-            AGAIN: True,
-        }
-    return {
-        "status": f"failed: the field solver stopped ({text}). Look for extreme dimensions or materials in the "
-        "actuator file"
-    }
+@dataclass(frozen=True)
+class ProbeTask:
+    """Direct solutions at a distance; its result has ``transfers`` and ``braking``.
+
+    Where asked for, ``coarse`` are the transfers one order lower; where it has ``shifts``, ``rows`` are induced
+    currents at the reference mesh's points, with their ``weight`` and which ``material`` they flow in; where it has
+    ``numbers``, ``slopes`` are what these change of the inductances.
+    """
+
+    mesh: MeshGroup
+    reference: MeshGroup
+    distance: float
+    frequencies: tuple[float, ...]
+    shifts: tuple[float, ...]
+    coarse: bool
+    numbers: tuple[DrawnNumber, ...] = ()
+    bias: tuple[float, ...] = ()  # In A; where parts saturate
+
+    @property
+    def key(self) -> str:
+        """Name among the tasks."""
+        return f"probe {self.distance!r}"
+
+    def result(self) -> dict[str, Any]:
+        """Solve; nothing of it is written to the journal."""
+        from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only
+
+        moving, order = eddy_probe.moving_mesh(self.mesh), self.mesh.settings.order
+        actuator, frequencies = self.mesh.actuator, np.array(self.frequencies)
+        probe = eddy_probe.EddyProbe(actuator, moving, self.distance, order, self.bias)
+        transfers, fields = probe.transfers(frequencies)
+        result: dict[str, Any] = {"transfers": transfers, "braking": probe.braking()}
+        if self.coarse:
+            coarser = eddy_probe.EddyProbe(actuator, moving, self.distance, order - 1, self.bias)
+            result["coarse"] = coarser.transfers(frequencies)[0]
+        if self.numbers:
+            result["slopes"] = probe.slopes(self.numbers, frequencies, fields)
+        if not self.shifts:
+            return result
+        places = probe.points if self.reference == self.mesh else eddy_probe.conductor_points(self.reference)
+        rows = probe.patterns(fields, np.array(self.shifts), places, actuator.eddy_error)
+        return result | {"rows": rows, "weight": places.weight, "material": places.material_rows}
+
+
+@dataclass(frozen=True)
+class FormsTask:
+    """The forms of all sources at a distance; its result has ``force``, ``flux_linkage`` and ``hall`` as lists."""
+
+    mesh: MeshGroup
+    distance: float
+    patterns: Patterns
+    bias: tuple[float, ...] = ()  # In A; where parts saturate
+
+    @property
+    def key(self) -> str:
+        """Name in the journal."""
+        return f"eddy currents {self.patterns.checksum:08x} {self.distance!r}"
+
+    def result(self) -> dict[str, Any]:
+        """Solve on the group's mesh."""
+        from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only
+
+        forms = eddy_probe.eddy_actuator(self.mesh, self.patterns).forms(self.distance, self.bias)
+        arrays = {name: getattr(forms, name) for name in ("force", "flux_linkage", "hall", "rest")}
+        return {name: None if array is None else array.tolist() for name, array in arrays.items()}

@@ -11,9 +11,9 @@ below instead, which costs a third of the solution: the difference is four times
 and once the error where corners of saturating steel let it fall to a half (relay, push solenoid). What the comparison
 solved on the level that is chosen is kept.
 
-On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.force`), and a row
-states the larger of the difference and of their disagreement. The settings have the defaults that the validation was
-made with.
+On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.weak_form`), and a
+row states the larger of the difference and of their disagreement. The settings have the defaults that the validation
+was made with.
 
 References
 ----------
@@ -31,9 +31,8 @@ import numpy as np
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import is_flux
 from femfit.device.parts import Actuator
-from femfit.field.currents import CurrentsLike, between, current_points, weakest
 from femfit.field.newton import TOLERANCE
-from femfit.field.point_rows import DISAGREEMENT
+from femfit.field.point_rows import DISAGREEMENT, CurrentsLike, between, current_points, weakest
 
 
 @dataclass(frozen=True)
@@ -64,8 +63,8 @@ def settings_for(actuator: Actuator) -> SolverSettings:
 
 
 if TYPE_CHECKING:
-    from femfit.field.linear_point import LinearActuator
     from femfit.field.nonlinear_point import NonlinearActuator
+    from femfit.field.problem import LinearActuator
 
     LevelProblem: TypeAlias = LinearActuator | NonlinearActuator
 
@@ -102,11 +101,6 @@ class LevelChoice:
     currents_A: tuple[tuple[float, ...], ...]  # Of the circuits, a point
     force_errors: tuple[float, ...]
 
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> "LevelChoice":
-        """From its fields as a journal has them."""
-        return cls(content["level"], tuple(map(tuple, content["currents_A"])), tuple(content["force_errors"]))
-
 
 class ToleranceProblem:
     """A group of distances on the level that meets the tolerance; mesh, unknowns and field are the level's."""
@@ -127,15 +121,11 @@ class ToleranceProblem:
         reusable = solved is not None and distance in solved.rows and np.array_equal(points, solved.points)
         columns = dict(solved.rows[distance]) if solved and reusable else self._rows(distance, currents)
         if "force_N" in columns:
-            error = self._relative(points) * scale(columns["force_N"], points)
+            # The largest error of the checked points round each point: with no other checked one between
+            near = [[between(self._currents, x, place).sum() == 1 for place in self._currents] for x in points]
+            error = np.max(np.where(near, self._errors, 0.0), axis=1) * scale(columns["force_N"], points)
             columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
         return columns
-
-    def _relative(self, points: FloatArray) -> FloatArray:
-        """The largest error of the checked points round each point: with no other checked one between."""
-        checked = self._currents
-        near = [[between(checked, point, place).sum() == 1 for place in checked] for point in points]
-        return np.asarray(np.max(np.where(near, self._errors, 0.0), axis=1))
 
 
 def meet_tolerance(

@@ -4,23 +4,154 @@ Without saturation it is a quadratic form in the currents, whose entries are spl
 How many cells the splines take, and in which coordinate, is what distances left out ask for.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.results import listing
 from femfit.core.text import amount
-from femfit.fit.basis import CurrentProducts, misfit_by_currents
+from femfit.fit.basis import CoenergyBasis, CurrentProducts, CurrentSplines, clamped_knots, misfit_by_currents
 from femfit.fit.coenergy_choice import best_along_distance
 from femfit.fit.coenergy_system import CoenergySystem, Projection, coenergy_system, flux_scale
-from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, U_DEGREE
-from femfit.fit.misfit import middles
+from femfit.fit.constants import (
+    BETWEEN_LEFT_OUT,
+    FEWEST_CURRENTS,
+    FINER_CURRENTS,
+    LEFT_OUT_EVERY,
+    MOST_UNKNOWNS,
+    NOT_QUADRATIC,
+    POOR_BETWEEN,
+    POOR_CIRCUIT,
+    POOR_POINT,
+    U_DEGREE,
+)
+from femfit.fit.ranking import middles
 from femfit.fit.rows import FitRows, rms, rms_share
-from femfit.fit.saturating_circuits import fit_saturating, points_left_out
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
+from femfit.model.several_magnetics import CircuitAxis, CoenergyMatrix, CoenergyTensor
+
+
+def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
+    """The spline, and how it was found.
+
+    Raises
+    ------
+    FitError
+        If a circuit has fewer than three currents, the rows are no grid or do not determine the spline, or the
+        inductances are not positive definite everywhere.
+    """
+    rows, axes = system.rows, system.rows.axes
+    require_currents(rows, "The iron saturates")
+    signed = axes if rows.magnet else [np.unique(np.concatenate([axis, -axis])) for axis in axes]
+    degrees = (U_DEGREE,) * len(axes)
+    trials = [
+        CurrentSplines(tuple(_knots(axis, share, not rows.magnet) for axis in signed), degrees, not rows.magnet)
+        for share in FINER_CURRENTS
+    ]
+    unknowns = len(rows.distances) * trials[-1].count
+    if unknowns > MOST_UNKNOWNS:
+        raise FitError(
+            f"The spline over the distance and {len(axes)} currents would have {unknowns} coefficients; femfit fits at "
+            f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
+        )
+
+    finest = trials[-1 if rows.inductance is not None else -2]  # a knee that is not met hides what the distances show
+    along = best_along_distance(system, finest)
+    by_points = replace(system, folds=tuple(points_left_out(rows)))
+    bases = [replace(along, functions=trial) for trial in trials]
+    tried = [(by_points.held_out_errors(basis).max(), basis, system.projection(basis)) for basis in bases]
+    indefinite: list[str] = []
+    for _, basis, projection in sorted(tried, key=lambda entry: entry[0]):
+        if projection is None:
+            continue
+        magnetics = _tensor(basis, projection, rows)
+        indefinite.append(_indefinite(magnetics, rows, axes))
+        if not indefinite[-1]:
+            return magnetics, projection
+    if not indefinite:
+        raise FitError(
+            f"The rows do not determine the co-energy of {', '.join(rows.names)}. Sweep every combination of the "
+            "currents at every distance."
+        )
+    raise FitError(
+        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. Sweep more currents, "
+        "where the iron begins to saturate above all, in every combination; windings on one core may have to be fitted "
+        "one at a time."
+    )
+
+
+def require_currents(rows: FitRows, why: str) -> None:
+    """Refuse two currents of a circuit whose iron bends: a quadratic form would meet both, however it bends."""
+    few = [name for name, axis in zip(rows.names, rows.axes, strict=True) if len(axis) < FEWEST_CURRENTS]
+    if few:
+        raise FitError(
+            f"{why}, and each circuit then needs {FEWEST_CURRENTS} currents or more to show how it bends; "
+            f"{' and '.join(few)} {'has' if len(few) == 1 else 'have'} fewer. Sweep more of them, together with all of "
+            "the others'."
+        )
+
+
+def points_left_out(rows: FitRows) -> list[BoolArray]:
+    """The inner points with a current, in folds of every so many-th; the signs of all currents are one."""
+    inner = (
+        (rows.distance > rows.distances[0]) & (rows.distance < rows.distances[-1]) & rows.circuit_currents.any(axis=1)
+    )
+    for column in rows.circuit_currents.T:
+        low, high = column.min(), column.max()
+        inner &= ((column > low) | (not rows.magnet and low == 0.0)) & (column < high)
+    places = np.flatnonzero(inner)
+    turns = np.arange(len(rows.distance))
+    return [np.isin(turns, places[k::LEFT_OUT_EVERY]) for k in range(min(LEFT_OUT_EVERY, len(places)))]
+
+
+def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
+    """Clamped knots of so many cells a step; between the steps they follow the currents."""
+    steps = len(currents) - 1
+    cells = max(1, round(share * steps))
+    breaks = np.interp(np.linspace(0, steps, cells + 1), np.arange(steps + 1), currents)
+    if even:  # to rounding
+        breaks = 0.5 * (breaks - breaks[::-1])
+    return clamped_knots(breaks, U_DEGREE)
+
+
+def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> CoenergyTensor:
+    """The model's magnetics; with a magnet W' is counted from zero current at the farthest distance."""
+    functions = basis.functions
+    assert isinstance(functions, CurrentSplines)  # noqa: S101  of iron that saturates
+
+    def tensor(table: FloatArray) -> CoenergyTensor:
+        axes = tuple(map(CircuitAxis, rows.names, functions.knots, functions.degrees))
+        return CoenergyTensor(basis.coordinate, basis.u_knots, U_DEGREE, axes, table)
+
+    table = functions.table(projection.coefficients.reshape(basis.shape))
+    if functions.even:
+        return tensor(table)
+    origin = np.clip(np.zeros(len(rows.names)), rows.circuit_currents.min(axis=0), rows.circuit_currents.max(axis=0))
+    return tensor(table - tensor(table).coenergy(rows.distances[-1], origin))
+
+
+def _indefinite(magnetics: CoenergyTensor, rows: FitRows, axes: list[FloatArray]) -> str:
+    """Where at or between the rows the inductances are not positive definite; empty where they are everywhere."""
+    fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
+    distance, *along = (point.ravel() for point in np.meshgrid(*fine, indexing="ij"))
+    currents = np.stack(along, axis=-1)
+    swept = {tuple(point) for point in np.column_stack([rows.distance, rows.circuit_currents])}
+    grid = np.isin(distance, rows.distances) & np.all(
+        [np.isin(i, axis) for i, axis in zip(along, axes, strict=True)], 0
+    )
+    judged = [
+        not on or tuple(point) in swept for on, point in zip(grid, np.column_stack([distance, currents]), strict=True)
+    ]
+    distance, currents = distance[judged], currents[judged]
+    least = np.linalg.eigvalsh(magnetics.inductance(distance, currents))[:, 0]
+    worst = int(np.argmin(least))
+    if least[worst] > 0.0:
+        return ""
+    where = ", ".join(f"{i:.4g} A" for i in currents[worst])
+    value = amount(float(least[worst]), "H", 3)
+    return f"at {1e3 * distance[worst]:.4g} mm and {where} their least eigenvalue is {value}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +160,11 @@ class CircuitsFit:
 
     magnetics: CoenergyMatrix | CoenergyTensor
     worst: float  # Of the force at any point of the table
-    # Of the force at points left out: the largest and the rms; infinite where the sweep has too few points
-    left_out_worst: float
-    left_out_rms: float
     share: float  # Rms error over the rms, of the force or the flux linkage that is met worst
-    # Where the iron saturates: of the force, with a whole distance, and with a whole current, left out; the largest
-    whole_distance_worst: float
-    whole_current_worst: float
+    # The largest of the force with a whole distance left out and, where the iron saturates, with a whole current;
+    # infinite where the others do not determine the fit
+    distance_left_out: float
+    current_left_out: float
     finer: tuple[str, tuple[float, ...]]  # The axis of the sweep that is too coarse first, and what to add to it
 
     @property
@@ -43,51 +172,27 @@ class CircuitsFit:
         """Whether it is a spline in the currents, not a quadratic form."""
         return isinstance(self.magnetics, CoenergyTensor)
 
-    @property
-    def has_points_left_out(self) -> bool:
-        """Whether the sweep has enough points to leave some out."""
-        return bool(np.isfinite(self.left_out_worst))
-
-    @property
-    def between_distances(self) -> float:
-        """Estimate of the largest error between two distances: half of that at a distance left out.
-
-        Assumed of first order, for few cells follow few distances. In the currents, with a cell for every step or two,
-        a quartic spline misses a sixteenth when the step is halved, and points left out show that.
-        """
-        return 0.5 * self.whole_distance_worst
-
     def notes(self) -> list[str]:
         """Where the sweep is too coarse, why, and what to add to it."""
-        left_out = self.left_out_worst if self.has_points_left_out else 0.0
-        between = self.between_distances if np.isfinite(self.between_distances) else 0.0
-        if self.worst <= POOR_POINT and max(left_out, between) <= POOR_LEFT_OUT:
-            return []
-        missed = f"a point by {amount(self.worst, '')}"
-        if left_out > self.worst:
-            missed = f"a point left out by {amount(left_out, '')}"
-        if between > max(left_out, self.worst):
-            missed = f"a whole distance left out by {amount(self.whole_distance_worst, '')}"
         axis, _ = self.finer
-        why = f"the iron saturates between the currents of {axis}"
+        between = BETWEEN_LEFT_OUT * max(self.distance_left_out, self.current_left_out)
+        if self.worst <= POOR_POINT and (between <= POOR_BETWEEN or not np.isfinite(between)):
+            return []
+        missed, why = f"a whole current left out by {amount(self.current_left_out, '')}", "the iron saturates there"
         if axis == "distance":
+            missed = f"a whole distance left out by {amount(self.distance_left_out, '')}"
             why = "the force changes too much from one distance to the next"
-        text = (
-            f"The sweep is too coarse for its force, which misses {missed}: {why}. Add {self.to_be_added()}, then fit"
-        )
-        return [f"{text} again."]
+        if self.worst > between:
+            missed = f"a point by {amount(self.worst, '')}"
+        text = f"The sweep is too coarse for its force, which misses {missed}: {why}."
+        return [f"{text} Add {self.to_be_added()}, then fit again."]
 
     def to_be_added(self) -> str:
         """The values of the axis that is too coarse first."""
         axis, values = self.finer
         if axis == "distance":
-            return f"the distances {_listed([1e3 * x for x in values])} mm"
-        return f"the currents {_listed(values)} A of {axis}"
-
-
-def _listed(values: Sequence[float]) -> str:
-    *but_last, last = (f"{x:.4g}" for x in values)
-    return f"{', '.join(but_last)} and {last}" if but_last else last
+            return f"the distances {listing(f'{1e3 * x:.4g}' for x in values)} mm"
+        return f"the currents {listing(f'{x:.4g}' for x in values)} A of {axis}"
 
 
 def fit_circuits(rows: FitRows) -> CircuitsFit:
@@ -117,55 +222,42 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
     return _judged(magnetics, projection, system)
 
 
-def _force_left_out(projection: Projection, system: CoenergySystem, out: BoolArray) -> FloatArray:
-    """What a fit to the other rows misses their force by, over its scale; infinite where they do not determine it."""
-    errors = projection.left_out(system.places(out))
-    return np.full(int(out.sum()), np.inf) if errors is None else errors[: int(out.sum())]
+def _left_out(
+    projection: Projection, system: CoenergySystem, name: str, column: FloatArray
+) -> tuple[float, float, tuple[str, tuple[float, ...]]]:
+    """With each inner value of an axis left out: the force's largest rms, -1 for none, and error, and what to add.
 
-
-@dataclass(frozen=True)
-class _Planes:
-    """The inner values of an axis, each left out with all of its points, and the force that is then missed."""
-
-    poorest: float  # The largest rms of a value; below 0 where the axis has no inner value
-    worst: float  # The largest of a point
-    finer: tuple[str, tuple[float, ...]]
-
-    @classmethod
-    def of(cls, projection: Projection, system: CoenergySystem, name: str, column: FloatArray) -> "_Planes":
-        """The middles beside all values that are missed at least half as much (rms) as the most missed one."""
-        values = np.unique(column)
-        missed = [_force_left_out(projection, system, column == value) for value in values[1:-1]]
-        if not missed:
-            return cls(-1.0, 0.0, (name, ()))
-        sizes = np.array([rms(errors) for errors in missed])
-        most = values[1:-1][2.0 * sizes >= sizes.max()]
-        finer = np.unique(np.concatenate([middles(values, value) for value in most]))
-        return cls(
-            float(sizes.max()), max(float(np.max(np.abs(errors))) for errors in missed), (name, tuple(finer.tolist()))
-        )
+    That is the middles beside all values that are missed at least half as much (rms) as the most missed one.
+    """
+    values, sizes, worst = np.unique(column), list[float](), 0.0
+    for value in values[1:-1]:
+        out = column == value
+        errors = projection.left_out(system.places(out))
+        of_force = np.array([np.inf]) if errors is None else errors[: int(out.sum())]
+        sizes.append(rms(of_force))
+        worst = max(worst, float(np.max(np.abs(of_force))))
+    if not sizes:
+        return -1.0, 0.0, (name, ())
+    most = values[1:-1][2.0 * np.array(sizes) >= max(sizes)]
+    finer = np.unique(np.concatenate([middles(values, value) for value in most]))
+    return max(sizes), worst, (name, tuple(finer.tolist()))
 
 
 def _judged(magnetics: CoenergyMatrix | CoenergyTensor, projection: Projection, system: CoenergySystem) -> CircuitsFit:
     rows = system.rows
     force = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
     flux = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
-    folds = points_left_out(rows) if isinstance(magnetics, CoenergyTensor) else system.folds
-    errors = [_force_left_out(projection, system, out) for out in folds]
-    left_out = np.concatenate(errors) if errors else np.array([np.inf])
     axes = [("distance", rows.distance)]
     if isinstance(magnetics, CoenergyTensor):
         axes += list(zip(rows.names, rows.circuit_currents.T, strict=True))
-    planes = [_Planes.of(projection, system, name, column) for name, column in axes]
+    left_out = [_left_out(projection, system, name, column) for name, column in axes]
     fit = CircuitsFit(
         magnetics,
         float(np.max(np.abs(force) / rows.force_scale)),
-        float(np.max(np.abs(left_out))),
-        rms(left_out),
         max(rms_share(force, rows.force) or 0.0, rms_share(flux, rows.linked) or 0.0),
-        planes[0].worst,
-        max((plane.worst for plane in planes[1:]), default=0.0),
-        max(planes, key=lambda plane: plane.poorest).finer,
+        left_out[0][1],
+        max((worst for _, worst, _ in left_out[1:]), default=0.0),
+        max(left_out, key=lambda axis: axis[0])[2],
     )
     _require_agreement(fit)
     return fit

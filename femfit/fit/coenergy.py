@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.errors import UsageError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.fit.basis import CoenergyBasis, CurrentSplines
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
@@ -75,18 +74,13 @@ class CoenergyFit:
     qp: QPSolution
 
 
-def fit_coenergy(
-    rows: FitRows, constraints: Sequence[str] | None = None, open_inductance_H: float = 0.0
-) -> CoenergyFit:
-    """Fit the co-energy, by default with those constraints of :data:`SHAPES` that the raw data obey everywhere.
+def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
+    """Fit the co-energy with those constraints of :data:`SHAPES` that the raw data obey everywhere.
 
     The force leaves the inductance at the largest distance open: a sweep without flux linkage takes
     ``open_inductance_H`` for it.
     """
-    names = tuple(obeyed_shapes(rows) if constraints is None else constraints)
-    unknown = [name for name in names if name not in SHAPES]
-    if unknown:
-        raise UsageError(f"Shape constraints must be among {', '.join(SHAPES)}; instead received {', '.join(unknown)}.")
+    names = tuple(obeyed_shapes(rows))
     system = coenergy_system(rows)
     basis, held_out = choose_basis(system)
     matrix, value, sigma = system.equations(basis)
@@ -98,7 +92,11 @@ def fit_coenergy(
     coefficients[keep] = qp.x
     coefficients = coefficients.reshape(basis.shape)
     if rows.flux_linkage is None and open_inductance_H:
-        coefficients = coefficients + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
+        # i^2 in the current's B-splines, exact since their degree is at least 2
+        ((knots,), (degree,)) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+        points = np.linspace(knots[0], knots[-1], 4 * basis.shape[1])
+        square = np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0]
+        coefficients = coefficients + 0.5 * open_inductance_H * square[None, :]
     magnetics = spline_of(basis, coefficients, rows)
     missed = np.abs(magnetics.force(rows.distance, rows.circuit_currents) - rows.force)
     left_out = np.maximum(missed, system.left_out_force_errors(basis))
@@ -183,13 +181,6 @@ def splines_of_current(basis: CoenergyBasis) -> CurrentSplines:
     return basis.functions
 
 
-def _square_of_current(basis: CoenergyBasis) -> FloatArray:
-    """Coefficients of i^2 in the current's B-splines (exact, their degree is at least 2)."""
-    ((knots,), (degree,)) = splines_of_current(basis).knots, splines_of_current(basis).degrees
-    points = np.linspace(knots[0], knots[-1], 4 * basis.shape[1])
-    return np.asarray(np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0])
-
-
 def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> CoenergySpline:
     """The spline of coefficients, W' counted from the largest distance without current."""
     (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
@@ -209,10 +200,6 @@ class Between:
     force: float
     flux_linkage: float
     inductance: float
-    # The inductance's largest, and where
-    largest: float
-    distance_m: float
-    current_A: float
     finer: dict[str, list[float]]  # The ``distance_m`` and ``current_A`` to add where it is missed most
 
     @property
@@ -227,20 +214,20 @@ def missed_between(fit: CoenergyFit, rows: FitRows) -> Between | None:
         return None
     distance, current = halfway(rows)
     splines = fit.magnetics, *_others(fit.basis, rows)
-    values = np.array([_quantities(spline, distance, current) for spline in splines])
+    states = [spline.state(distance, current[:, None]) for spline in splines]
+    linked = [spline.flux_linkage(distance, current[:, None])[:, 0] for spline in splines]
+    values = np.array([[at.force, flux, at.inductance[:, 0, 0]] for at, flux in zip(states, linked, strict=True)])
     table = (rows.force, rows.flux_linkage[:, 0], rows.inductance[np.isfinite(rows.inductance)])
     off = np.abs(values[1:] - values[0]) / np.array([[rms(column)] for column in table])
     parted = np.array([np.quantile(off[:, k], share, axis=0) for k, share in enumerate(PARTED)])
     force, flux_linkage, inductance = (rms(departure) for departure in parted)
-    worst = int(np.argmax(parted[2]))
     chosen = parted[0] if force > COARSE else parted[2]
     most = 2.0 * chosen >= chosen.max()
     finer = {
         "distance_m": np.setdiff1d(distance[most], rows.distances).tolist(),
         "current_A": np.setdiff1d(current[most], rows.currents).tolist(),
     }
-    place = float(distance[worst]), float(current[worst])
-    return Between(force, flux_linkage, inductance, float(parted[2, worst]), *place, finer)
+    return Between(force, flux_linkage, inductance, finer)
 
 
 def halfway(rows: FitRows) -> tuple[FloatArray, FloatArray]:
@@ -249,12 +236,6 @@ def halfway(rows: FitRows) -> tuple[FloatArray, FloatArray]:
     distance, current = (grid.ravel() for grid in np.meshgrid(*axes, indexing="ij"))
     new = ~(np.isin(distance, rows.distances) & np.isin(current, rows.currents))
     return distance[new], current[new]
-
-
-def _quantities(magnetics: CoenergySpline, distance: FloatArray, current: FloatArray) -> list[FloatArray]:
-    currents = current[:, None]
-    at = magnetics.state(distance, currents)
-    return [at.force, magnetics.flux_linkage(distance, currents)[:, 0], at.inductance[:, 0, 0]]
 
 
 def _others(basis: CoenergyBasis, rows: FitRows) -> Iterator[CoenergySpline]:

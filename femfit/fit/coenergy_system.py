@@ -261,8 +261,11 @@ def _channel(rows: FitRows, circuits: tuple[int, ...], column: FloatArray, weake
     """A flux linkage, or an inductance with a sigma so many times larger."""
     which = np.flatnonzero(np.isfinite(column))
     if not rows.several:
-        scale = np.full(len(which), _change_over_distance(rows.current[which], column[which]))
-        return Channel(circuits, which, column[which], scale, RELATIVE_SIGMA * weaker * scale)
+        current, values = rows.current[which], column[which]
+        change = float(np.median([np.ptp(values[current == i]) for i in np.unique(current)]))  # over the distances
+        least = 1e-3 * float(np.max(np.abs(values)))  # of a column that hardly changes
+        scale = np.full(len(which), max(change, least))
+        return Channel(circuits, which, values, scale, RELATIVE_SIGMA * weaker * scale)
     if len(circuits) == 1:
         sigma = _divisor(flux_scale(column))
     else:
@@ -279,12 +282,6 @@ def flux_scale(flux_linkage: FloatArray) -> FloatArray:
 
 def _divisor(scale: FloatArray) -> FloatArray:
     return np.where(scale > 0.0, scale, 1.0)
-
-
-def _change_over_distance(current: FloatArray, values: FloatArray) -> float:
-    """The median current's change over the distances; of a column that hardly changes, a thousandth of its largest."""
-    change = float(np.median([np.ptp(values[current == i]) for i in np.unique(current)]))
-    return max(change, 1e-3 * float(np.max(np.abs(values))))
 
 
 def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:

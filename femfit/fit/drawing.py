@@ -16,13 +16,12 @@ from scipy.interpolate import make_interp_spline
 
 from femfit.core.numerics import BoolArray, ComplexArray, FloatArray
 from femfit.core.sweep_columns import is_current
-from femfit.core.text import amount
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerances import KINDS
-from femfit.fit.basis import CoenergyBasis, row_products
+from femfit.fit.basis import row_products
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.coenergy_system import coenergy_system
-from femfit.fit.constants import AT_THE_GAP, DRAWN_MISFIT, EDDY_PER_DECADE
+from femfit.fit.constants import AT_THE_GAP, EDDY_PER_DECADE
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.model.bspline import basis_matrix
@@ -36,30 +35,32 @@ from femfit.tables.signatures import ImpedanceSlopes, Signatures
 
 def drawn_effects(
     signatures: Signatures | None, rows: FitRows, coenergy: CoenergyFit | None, hall: HallFit | None
-) -> tuple[tuple[DrawnEffect, ...], tuple[str, ...]]:
-    """The numbers of the drawing with their splines, and a note for each one that its splines miss.
+) -> tuple[DrawnEffect, ...]:
+    """The numbers of the drawing with their splines; none where the table is too small for a co-energy.
 
     A number that changes nothing at the points of the sweep is left out.
     """
-    if signatures is None:
-        return (), ()
-    if coenergy is None:
-        return (), ("The numbers of the drawing are not in the model: the table is too small for a co-energy.",)
+    if signatures is None or coenergy is None:
+        return ()
     with_slopes, slopes = _aligned(signatures, rows)
     acting = [k for k, fact in enumerate(signatures.numbers) if np.any(slopes[:, :, k]) and not fact.effect]
     numbers, slopes = [signatures.numbers[k] for k in acting], slopes[:, :, acting]
     rows = rows.take(with_slopes)
     of_fields = 1 if rows.flux_linkage is None else 2
     magnetic = coenergy_system(rows).without_constraints(coenergy.basis, slopes[:of_fields])
-    sensed = None if hall is None or len(slopes) < 3 else _fit_hall(hall, rows, slopes[2])
-    effects, notes = [], []
+    sensed = None
+    if hall is not None and len(slopes) >= 3:
+        spline, coordinate = hall.field.spline, hall.field.coordinate
+        in_u = basis_matrix(coordinate.of(rows.distance), spline.x_knots, spline.x_degree)
+        in_i = basis_matrix(rows.current, spline.y_knots, spline.y_degree)
+        sensed = np.linalg.lstsq(row_products(in_u, in_i), slopes[2], rcond=1e-12)[0]
+    effects = []
     for k, number in enumerate(numbers):
         terms = _terms(number, coenergy.magnetics, magnetic[:, k], hall, None if sensed is None else sensed[:, k])
         effects.append(
             replace(drawn_effect(number, terms), gap_m=_gap(number, coenergy, rows, slopes[:of_fields, :, k]))
         )
-        notes += _missed(number, coenergy.basis, magnetic[:, k], rows, slopes[0][:, k])
-    return tuple(effects), tuple(notes)
+    return tuple(effects)
 
 
 def drawn_effect(number: NumberFacts, terms: tuple[FieldTerm, ...], *, at_rest: bool = False) -> DrawnEffect:
@@ -99,13 +100,6 @@ def _gap(number: NumberFacts, coenergy: CoenergyFit, rows: FitRows, slopes: Floa
     return gap if number.kind == "length" and remainder < AT_THE_GAP * rms(changed.ravel()) else 0.0
 
 
-def _fit_hall(hall: HallFit, rows: FitRows, slopes: FloatArray) -> FloatArray:
-    spline, coordinate = hall.field.spline, hall.field.coordinate
-    in_u = basis_matrix(coordinate.of(rows.distance), spline.x_knots, spline.x_degree)
-    in_i = basis_matrix(rows.current, spline.y_knots, spline.y_degree)
-    return np.asarray(np.linalg.lstsq(row_products(in_u, in_i), slopes, rcond=1e-12)[0])
-
-
 def _terms(
     number: NumberFacts,
     magnetics: CoenergySpline,
@@ -123,19 +117,6 @@ def _terms(
         field = replace(like, coefficients=sensed.reshape(like.coefficients.shape))
         terms.append(FieldTerm(name, hall=replace(hall.field, spline=field), reciprocal=reciprocal))
     return tuple(terms)
-
-
-def _missed(
-    number: NumberFacts, basis: CoenergyBasis, magnetic: FloatArray, rows: FitRows, slopes: FloatArray
-) -> list[str]:
-    """A note where the splines miss the force's slope, by what matters within the tolerance."""
-    remainder = rms(-basis.columns(rows.distance, rows.circuit_currents, 1) @ magnetic - slopes)
-    size = rms(slopes)
-    if remainder <= DRAWN_MISFIT * size or number.tolerance * remainder <= np.median(rows.force_error):
-        return []
-    share = amount(remainder / size, "")
-    few = "the swept distances are too few to follow it. Sweep more of them."
-    return [f"The change of force by {number.subject} is known within {share} only: {few}"]
 
 
 CONDUCTIVITY = "conductivity"

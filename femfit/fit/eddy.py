@@ -18,14 +18,14 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray
 from femfit.device.tolerances import KINDS
 from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
-from femfit.fit.drawing import spline_frequencies, with_impedances
+from femfit.fit.drawing import CONDUCTIVITY, spline_frequencies, with_impedances
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyBias, EddyCurrents, EddyError
-from femfit.model.impedance import ImpedanceChange, impedance_change
+from femfit.model.impedance import impedance_change
 from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
 from femfit.tables.sweep_table import SweepTable
@@ -136,23 +136,20 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
             share=True,
             bend=bend[:, None],
         )
-        effects.append(_conductivity(table, j, change))
+        effects.append(
+            DrawnEffect(
+                key=f"materials.{table.materials[j]}.conductivity_MS_per_m",
+                also=(),
+                subject=f"the conductivity of {table.materials[j]}",
+                value=1e-6 * float(table.conductivities_S_per_m[j]),
+                unit="",
+                tolerance=KINDS[CONDUCTIVITY].tolerance,
+                terms=(),
+                impedance=change,
+                conducts=of_model is not None,
+            )
+        )
     return tuple(effects)
-
-
-def _conductivity(table: EddyTable, place: int, impedance: ImpedanceChange) -> DrawnEffect:
-    name = table.materials[place]
-    return DrawnEffect(
-        key=f"materials.{name}.conductivity_MS_per_m",
-        also=(),
-        subject=f"the conductivity of {name}",
-        value=1e-6 * float(table.conductivities_S_per_m[place]),
-        unit="",
-        tolerance=KINDS["conductivity"].tolerance,
-        terms=(),
-        impedance=impedance,
-        conducts=len(table.materials) == 1,
-    )
 
 
 def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:

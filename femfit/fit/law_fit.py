@@ -15,14 +15,17 @@ from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
     FUNCTIONS,
     CoefficientBounds,
+    CoefficientFunction,
+    StageOne,
     TermBounds,
     default_bounds,
     design_matrix,
+    fit_each_current,
+    fit_functions,
     term_bounds,
     term_names,
 )
 from femfit.fit.rows import FitRows
-from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
 from femfit.laws.catalogue import all_laws
 from femfit.laws.law import ForceLaw
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -48,19 +51,15 @@ def search_shape(
         values = lower * (upper / lower) ** unit
         return {p.name: float(v) for p, v in zip(law.shape, values, strict=True)}
 
+    first = np.array([p.start if start is None else start[p.name] for p in law.shape])
+    unit = np.log(first / lower) / np.log(upper / lower)
+
     def misfit(unit: FloatArray) -> FloatArray:
         return residual(named(unit))
 
-    first = np.array([p.start if start is None else start[p.name] for p in law.shape])
-    unit = np.log(first / lower) / np.log(upper / lower)
     minima = [
         least_squares(
-            misfit,
-            np.clip(unit + step, 1e-3, 1.0 - 1e-3),
-            bounds=(0.0, 1.0),
-            xtol=1e-10,
-            ftol=1e-10,
-            gtol=1e-10,
+            misfit, np.clip(unit + step, 1e-3, 1.0 - 1e-3), bounds=(0.0, 1.0), xtol=1e-10, gtol=1e-10, ftol=1e-10
         )
         for step in (STEPS if start is None else STEPS[:1])
     ]
@@ -68,20 +67,6 @@ def search_shape(
     if not best.success:
         raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
     return named(best.x)
-
-
-@dataclass(frozen=True, eq=False)
-class Interval:
-    """95 % intervals of the joint fit's terms.
-
-    Intervals for independent residuals would be too narrow where the law's own misfit dominates, because that is the
-    same at neighbouring distances and all currents.
-    """
-
-    # Delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again each
-    # time: valid for residuals that are dependent within a block; shape (terms, 2)
-    block: FloatArray
-    block_covariance: FloatArray  # Covariance of the terms by the same jackknife; shape (terms, terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +83,11 @@ class LawFit:
     two_stage: FloatArray  # Coefficients of the two-stage fit; shape (terms,)
     joint: QPSolution  # The one-stage fit of the same terms to all rows
     limits: TermBounds
-    interval: Interval
+    # 95 % intervals of the terms, shape (terms, 2), and their covariance, shape (terms, terms): by a delete-a-block
+    # jackknife over neighbouring distances with all their currents, shape parameters fitted again each time. Intervals
+    # for independent residuals would be too narrow: the law's own misfit is the same at neighbours and all currents
+    interval: FloatArray
+    covariance: FloatArray
 
     @property
     def operations(self) -> int:
@@ -120,7 +109,7 @@ class LawFit:
         sides = self.limits.active_sides(self.joint)
         for n, (basis, power) in enumerate(self.terms):
             unit = self.law.coefficient_units[self.law.basis.index(basis)] + (f" A^-{power}" if power else "")
-            low, high = self.interval.block[n]
+            low, high = self.interval[n]
             free = low < 0.0 < high and not sides[n]
             rows.append((basis, power, None if free else float(self.joint.x[n]), (low, high), unit))
         return rows
@@ -173,7 +162,7 @@ def fit_law(
     matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
     limits = term_bounds(chosen, law.basis, rows.currents, bounds)
     joint = limits.solve(matrix, rows.force, sigma)
-    interval, shape_interval = _intervals(law, shape, chosen, rows, limits, joint)
+    interval, covariance, shape_interval = _intervals(law, shape, chosen, rows, limits, joint)
     return LawFit(
         law=law,
         shape=shape,
@@ -186,6 +175,7 @@ def fit_law(
         joint=joint,
         limits=limits,
         interval=interval,
+        covariance=covariance,
     )
 
 
@@ -227,7 +217,7 @@ def _intervals(
     rows: FitRows,
     limits: TermBounds,
     joint: QPSolution,
-) -> tuple[Interval, dict[str, tuple[float, float]]]:
+) -> tuple[FloatArray, FloatArray, dict[str, tuple[float, float]]]:
     blocks = np.array_split(rows.distances, min(JACKKNIFE_BLOCKS, len(rows.distances)))
     values = []
     for block in blocks:
@@ -243,7 +233,7 @@ def _intervals(
     shapes = {
         name: (value - float(h), value + float(h)) for (name, value), h in zip(shape.items(), half[terms:], strict=True)
     }
-    return Interval(block_interval, covariance[:terms, :terms]), shapes
+    return block_interval, covariance[:terms, :terms], shapes
 
 
 def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None) -> LawMagnetics:
@@ -252,7 +242,7 @@ def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None)
     coefficients = []
     for n, (basis, power) in enumerate(fit.terms):
         unit = fit.law.coefficient_units[fit.law.basis.index(basis)]
-        interval = fit.interval.block[n]
+        interval = fit.interval[n]
         coefficients.append(
             Coefficient(
                 basis=basis,

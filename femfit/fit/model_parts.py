@@ -13,9 +13,8 @@ from femfit.core.errors import TableError, UsageError
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.device.electrics import AnySensor, Circuit, HallElement, PickupCoil, Sensor
-from femfit.device.load import read_actuator
+from femfit.device.load import circuit_record, read_actuator, sweep_manifest_entry
 from femfit.device.mechanics import Mechanics
-from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
 from femfit.fit.constants import STOP_ROUNDING_M
 from femfit.fit.rows import FitRows
 from femfit.fit.sensed_field import SensedFit
@@ -64,7 +63,7 @@ def hall_sensor_of(element: Mapping[str, Any], field: HallField) -> HallSensor:
         **{name: number(element, name) for name in names},
         adc_bits=int(number(element, "adc_bits")),
         delay_s=number(element, "delay_s") if element.get("delay_s") else 0.0,
-        sample_time_s=_period(element),
+        sample_time_s=period_of(element),
     )
 
 
@@ -81,7 +80,8 @@ def circuit_of(
         missing.append("flux_linkage_Wb or an inductance")
     if not missing:
         record = (entry.get("circuits") or [{}])[0]
-        return (_circuit(entry, {**record, **{key: number(entry, key) for key in keys}}),), ()
+        record = circuit_record({**record, **{key: number(entry, key) for key in keys}})
+        return (_recorded(Circuit, "circuit", record),), ()
     remedy = "." if flux_linkage else ", and --inductance-H since the table has no flux linkage."
     return (), (
         (
@@ -120,7 +120,7 @@ def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[C
     recorded = {record.get("name"): record for record in entry.get("circuits") or ()}
     if not set(names) <= set(recorded):
         return (), (f"No circuits in the model: give --actuator ACTUATOR.toml with {', '.join(names)}.",)
-    circuits = tuple(_circuit(entry, recorded[name]) for name in names)
+    circuits = tuple(_recorded(Circuit, "circuit", circuit_record(recorded[name])) for name in names)
     without = [circuit.name for circuit in circuits if not np.isfinite(circuit.voltage_max_V - circuit.voltage_min_V)]
     if without:
         unknown = f"No circuits in the model: the voltage limits behind {', '.join(without)} are unknown."
@@ -128,8 +128,8 @@ def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[C
     return circuits, ()
 
 
-def validity_of(magnetics: Magnetics, rows: FitRows, winding: bool = True) -> tuple[ValidityBox, tuple[str, ...]]:
-    """The distances and currents that a model holds for, and which signs of several currents were not swept.
+def validity_of(magnetics: Magnetics, rows: FitRows, winding: bool = True) -> ValidityBox:
+    """The distances and currents that a model holds for.
 
     A quadratic form holds for currents of either sign. A spline of several holds where it was swept and, without a
     magnet, where all of these currents flow the other way, which is a box again where all circuits but one were swept
@@ -143,33 +143,7 @@ def validity_of(magnetics: Magnetics, rows: FitRows, winding: bool = True) -> tu
         low, high = np.minimum(low, -high), np.maximum(high, -low)
     limits = zip(low.tolist(), high.tolist(), strict=True)
     ends = float(rows.distances[0]), float(rows.distances[-1])
-    notes = (
-        (
-            f"The currents of {' and '.join(rows.names)} were swept with these signs, and the co-energy also holds "
-            "with all of them reversed, for there is no magnet. Other signs together were not swept: sweep all "
-            "circuits but one to both sides of 0 A."
-        ),
-    )
-    box = ValidityBox.of_currents(ends, *limits, winding=winding, mirrored=mirrored)
-    return box, notes if mirrored else ()
-
-
-def one_sided(circuits: Sequence[Circuit], validity: ValidityBox) -> tuple[str, ...]:
-    """What to do about several circuits that a simulation drives below 0 A at once, where the sweep says nothing."""
-    names = [
-        circuit.name
-        for circuit, (low, high) in zip(circuits, validity.current_limits_A, strict=False)
-        if circuit.drive.kind == "voltage" and circuit.drive.diode_V is None and low * high == 0.0
-    ]
-    text = (
-        f"The sweep has currents of {' and '.join(names)} to one side of 0 A alone, and a simulation ends where other "
-        "circuits induce a current of the other sign. Sweep both sides, or draw diode_V for a driver that blocks."
-    )
-    return (text,) if names and len(circuits) > 1 else ()
-
-
-def _circuit(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Circuit:
-    return _recorded(Circuit, "circuit", circuit_of_this_version(record, entry.get("supply_V")))
+    return ValidityBox.of_currents(ends, *limits, winding=winding, mirrored=mirrored)
 
 
 def other_sensors_of(
@@ -214,13 +188,9 @@ def _recorded(kind: type[Part], name: str, record: Mapping[str, Any]) -> Part:
         raise TableError(f"The manifest's {name} is damaged: {faults}. Give --actuator ACTUATOR.toml.") from error
 
 
-def _period(entry: Mapping[str, Any]) -> float | None:
+def period_of(entry: Mapping[str, Any]) -> float | None:
+    """The controller's period in s of a manifest's actuator entry, where it has one."""
     return number(entry, "sample_time_s") if entry.get("sample_time_s") else None
-
-
-def with_period(model: ActuatorModel, entry: Mapping[str, Any]) -> ActuatorModel:
-    """The model with the controller's period of a manifest's actuator entry, or the one that suits it."""
-    return replace(model, sample_time_s=_period(entry) or sample_time(model))
 
 
 def sample_time(model: ActuatorModel) -> float:
@@ -254,13 +224,7 @@ def kind_of(entry: Mapping[str, Any]) -> ActuatorKind | None:
     record = entry.get("kind")
     if not record:
         return None
-    names = {f.name for f in fields(ActuatorKind)}
-    if not isinstance(record, Mapping) or set(record) != names or not all(isinstance(v, bool) for v in record.values()):
-        raise TableError(
-            f"The table's manifest must give the kind of its actuator by {', '.join(sorted(names))}, each true or "
-            "false. Sweep again, or remove the entry."
-        )
-    return ActuatorKind(**record)
+    return _recorded(ActuatorKind, "kind of actuator", record)
 
 
 def number(entry: Mapping[str, Any], key: str) -> float:

@@ -1,4 +1,6 @@
-"""Candidate laws ranked by their error: on rows that were not fitted, or as written on all rows where that is larger.
+"""How far a model is from its table, that of the file as it is read back, and what the user is told of it; and laws.
+
+Candidate laws ranked by their error: on rows that were not fitted, or as written on all rows where that is larger.
 
 The folds are fixed: blocks of neighbouring distances between the outermost ones, all currents together, and single
 inner currents, all distances together. A law's shape parameters are found again without the rows left out; its
@@ -9,7 +11,8 @@ the moving part cannot hang within the sweep, its mass is unknown or the forces 
 are a thousand times its armature's weight).
 """
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,30 +20,179 @@ import numpy as np
 
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
-from femfit.fit.constants import DISTANCE_BLOCKS, MAY_MISS, TARGET
+from femfit.core.text import amount
+from femfit.fit.coenergy import Between, CoenergyFit
+from femfit.fit.constants import COARSE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics, refit
-from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.fit.model_parts import validity_of
-from femfit.fit.rows import FitRows, rms
+from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_from_dict, model_to_dict
+from femfit.model.magnetics import CoenergySpline, Magnetics
 from femfit.model.validity import Misfit
+from femfit.tables.sweep_table import SweepTable
+
+
+def as_written(model: ActuatorModel) -> ActuatorModel:
+    """The model as its file holds it, read back."""
+    return model_from_dict(json.loads(json.dumps(model_to_dict(model))))
+
+
+def misfit_to_rows(model: ActuatorModel | Magnetics, rows: FitRows) -> Misfit:
+    """Model minus table in force, flux linkage and, with a sensor, the field at the Hall element.
+
+    Beside those, of one circuit, the inductance. Of several, the rms misfit of all flux linkages together, and the
+    largest of the circuits' shares, each of its own rms.
+    """
+    sensor = model.sensor if isinstance(model, ActuatorModel) else None
+    magnetics = model.magnetics if isinstance(model, ActuatorModel) else model
+    error = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
+    flux_rms = flux_share = inductance_rms = inductance_share = hall_rms = None
+    if rows.flux_linkage is not None:
+        linked = magnetics.flux_linkage(rows.distance, rows.circuit_currents)
+        missed = linked - rows.flux_linkage
+        flux_rms = rms(missed)
+        flux_share = rms_share(missed, rows.flux_linkage)
+    if rows.flux_linkage is not None and not rows.several:
+        # Change of flux linkage over that of current, from each current to the next at the same distance
+        order = np.lexsort((rows.current, rows.distance))
+        same = np.diff(rows.distance[order]) == 0.0
+        steps = np.diff(rows.current[order])[same]
+        table, of_model = (np.diff(flux[order, 0])[same] / steps for flux in (rows.flux_linkage, linked))
+        if len(table):
+            inductance_rms, inductance_share = rms(of_model - table), rms_share(of_model - table, table)
+    if sensor is not None and rows.hall is not None:
+        hall_rms = rms(sensor.field.field(rows.distance, rows.circuit_currents) - rows.hall)
+    return Misfit(
+        force_rms_N=rms(error),
+        force_max_N=float(np.max(np.abs(error))),
+        force_rms_relative=rms(error / rows.force_scale),
+        force_rms_of_weight=None if rows.hanging_weight is None else rms(error) / rows.hanging_weight,
+        flux_linkage_rms_Wb=flux_rms,
+        hall_rms_T=hall_rms,
+        rows=len(error),
+        against="sweep",
+        inductance_rms_H=inductance_rms,
+        force_share=rms_share(error, rows.force),
+        flux_linkage_share=flux_share,
+        inductance_share=inductance_share,
+    )
+
+
+_UNITS_ASSUMED = "assumed-units"
+
+
+def import_notes(table: SweepTable) -> tuple[str, ...]:
+    """What an import warned of, and units that it assumed: a fit is wrong by the factor that they are."""
+    findings = [finding for finding in table.manifest.get("findings") or () if isinstance(finding, dict)]
+    grave = [
+        finding for finding in findings if finding.get("severity") == "warning" or finding.get("code") == _UNITS_ASSUMED
+    ]
+    return tuple(
+        f"{finding.get('text', finding.get('sentence', ''))} {finding.get('remedy', '')}".strip() for finding in grave
+    )
+
+
+def misfit_notes(
+    model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | None, between: Between | None = None
+) -> tuple[str, ...]:
+    """Warnings where the model misses the table that it was fitted to.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With its misfit.
+    rows : FitRows
+        The table's.
+    coenergy : CoenergyFit or None
+        The model, where it is one.
+    between : Between or None
+        What a co-energy may be off by between the points.
+    """
+    misfit = model.misfit
+    assert misfit is not None  # noqa: S101  every fit computes it
+    notes = []
+    if coenergy is not None:
+        notes += _finer_sweep(coenergy.missed_N, misfit, rows)
+    if not notes and between is not None and between.poor:
+        notes.append(f"The steps of the sweep are too wide for a bend of the steel. {to_be_added(between.finer)}")
+    poor = [
+        f"{name} by {amount(share, '')}"
+        for name, share in (
+            ("flux linkage", misfit.flux_linkage_share),
+            ("inductance", misfit.inductance_share),
+        )
+        if share is not None and share > POOR_CIRCUIT
+    ]
+    if poor:
+        remedy = "A co-energy (femfit fit without --model) holds both."
+        if isinstance(model.magnetics, CoenergySpline):
+            remedy = "Add currents to [sweep] where the iron begins to saturate, then sweep and fit again."
+        notes.append(f"The model misses the table's {' and '.join(poor)}: do not simulate its circuit. {remedy}")
+    return tuple(notes)
+
+
+def _finer_sweep(missed: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]:
+    """Where a co-energy's force is least certain, and the distances and currents that halve the intervals around it.
+
+    Of iron that saturates that is where a point left out is missed most, whatever the misfit to all points says.
+
+    The largest error in newtons is asked for even where errors relative to each point's own force are what is poor:
+    points added there also help between the points, where points added at the smallest forces do not.
+    """
+    shares = (
+        (rms_share(missed, rows.force) or 0.0, "its rms"),
+        (misfit.force_rms_relative, "each point's own force (rms)"),
+    )
+    poor = next((pair for pair in shares if pair[0] >= COARSE), None)
+    if poor is None:
+        return []
+    worst, finer = int(np.argmax(missed)), finer_settings(missed, rows)
+    d, i = rows.distance[worst], rows.current[worst]
+    where = " with inner points left out" if rows.saturates and poor is shares[0] else ""
+    return [
+        (
+            f"The sweep is too coarse for its force: the co-energy misses it by {amount(poor[0], '')} of {poor[1]}"
+            f"{where}, most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. {to_be_added(finer)}"
+        )
+    ]
+
+
+def finer_settings(missed: FloatArray, rows: FitRows) -> dict[str, list[float]]:
+    """The ``distance_m`` and ``current_A`` that halve the intervals around the largest error of the force."""
+    worst = int(np.argmax(missed))
+    around = {"distance_m": (rows.distances, rows.distance[worst]), "current_A": (rows.currents, rows.current[worst])}
+    return {name: middles(axis, place).tolist() for name, (axis, place) in around.items()}
+
+
+def middles(axis: FloatArray, place: float) -> FloatArray:
+    """The middles of the intervals on both sides of a value of an axis."""
+    k = int(np.searchsorted(axis, place))
+    around = axis[max(k - 1, 0) : k + 2]
+    return np.asarray(0.5 * (around[1:] + around[:-1]))
+
+
+def to_be_added(finer: Mapping[str, Sequence[float]]) -> str:
+    """What to do with finer settings, in a sentence."""
+    axes = (("distances", 1e3 * np.array(finer["distance_m"]), "mm"), ("currents", finer["current_A"], "A"))
+    parts = [f"the {name} {' and '.join(f'{x:.4g}' for x in axis)} {unit}" for name, axis, unit in axes if len(axis)]
+    return f"Add to [sweep] {' and '.join(parts)}, then sweep and fit again."
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A law and its error on rows left out."""
 
-    fit: LawFit | None  # To all rows; None where the law could not be fitted
     law: ForceLaw
-    misfit: Misfit | None  # The law's, as a model file would hold it, to all rows
+    fit: LawFit | None = None  # To all rows; None where the law could not be fitted
+    misfit: Misfit | None = None  # The law's, as a model file would hold it, to all rows
     # Error on the rows left out, as a part of the weight (or of the rms force)
-    held_out_rms: float
-    held_out_max: float
-    held_out_of_force: float  # Rms of error over force (its scale, where it passes through zero) on the rows left out
-    rms: float  # Rms force error as written, on all rows, over the same scale
-    parameters: int
+    held_out_rms: float = np.inf
+    held_out_max: float = np.inf
+    rms: float = np.inf  # Rms force error as written, on all rows, over the same scale
+    parameters: int = 0
     failure: str = ""  # Why it could not be fitted, or empty
 
     @property
@@ -57,18 +209,11 @@ class Ranking:
     recommended: Candidate  # The cheapest within :data:`TARGET`, or else the best
     reached: bool  # Whether the recommended one is within the target
     of: str  # What the errors are a part of: ``weight`` or ``rms force``
-    why_of: str  # Why it is the rms force, a clause; empty for the weight
-
-    @property
-    def failures(self) -> tuple[tuple[tuple[str, ...], str], ...]:
-        """The laws that were not fitted, those of one reason together, and that reason."""
-        return _grouped(self.candidates)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, best first; null in place of what a law that could not be fitted does not have."""
         return {
             "of": self.of,
-            "why_of": self.why_of or None,
             "target": TARGET,
             "recommended": self.recommended.law.name,
             "reached": self.reached,
@@ -78,7 +223,6 @@ class Ranking:
                     "formula": c.law.formula,
                     "held_out_rms": c.held_out_rms if c.fit else None,
                     "held_out_max": c.held_out_max if c.fit else None,
-                    "held_out_of_force": c.held_out_of_force if c.fit else None,
                     "rms": c.rms if c.fit else None,
                     "misfit": asdict(c.misfit) if c.misfit else None,
                     "operations": c.fit.operations if c.fit else None,
@@ -91,44 +235,17 @@ class Ranking:
         }
 
 
-def _grouped(candidates: Sequence[Candidate]) -> tuple[tuple[tuple[str, ...], str], ...]:
-    """Names of the laws without a fit by their reason, in which ``Each`` stands for them where they are several."""
-    groups: dict[str, list[Candidate]] = {}
-    for candidate in candidates:
-        if candidate.fit is None:
-            groups.setdefault(candidate.failure.replace(f"Law {candidate.law.name}", "Each"), []).append(candidate)
-    return tuple(
-        (tuple(candidate.law.name for candidate in alike), why if len(alike) > 1 else alike[0].failure)
-        for why, alike in groups.items()
-    )
-
-
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
     """Fit every law, and rank them by :attr:`Candidate.error`."""
     folds = ranking_folds(rows)
     candidates = ranked([_candidate(law, rows, folds) for law in laws], lambda c: -c.error)
     fitted = [c for c in candidates if c.fit is not None]
     if not fitted:
-        groups = _grouped(candidates)
-        if len(candidates) > 1 and len(groups) == 1:
-            raise FitError(f"No law could be fitted. {groups[0][1]}")
-        raise FitError("No law could be fitted. " + " ".join(f"{', '.join(who)}: {why}" for who, why in groups[:3]))
+        reasons = dict.fromkeys(candidate.failure for candidate in candidates)
+        raise FitError(f"No law could be fitted. {' '.join([*reasons][:3])}")
     cost = {c.fit.operations: c for c in reversed(candidates) if c.fit and c.error <= TARGET}
     recommended = cost[min(cost)] if cost else fitted[0]
-    return Ranking(tuple(candidates), recommended, bool(cost), rows.error_scale[1], _why_of(rows))
-
-
-def _why_of(rows: FitRows) -> str:
-    if rows.hanging_weight is not None:
-        return ""
-    if rows.weight is None:
-        return "the mass is unknown"
-    if rows.weight <= 0.0:
-        return "the body does not hang by the force"
-    low, high = float(np.min(rows.force)), float(np.max(rows.force))
-    if low <= rows.weight <= high:
-        return f"the forces, {rows.rms_force:.3g} N rms, are far above the weight, {rows.weight:.3g} N"
-    return f"the weight, {rows.weight:.3g} N, is not among the sweep's forces, {low:.3g} to {high:.3g} N"
+    return Ranking(tuple(candidates), recommended, bool(cost), rows.error_scale[1])
 
 
 def ranking_folds(rows: FitRows) -> list[BoolArray]:
@@ -145,40 +262,29 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
     scale, _ = rows.error_scale
     try:
         fit = fit_law(law, rows)
-        errors, force_scale = _held_out(fit, rows, folds)
+        errors = _held_out(fit, rows, folds)
         magnetics = law_magnetics(fit, rows)
-        candidate = ActuatorModel("candidate", magnetics, validity_of(magnetics, rows)[0])
+        candidate = ActuatorModel("candidate", magnetics, validity_of(magnetics, rows))
         written = misfit_to_rows(as_written(candidate), rows)
     except (FemfitError, ValueError, ArithmeticError) as failure:  # one law, perhaps another package's, fails alone
-        return _failed(law, str(failure))
+        return Candidate(law, failure=str(failure))
     if not np.all(np.isfinite(errors)):
-        return _failed(law, "its force on the rows left out is not finite.")
-    fitted = rms(fit.joint.residual)
-    if written.force_rms_N > MAY_MISS * max(fitted, 1e-9 * rows.rms_force):
-        return _failed(
-            law, f"as written it would miss the table by {written.force_rms_N:.3g} N, its fit by {fitted:.3g} N."
-        )
+        return Candidate(law, failure="its force on the rows left out is not finite.")
     return Candidate(
         fit=fit,
         law=law,
         misfit=written,
         held_out_rms=rms(errors) / scale,
         held_out_max=float(np.max(np.abs(errors))) / scale,
-        held_out_of_force=rms(errors / force_scale),
         rms=written.force_rms_N / scale,
         parameters=len(fit.terms) + len(fit.shape),
     )
 
 
-def _failed(law: ForceLaw, reason: str) -> Candidate:
-    return Candidate(None, law, None, np.inf, np.inf, np.inf, np.inf, 0, reason)
-
-
-def _held_out(fit: LawFit, rows: FitRows, folds: Sequence[BoolArray]) -> tuple[FloatArray, FloatArray]:
-    errors, scales = [], []
+def _held_out(fit: LawFit, rows: FitRows, folds: Sequence[BoolArray]) -> FloatArray:
+    errors = []
     for out in folds:
         shape, x = refit(fit.law, fit.shape, fit.functions, fit.limits, rows, ~out)
         test = rows.take(out)
         errors.append(design_matrix(fit.law, shape, fit.functions, test.distance, test.current) @ x - test.force)
-        scales.append(rows.force_scale[out])
-    return np.concatenate(errors), np.concatenate(scales)
+    return np.concatenate(errors)

@@ -2,27 +2,56 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from functools import cache, partial
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from femfit.core.results import Printed
+from femfit.core.text import amount, rounded
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, Between, CoenergyFit, splines_of_current
+from femfit.fit.constants import SMALL_CIRCUIT_FORCE, TARGET
 from femfit.fit.law_fit import LawFit, law_magnetics
-from femfit.fit.misfit import finer_settings
-from femfit.fit.network_fit import NetworkFit
-from femfit.fit.printed import printed
-from femfit.fit.ranking import Ranking
+from femfit.fit.ranking import Ranking, finer_settings
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Magnetics
-from femfit.model.network_magnetics import NETWORK, OPERATIONS
+from femfit.model.model_text import sentence
+from femfit.model.several_magnetics import NETWORK, OPERATIONS
 from femfit.model.validity import Misfit
 
-_FINE = 101
-"""Numerical: so many distances and currents are looked at between the sweep's points."""
+if TYPE_CHECKING:
+    from femfit.fit.soft_iron import NetworkFit
+
+
+def printed(template: str, **facts: Any) -> str:
+    """Fill a template of the room with results and numbers."""
+    return _environment().get_template(template).render(facts).rstrip()
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(  # noqa: S701  text for a terminal
+        loader=PackageLoader("femfit.fit"), trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
+    )
+    environment.filters |= {
+        "amount": amount,
+        "share": lambda value: amount(value, ""),
+        "percent": lambda share: "-" if share is None else rounded(100.0 * share, 2),
+        "shorten": shorten,
+    }
+    environment.globals |= {
+        "of_model": partial(sentence, "model"),
+        "network_name": NETWORK,
+        "network_operations": OPERATIONS,
+        "small": SMALL_CIRCUIT_FORCE,
+        "target": TARGET,
+    }
+    return environment
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,7 +61,7 @@ class Fits:
     coenergy: CoenergyFit | None = None
     law: LawFit | None = None
     ranking: Ranking | None = None
-    network: NetworkFit | None = None
+    network: "NetworkFit | None" = None
     circuits: CircuitsFit | None = None
 
     def magnetics(self, rows: FitRows, inductance_H: float | None) -> Magnetics:
@@ -106,7 +135,7 @@ class FitResult(Printed, Fits):
     def _ranges(self) -> dict[str, tuple[float, float] | None]:
         """Motional constant and inductance over the swept points and all of the domain, where they are known."""
         swept = self.rows.distance, self.rows.circuit_currents
-        between = self.model.validity.grid(_FINE, _FINE)
+        between = self.model.validity.grid(101, 101)
         state = self.model.magnetics.state(*(np.concatenate(pair) for pair in zip(swept, between, strict=True)))
         constant, inductance = ((np.min(x), np.max(x)) for x in (state.motional_constant, state.inductance))
         unknown = self.model.circuit is None and self.rows.flux_linkage is None
@@ -124,7 +153,7 @@ class FitResult(Printed, Fits):
             "network": {"operations": OPERATIONS, "left_out_of_rms": self.network.left_out} if self.network else None,
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
-            "hall": _hall_data(self.hall) if self.hall else None,
+            "hall": None if self.hall is None else self.hall.to_dict(),
             "between_points": asdict(self.between) if self.between else None,
             "finer_sweep": finer_settings(spline.missed_N, self.rows) if spline else None,
             "notes": [*self.of_data, *self.notes],
@@ -158,21 +187,10 @@ def _law_data(fit: LawFit) -> dict[str, Any]:
                 "column": basis,
                 "current_power": power,
                 "value": float(fit.joint.x[n]),
-                "interval95": fit.interval.block[n].tolist(),
+                "interval95": fit.interval[n].tolist(),
             }
             for n, (basis, power) in enumerate(fit.terms)
         ],
         "active": list(fit.active),
         "condition_scaled": fit.joint.condition_scaled,
-    }
-
-
-def _hall_data(fit: HallFit) -> dict[str, Any]:
-    return {
-        "coil_slope_T_per_A": list(fit.coil_slope_T_per_A),
-        "magnet_field_T": list(fit.magnet_field_T),
-        "rms_T": fit.rms_T,
-        "max_T": fit.max_T,
-        "held_out_of_range": fit.held_out,
-        "coefficients": int(fit.field.spline.coefficients.size),
     }

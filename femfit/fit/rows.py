@@ -54,11 +54,6 @@ class FitRows:
         return self.circuit_currents[:, 0]
 
     @property
-    def points(self) -> tuple[FloatArray, FloatArray]:
-        """Distances and currents in the shapes that a model takes."""
-        return self.distance, self.circuit_currents if self.several else self.current
-
-    @property
     def currents(self) -> FloatArray:
         """Distinct currents of the circuit, or of the first one, ascending."""
         return self.axes[0]
@@ -88,11 +83,6 @@ class FitRows:
     def without_current(self) -> bool:
         """Whether no row carries a current, as of a pair of magnets."""
         return not self.circuit_currents.any()
-
-    @property
-    def idle(self) -> BoolArray:
-        """Which rows have no current in any circuit."""
-        return np.asarray(~self.circuit_currents.any(axis=1))
 
     @property
     def saturates(self) -> bool:
@@ -205,11 +195,13 @@ def rows_of_table(
         hall=_numbers(rows, "hall_T"),
         weight=None if names or mass_kg is None else mass_kg * gravity_m_s2,
     )
-    return replace(
-        measured,
-        inductance=_inductances(rows, names) if names else _inductance(rows, measured),
-        magnet=not names or (_pulls_without_current(measured) if kind is None else kind.has_magnet),
-    )
+    magnet = not names or (kind is not None and kind.has_magnet)
+    if names and kind is None:  # nobody described the device: does it pull without a current, or leave that open?
+        idle = ~currents.any(axis=1)
+        values = np.array([column / rms(column) for column in (force, *measured.linked.T)])
+        magnet = not idle.any() or float(np.abs(values[:, idle]).max()) > NETWORK_IDLE
+    inductance = _inductances(rows, names) if names else _inductance(rows, measured)
+    return replace(measured, inductance=inductance, magnet=magnet)
 
 
 def _require_settings(distance: FloatArray, currents: FloatArray) -> None:
@@ -228,12 +220,6 @@ def _require_settings(distance: FloatArray, currents: FloatArray) -> None:
             f"Rows must differ in current or distance; {int(duplicate.sum())} repeat another, the first at "
             f"{listing(f'{i:g} A' for i in currents[first])} and {1e3 * distance[first]:g} mm. Remove the repetitions."
         )
-
-
-def _pulls_without_current(rows: FitRows) -> bool:
-    """Whether a table of a device that nobody described looks like one with a magnet, or leaves that open."""
-    values = [column / rms(column) for column in (rows.force, *rows.linked.T)]
-    return not rows.idle.any() or float(np.abs(np.array(values)[:, rows.idle]).max()) > NETWORK_IDLE
 
 
 def _on_grid(values: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -181,6 +182,12 @@ class HallFit:
     # Least and largest dB/di over the sweep; their difference is the magnet's own permeability
     coil_slope_T_per_A: tuple[float, float]
     magnet_field_T: tuple[float, float]  # B without current at the largest and the least distance
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the field."""
+        numbers = {name: value for name, value in vars(self).items() if name not in {"field", "held_out"}}
+        coefficients = int(self.field.spline.coefficients.size)
+        return {**numbers, "held_out_of_range": self.held_out, "coefficients": coefficients}
 
 
 def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:

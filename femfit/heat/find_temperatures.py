@@ -1,31 +1,147 @@
 """Where a drawing's temperatures settle, and what winding and magnet are then."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from femfit.core.errors import DomainError, MissingPartError, UsageError
+from femfit.core.errors import MissingPartError, UsageError
+from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
-from femfit.core.results import listing
-from femfit.core.text import amount, amount_range
+from femfit.core.results import Printed, Words, listing
+from femfit.core.text import amount, amount_range, rounded
 from femfit.device.load import read_actuator
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial
 from femfit.device.thermal import Surroundings
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.heat.balance import Feed, feed_of, hottest, largest_loads, time_until
 from femfit.heat.network import HeatNetwork, heat_network
-from femfit.heat.result import MagnetWarmth, Temperatures
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import model_of
-from femfit.model.with_effects import with_effects
 from femfit.tables.eddy_table import EddyTable, read_eddy
 
-SPREAD = 1.5
-"""Assumed: factor either way within which the heat that a free face gives off is known."""
+BURNT_C = 300.0
+"""Conventional: how warm a winding would become above it is not said; enamels end at 240 degC (IEC 60317)."""
+
+words = Words("femfit.heat", rounded, names={"BURNT_C": BURNT_C}, finite=np.isfinite).sentence
+
+
+@dataclass(frozen=True)
+class MagnetWarmth:
+    """A magnet's temperature and remanence."""
+
+    part: str
+    temperature_C: float
+    change: float  # Of the remanence, relative to 20 degC; zero where its coefficient is not known
+    working_C: float | None  # Largest working temperature, where it is known
+
+    @property
+    def too_warm(self) -> bool:
+        """Whether it is above its largest working temperature; it may stay weaker then."""
+        return self.working_C is not None and self.temperature_C > self.working_C * (1.0 + 1e-6)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Temperatures(Printed):
+    """Where a drawing's parts settle; numbers are NaN where they do not.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parts, windings first.
+    count : int
+        Number of windings.
+    temperatures_C : array, shape (parts,)
+        Of a winding its mean.
+    hottest_C : array, shape (windings,)
+        Of the hottest strand, about.
+    volts, cold_currents_A, currents_A, alternating_A, cold_resistances_ohm, resistances_ohm : arrays, shape (circuits,)
+        Of the circuits, ``cold`` as they are switched on.
+    heat_W, eddy_W : arrays, shape (parts,)
+        All heat, and that of eddy currents.
+    settling_s, limit_s : float or None
+        Times after switching on when the first winding has warmed by 63 %, and when the hottest strand is at its limit;
+        None where never.
+    allowed_factor : float
+        By what all currents may be multiplied to last; infinite where there is no heat.
+    limiting : str
+        The part that they bring to its limit.
+    at_limit : Temperatures or None
+        At the largest currents that may last; None where nothing is heated.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.find_temperatures("rig.toml", current_A=0.8).limiting
+    'coil'
+    """
+
+    names: tuple[str, ...]
+    count: int
+    distance_m: float
+    surroundings: Surroundings
+    temperatures_C: FloatArray
+    hottest_C: FloatArray
+    volts: FloatArray
+    cold_currents_A: FloatArray
+    currents_A: FloatArray
+    alternating_A: FloatArray
+    cold_resistances_ohm: FloatArray
+    resistances_ohm: FloatArray
+    heat_W: FloatArray
+    eddy_W: FloatArray
+    settling_s: float | None
+    limit_s: float | None
+    allowed_factor: float
+    limiting: str
+    magnets: tuple[MagnetWarmth, ...]
+    network: HeatNetwork
+    at_limit: "Temperatures | None" = None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether nothing becomes too warm."""
+        too_warm = self.hottest_C.max() > self.surroundings.winding_limit_C * (1.0 + 1e-6) or any(
+            magnet.too_warm for magnet in self.magnets
+        )
+        return self.settles and not too_warm
+
+    @property
+    def allowed_A(self) -> FloatArray:  # noqa: N802  the unit
+        """Rms currents that may last, in the ratio of those that were found; shape (circuits,)."""
+        if not np.isfinite(self.allowed_factor):
+            return np.full(len(self.currents_A), np.inf)
+        return np.asarray(self.allowed_factor * np.hypot(self.currents_A, self.alternating_A))
+
+    @property
+    def settles(self) -> bool:
+        """Whether there are temperatures that last."""
+        return bool(np.isfinite(self.temperatures_C).all())
+
+    @property
+    def windings_C(self) -> FloatArray:  # noqa: N802  the unit
+        """Mean temperatures of the windings."""
+        return self.temperatures_C[: self.count]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        left_out = {"network", "magnets", "at_limit", "surroundings"}
+        data = {name: value for name, value in vars(self).items() if name not in left_out}
+        arrays = data | {
+            "allowed_A": self.allowed_A,
+            "capacities_J_per_K": self.network.capacities,
+            "conductances_W_per_K": self.network.between,
+            "outwards_W_per_K": self.network.outwards,
+        }
+        plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in arrays.items()}
+        of_parts = {"magnets": [vars(magnet) for magnet in self.magnets], "thermal": vars(self.surroundings)}
+        found = {"settles": self.settles, "lasts": self.lasts, "at_limit": self.at_limit and self.at_limit.to_dict()}
+        result: dict[str, Any] = json_ready({**plain, **of_parts, **found})
+        return result
+
+    def __str__(self) -> str:
+        return words("heat", "printed", self)
+
 
 SETTLED = 1.0 - np.exp(-1.0)
 """Of the rise, after one time constant."""
@@ -40,7 +156,6 @@ def find_temperatures(
     alternating_A: float | Sequence[float] = 0.0,
     frequency_Hz: float | None = None,
     sweep: str | Path | None = None,
-    model: ActuatorModel | str | Path | None = None,
 ) -> Temperatures:
     """Find the temperatures at which a drawing's parts settle, by a network of its parts.
 
@@ -56,8 +171,6 @@ def find_temperatures(
         Rms value of a sinusoidal current beside it.
     frequency_Hz, sweep : float and path
         Of that current, and a sweep with ``frequency_Hz``, for the heat of its eddy currents.
-    model : ActuatorModel or path
-        Of the drawing, for what the force loses.
 
     Raises
     ------
@@ -74,7 +187,12 @@ def find_temperatures(
     61 degC, 3.12 ohm
     """
     actuator = actuator if isinstance(actuator, Actuator) else read_actuator(actuator)
-    distance = _held_distance(actuator) if distance_m is None else distance_m
+    if distance_m is not None:
+        distance = distance_m
+    elif actuator.reference_distances_m:
+        distance = actuator.reference_distances_m[0]
+    else:
+        distance = max(min(actuator.sweep.distances_m), actuator.mechanics.ends[0])
     network = heat_network(actuator, distance)
     if (sweep is None) != (frequency_Hz is None):
         raise UsageError("Eddy currents need both a frequency and a sweep. Give both or none.")
@@ -86,39 +204,26 @@ def find_temperatures(
             raise UsageError("A frequency must stand beside an alternating current; there is none. Give alternating_A.")
         table = _eddy_table(sweep, actuator, distance, frequency_Hz)
         feed = replace(feed, eddy_W=_eddy_heat(network, table, distance, frequency_Hz, feed.alternating_A))
-    around = actuator.thermal
-    bounds = [
-        heat_network(
-            replace(actuator, thermal=replace(around, film_W_per_m2_K=factor * around.film_W_per_m2_K)), distance
-        )
-        for factor in (SPREAD, 1.0 / SPREAD)
-    ]
-    find = partial(_found, around, network, bounds, distance)
+    find = partial(_found, actuator.thermal, network, distance)
     result = find(feed)
-    if model is not None and result.settles:
-        result = replace(result, force=_forces(model, feed, result))
-    if 0.0 < result.allowed_factor < np.inf:
-        limit = feed.held(result.allowed_factor, result.currents_A)
-        at_limit = find(limit)
-        force = None if model is None else _forces(model, limit, at_limit)
-        result = replace(result, at_limit=replace(at_limit, force=force, limit_s=None))  # which it only approaches
-    return result
+    if not 0.0 < result.allowed_factor < np.inf:
+        return result
+    at_limit = find(feed.held(result.allowed_factor, result.currents_A))
+    return replace(result, at_limit=replace(at_limit, limit_s=None))  # which it only approaches
 
 
-def temperatures_at_supply(actuator: Actuator, model: ActuatorModel) -> Temperatures | None:
+def temperatures_at_supply(actuator: Actuator) -> Temperatures | None:
     """Temperatures at the most that a drawing's supply gives; None where it has no coil or no limits."""
     try:
-        return find_temperatures(actuator, model=model)
+        return find_temperatures(actuator)
     except (MissingPartError, UsageError):
         return None
 
 
-def _found(
-    around: Surroundings, network: HeatNetwork, bounds: list[HeatNetwork], distance: float, feed: Feed
-) -> Temperatures:
+def _found(around: Surroundings, network: HeatNetwork, distance: float, feed: Feed) -> Temperatures:
     ambient = around.ambient_C
     start, count = np.full(len(network.names), ambient), len(network.windings)
-    warm, *spread = (feed.settled(way_out, ambient) for way_out in (network, *bounds))
+    warm = feed.settled(network, ambient)
     currents = feed.currents(start if np.isnan(warm).any() else warm)
     factor, limiting = largest_loads(network, around, feed.loads(currents))
     rise = warm[0] - ambient
@@ -130,7 +235,6 @@ def _found(
         surroundings=around,
         temperatures_C=warm,
         hottest_C=hottest(network, ambient, warm),
-        spread_C=np.array([settled[:count].max() for settled in spread]),
         volts=feed.volts,
         cold_currents_A=feed.currents(start),
         currents_A=currents,
@@ -144,7 +248,6 @@ def _found(
         allowed_factor=float(np.sqrt(factor)),
         limiting=limiting,
         magnets=_magnets(network, warm),
-        force=None,
         network=network,
     )
 
@@ -153,14 +256,11 @@ def _eddy_table(sweep: str | Path, actuator: Actuator, distance: float, frequenc
     table = read_eddy(Path(sweep))
     if table is None:
         raise MissingPartError(f"{sweep} must hold eddy currents; sweep the drawing with [solver] frequency_Hz.")
-    low, high = table.distances_m[[0, -1]]
-    if not low <= distance <= high:
-        raise UsageError(f"The distance must lie within that sweep, {amount_range(low, high, 'm', 3)}.")
-    highest = float(table.checked_Hz[-1])
-    if not 0.0 < frequency <= highest:
+    (low, high), highest = table.distances_m[[0, -1]], float(table.checked_Hz[-1])
+    if not (low <= distance <= high and 0.0 < frequency <= highest):
         raise UsageError(
-            f"The frequency must be above 0 and within that sweep, up to {amount(highest, 'Hz', 3)}; it is "
-            f"{amount(frequency, 'Hz', 3)}. Give another one, or sweep with higher ones in [solver] frequency_Hz."
+            f"Distance and frequency must lie within that sweep, {amount_range(low, high, 'm', 3)} and above 0 up to "
+            f"{amount(highest, 'Hz', 3)}; they are {amount(distance, 'm', 3)} and {amount(frequency, 'Hz', 3)}."
         )
     drawn = {region.material.name for region in actuator.regions}
     circuits = tuple(circuit.name for circuit in actuator.circuits)
@@ -170,13 +270,6 @@ def _eddy_table(sweep: str | Path, actuator: Actuator, distance: float, frequenc
             f"materials {listing(table.materials)}. Sweep the drawing anew."
         )
     return table
-
-
-def _held_distance(actuator: Actuator) -> float:
-    """Distance in m at which the moving part is held if nothing else is said."""
-    if actuator.reference_distances_m:
-        return actuator.reference_distances_m[0]
-    return max(min(actuator.sweep.distances_m), actuator.mechanics.ends[0])
 
 
 def _eddy_heat(
@@ -196,26 +289,6 @@ def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarm
         material = region.material
         if isinstance(material, LinearMaterial) and material.remanence_T:
             change = material.remanence_coefficient_per_K * (celsius - REFERENCE_TEMPERATURE)
-            drawn = material.remanence_coefficient_per_K * (material.temperature_C - REFERENCE_TEMPERATURE)
             working_C = material.thermal.working_temperature_C
-            magnets.append(MagnetWarmth(region.name, float(celsius), float(change), float(drawn), working_C))
+            magnets.append(MagnetWarmth(region.name, float(celsius), float(change), working_C))
     return tuple(magnets)
-
-
-def _forces(model: ActuatorModel | str | Path, feed: Feed, result: Temperatures) -> tuple[float, float] | None:
-    """Force in N as it is switched on and once it is warm; None where the model ends below."""
-    model, forces = model_of(model), []
-    for temperatures in (np.full(len(result.names), result.surroundings.ambient_C), result.temperatures_C):
-        changes = [
-            (1.0 + magnet.change) / (1.0 + magnet.drawn) - 1.0 for magnet in _magnets(result.network, temperatures)
-        ]
-        warm = model
-        if any(changes):  # of several magnets the mean
-            effect = AddedEffect(effect_by_name("remanence"), {"remanence_error": float(np.mean(changes))})
-            warm = with_effects(model, [*model.effects, effect])
-        currents = feed.currents(temperatures)
-        try:
-            forces.append(float(warm.force(result.distance_m, currents if len(currents) > 1 else currents[0])))
-        except DomainError:
-            return None
-    return forces[0], forces[1]

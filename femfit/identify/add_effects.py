@@ -1,9 +1,4 @@
-"""Adds effects to a model: a bounded refit to measurements, checked on runs left out.
-
-Tolerances of the drawing (the magnet's strength, the turns, the resistance) may be fitted beside the effects, held by a
-prior: without them an effect would mop up a base that is slightly off. They are used where they lower the weighted
-error on runs left out.
-"""
+"""Adds effects to a model: a bounded refit to measurements, checked on runs left out."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -18,18 +13,16 @@ from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.add_result import AddResult, effect_sizes, fit_facts, suspicious_values
-from femfit.identify.allowances import beyond_noise
 from femfit.identify.bench import measurement_of, placed
-from femfit.identify.checked_refit import Base, better_alone, checked_refit, with_tolerances
 from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.filter_fall import filter_fall
+from femfit.identify.left_out import checked_refit, filter_fall
+from femfit.identify.misfit import beyond_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, refit, starting_point
-from femfit.identify.remainder.add import add_remainder, without_remainder
-from femfit.identify.remainder.parts import NAME as UNEXPLAINED
-from femfit.identify.remainder.result import RemainderResult
+from femfit.identify.remainder import NAME as UNEXPLAINED
+from femfit.identify.remainder import add_remainder
 from femfit.identify.signatures import why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -42,7 +35,6 @@ def add_effects(
     data: Measurement | str | Path,
     effects: str | Sequence[str] | Diagnosis,
     *,
-    base: Base = "auto",
     runs: Mapping[str, tuple[int, int]] | None = None,
     coil_temperature_C: float | None = None,
     magnet_temperature_C: float | None = None,
@@ -59,9 +51,6 @@ def add_effects(
     effects : str, sequence of str, or Diagnosis
         Effects of the catalogue in the order of adding, or what a diagnosis names; one that the model has already is
         refitted. ``unexplained`` learns what all others leave, whatever its cause.
-    base : {"auto", "always", "never"}
-        Whether tolerances of the drawing are fitted beside the effects; ``auto`` where that helps on runs left out and
-        makes no channel worse.
     runs : mapping of str to (int, int), optional
         Per effect that began or ended within the campaign, the first and the last run in which it acts, counted from
         1; by default as the diagnosis has it. The new model is that of the last run.
@@ -102,38 +91,36 @@ def add_effects(
     if UNEXPLAINED in names:
         catalogued = [name for name in names if name != UNEXPLAINED]
 
-        def named(start_model: ActuatorModel) -> AddResult:
-            return add_effects(
-                start_model, measured, catalogued, base=base, runs=runs, progress=progress, **temperatures
-            )
+        def named(start: ActuatorModel) -> AddResult:
+            result = add_effects(start, measured, catalogued, runs=runs, progress=progress, **temperatures)
+            return replace(result, added=_catalogued(result.added))
 
-        return _with_remainder(without_remainder(model), measured, named if catalogued else None, catalogued, say)
+        return _with_remainder(model, measured, named, catalogued, say)
     staying, refitted, new = _split(model, names, measured)
     whitening = whitening_beside(placed(with_effects(model, staying), measured))
     observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
     say("Fitting the effects")
     start = in_their_runs(starting_point(whitening, wanted), whitening, runs or {})
     partial = [refit(whitening, start[:k]).effects for k in range(len(refitted) + 1, len(start))]
-    alone = checked_refit(whitening, start)
-    say("Fitting the tolerances of the drawing beside them")
-    fitted, dropped = with_tolerances(whitening, alone, base)
-    beside = len(fitted.fit.effects) - len(start)
-    stages = [("model", refitted), *zip([effect.name for effect in new], [*partial, alone.fit.effects], strict=False)]
-    stages += [("tolerances" if beside else "refit", fitted.fit.effects)] if beside or not new else []
+    fitted = checked_refit(whitening, start)
+    stages = [("model", refitted), *zip([effect.name for effect in new], [*partial, fitted.fit.effects], strict=False)]
+    stages += [] if new else [("refit", fitted.fit.effects)]
     stay = of_last_run(fitted.fit.effects, observations)
-    after = with_effects(_at_temperature(model, observations, temperatures), (*staying, *stay))
-    fit, tolerances = fitted.fit, fitted.fit.effects[:beside]
+    # The temperatures where it is to run: as given, else as recorded in the mean
+    means = observations.covariates[list(temperatures)].mean().dropna()
+    recorded: dict[str, Any] = {str(name): round(float(mean), 1) for name, mean in means.items()}
+    running = replace(model, **recorded | {name: t for name, t in temperatures.items() if t is not None})
+    after = with_effects(running, (*staying, *stay))
+    fit = fitted.fit
     sizes, facts = effect_sizes(observations, fit), fit_facts(whitening, stages, fit.jacobian[:, ~fit.active])
     result = AddResult(
         model=after,
-        added=fit.effects[beside:],
-        base=tolerances,
+        added=fit.effects,
         kept=tuple(added.effect.name for added in staying),
         left_out=fitted.error.rms,
         sizes=sizes,
-        suspicious=suspicious_values(observations, fit, sizes, {added.effect.name for added in tolerances}),
-        findings=(*observations.findings, *fitted.findings, *dropped, *guessed_noises(whitening.noise)),
-        better_alone=better_alone(whitening, alone.fit, fit.start[:beside]),
+        suspicious=suspicious_values(observations, fit, sizes),
+        findings=(*observations.findings, *fitted.findings, *guessed_noises(whitening.noise)),
         beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),
         **facts,
     )
@@ -146,23 +133,26 @@ def add_effects(
 def _with_remainder(
     model: ActuatorModel,
     measured: Measurement,
-    named: Callable[[ActuatorModel], AddResult] | None,
+    named: Callable[[ActuatorModel], AddResult],
     catalogued: Sequence[str],
     say: Callable[[str], None],
 ) -> AddResult:
     """What effects leave, learnt; they are fitted before it and once more beside it, since it bends what they fit."""
+    model, beside = with_effects(model, _catalogued(model.effects)), None
+    for _ in range(2):
+        if catalogued:
+            beside = named(model)
+            model = with_effects(beside.model, _catalogued(beside.model.effects))
+        result = add_remainder(model, measured, whitening_beside(placed(model, measured)), beside, catalogued, say)
+        if not catalogued or not result.parts:
+            break
+        model = result.model
+    return result
 
-    def learnt(result: AddResult) -> RemainderResult:
-        bare = without_remainder(result.model)
-        return add_remainder(bare, measured, whitening_beside(placed(bare, measured)), result, catalogued, say)
 
-    if named is None:
-        return add_remainder(model, measured, whitening_beside(placed(model, measured)), progress=say)
-    first = learnt(named(model))
-    if not first.parts:
-        return first
-    again = named(first.model)
-    return learnt(replace(again, added=tuple(effect for effect in again.added if effect.effect.name != UNEXPLAINED)))
+def _catalogued(effects: Sequence[AddedEffect]) -> tuple[AddedEffect, ...]:
+    """Effects without a remainder among them."""
+    return tuple(added for added in effects if added.effect.name != UNEXPLAINED)
 
 
 def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
@@ -232,12 +222,3 @@ def whitening_beside(observations: Observations) -> Whitening:
     if isinstance(campaign, Finding):
         raise TableError(str(campaign))
     return campaign.whitening
-
-
-def _at_temperature(
-    model: ActuatorModel, observations: Observations, temperatures: Mapping[str, float | None]
-) -> ActuatorModel:
-    """The model at the temperatures where it is to run: as given, else as recorded in the mean."""
-    means = observations.covariates[list(temperatures)].mean().dropna()
-    recorded: dict[str, Any] = {str(name): round(float(mean), 1) for name, mean in means.items()}
-    return replace(model, **recorded | {name: t for name, t in temperatures.items() if t is not None})

@@ -1,6 +1,6 @@
 """What adding effects to a model says: the new model, the effects' sizes, whether they are plausible, and the error."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,8 +12,8 @@ from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
 from femfit.identify.constants import HARMS, LEAST_CHANGE
-from femfit.identify.filter_fall import FilterFall
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
+from femfit.identify.left_out import FilterFall
 from femfit.identify.misfit import ErrorFall, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
@@ -80,20 +80,14 @@ def largest_changes(
         )
 
 
-def suspicious_values(
-    observations: Observations, fit: Refit, sizes: tuple[EffectSize, ...], beside: Collection[str]
-) -> tuple[str, ...]:
-    """What is unusual of fitted parameters, one sentence each.
-
-    Tolerances of the drawing that were fitted beside the effects may well be zero.
-    """
+def suspicious_values(observations: Observations, fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, ...]:
+    """What is unusual of fitted parameters, one sentence each."""
     nominal = observations.nominal
     unusual = [
         (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
     ]
     ends = [(fit.effects[k], _clocked(p, observations)) for k, p in at_bounds(fit)]
-    named = [added.effect.name for added in fit.effects if added.effect.name not in beside]
-    absent = [name for name in named if all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name)]
+    absent = [name for name in fit.names if all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name)]
     text = printed("suspicious", fit=fit, unusual=unusual, ends=ends, absent=absent, nominal=nominal, alone=_alone)
     return tuple(text.splitlines())
 
@@ -127,8 +121,6 @@ class AddResult(Result):
         With the effects, ready to be written.
     added : tuple of AddedEffect
         The effects that were fitted, in order, with 95 % intervals.
-    base : tuple of AddedEffect
-        Tolerances of the drawing that were fitted beside them; none where they did not help on runs left out.
     kept : tuple of str
         Effects that the model had before and that these data cannot refit.
     fall : ErrorFall
@@ -141,8 +133,6 @@ class AddResult(Result):
         From the model as it was to the last effect.
     suspicious : tuple of str
         What is unusual of the fitted parameters, one sentence each.
-    better_alone : str
-        A tolerance that was fitted beside the effects and explains more by itself than they do, in words; else empty.
     observations : Observations
         The readings beside the model without what was refitted.
     beyond_noise : mapping of str to float
@@ -153,20 +143,19 @@ class AddResult(Result):
     Examples
     --------
     >>> import femfit as ff
-    >>> better = ff.add_effects(ff.read_model("model.json"), "bench.csv", "core_saturation", base="never")
+    >>> better = ff.add_effects(ff.read_model("model.json"), "bench.csv", "core_saturation")
     >>> force = better.fall.channels[0]
     >>> force.rms_after < force.rms_before
     True
     """
 
     data = (
-        *("added", "base", "kept", "left_out", "floor", "floor_source", "readings", "runs", "steps", "sizes"),
+        *("added", "kept", "left_out", "floor", "floor_source", "readings", "runs", "steps", "sizes"),
         *("suspicious", "lack_of_fit_before", "lack_of_fit_after", "findings", "accepted", "beyond_noise", "filter"),
     )
 
     model: ActuatorModel
     added: tuple[AddedEffect, ...]
-    base: tuple[AddedEffect, ...]
     kept: tuple[str, ...]
     fall: ErrorFall
     left_out: Mapping[str, float]
@@ -181,7 +170,6 @@ class AddResult(Result):
     runs: int
     observations: Observations
     findings: tuple[Finding, ...] = ()
-    better_alone: str = ""
     beyond_noise: Mapping[str, float] = field(default_factory=dict)
     filter: FilterFall | None = None
 
@@ -202,11 +190,6 @@ class AddResult(Result):
         """Channels whose error on runs left out is larger than before."""
         channels = self.fall.channels
         return tuple(c.channel for c in channels if self.left_out[c.channel] > HARMS * c.rms_before)
-
-    def found_kelvin(self, name: str) -> float:
-        """What an effect found beside a temperature that was not recorded; plant and filters run with it too."""
-        parameters = [added.parameters for added in self.added if added.effect.name == name]
-        return sum(p.get("warmer_K", 0.0) + p.get("warming_K", 0.0) for p in parameters)
 
     def __str__(self) -> str:
         rms, magnitude = self.fall.rms_after, self.observations.magnitude

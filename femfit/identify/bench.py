@@ -19,7 +19,7 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
-from femfit.identify.impedance import away_from_bias, weighed_by_magnitude, with_bias
+from femfit.identify.impedance import away_from_bias, bias_remark, weighed_by_magnitude
 from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
@@ -28,7 +28,7 @@ from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
 from femfit.model.with_effects import nominal_of
-from femfit.tables.circuit_columns import parts_of
+from femfit.tables.header import parts_of
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries
 from femfit.tables.measurement_checks import STILL_CURRENT
 from femfit.tables.measurement_file import read_measurement
@@ -43,9 +43,17 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     if "frequency_Hz" in table.given:
         placed_rows &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
     inside = placed_rows & within_domain(model, d, i)
+    if "frequency_Hz" in table.given and inside.any():
+        away = np.flatnonzero(inside)[away_from_bias(model, d[inside], i[inside])]
+        if len(away):
+            remark = bias_remark(model, d[away], i[away])
+            inside[away] = False
+            if not inside.any():
+                raise TableError(f"{table.source} has no row that can be compared. {remark}")
+            findings.append(remark)
     if not placed_rows.all():
         findings.append(finding("no-setting", rows=int((~placed_rows).sum())))
-    if outside := int((placed_rows & ~inside).sum()):
+    if outside := int((placed_rows & ~within_domain(model, d, i)).sum()):
         nearest = float(d[placed_rows].min())
         beyond_the_face = model.validity.distance_min_m > 0.0 >= nearest
         findings.append(finding("outside-domain", rows=outside, nearest=nearest, beyond_the_face=beyond_the_face))
@@ -72,8 +80,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         )
     channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
     rows = dict(zip(channels, pieces, strict=True))
-    away = away_from_bias(model, d, i)
-    weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise, away)
+    weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
     prediction = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
     stacked = prediction.stacked
     slope, curvature, *by_current = stacked(setting_slopes(model, d, i, conditions, channels)).T
@@ -83,7 +90,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     )
     settings = "distance_m", *(current_names(model) or ("current_A",))
     uncertain = [along * declared.get(name, 0.0) for name, along in zip(settings, (slope, *by_current), strict=False)]
-    observations = Observations(
+    return Observations(
         channels=channels,
         channel=channel,
         row=np.concatenate(pieces),
@@ -101,24 +108,13 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             *table.findings,
             *findings,
             *weighing.findings,
-            *_remarks(declared, nominal, channels),
+            *([finding("drawn-spring", "force_N")] if nominal.springs is not None and "force_N" in channels else []),
         ),
         present=tuple(added.effect.name for added in model.effects),
         noise_source=table.noise_source,
         magnitude=weighing.magnitude,
         weight=stacked(dict.fromkeys(channels, np.ones((1, len(d)))))[:, 0] if weighing.weight else None,
     )
-    return with_bias(observations, model, away.flux)
-
-
-def _remarks(declared: Mapping[str, float], nominal: Nominal, channels: tuple[str, ...]) -> list[Finding]:
-    """How the uncertainty of the settings was used, and what readings were taken for where a spring is drawn."""
-    remarks, words = [], {"distance_m": "distance", "current_A": "current"}
-    if settings := [(words[name], name, declared[name]) for name in words if name in declared]:
-        remarks.append(finding("uncertain-setting", settings=settings))
-    if nominal.springs is not None and "force_N" in channels:
-        remarks.append(finding("drawn-spring", "force_N"))
-    return remarks
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,13 +10,12 @@ import numpy as np
 
 from femfit.core.results import Finding
 from femfit.estimate.follow import OneFilter, followed
-from femfit.identify.allowances import allowed, beyond_noise, finer_sweep
 from femfit.identify.bench import measurement_of, placed
-from femfit.identify.constants import ROUNDING, WITHIN_NOISE
+from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit, times_own
-from femfit.identify.lack_of_fit import LackOfFit, ShapeMisfit, pure_error_test, shape_misfit
-from femfit.identify.misfit import MisfitMap, misfit_maps
+from femfit.identify.decision.naming import decide, lack_of_fit, times_own
+from femfit.identify.lack_of_fit import LackOfFit
+from femfit.identify.misfit import allowed, beyond_noise, finer_sweep
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening
@@ -56,15 +55,8 @@ class ChannelMisfit:
     noise_readings: float | None  # Degrees of freedom of the repeats that the noise comes from
     # Root mean square of the model's misfit to the table that it was fitted to, in the channel's unit
     model_misfit: float
-    lack_of_fit: LackOfFit | None
     magnitude: float | None = None  # Of impedances: |Z| in the channel's unit at which all of them are given
     noise_declared: float | None = None  # Standard deviation that a bench's user declared; None where nobody did
-
-    @property
-    def coarser_than_declared(self) -> bool:
-        """Whether the steps of the readings make more than the declared noise."""
-        declared, floor = self.noise_declared, self.noise_floor
-        return declared is not None and floor is not None and floor > (1.0 + ROUNDING) * declared
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,8 +82,6 @@ class Comparison(Result):
         Misfit beyond noise over the model's own misfit to its table; infinite where that is none or there is no test.
     filter : OneFilter or None
         A record through the model's filter; None of a bench table, and where the model has no filter for it.
-    shape : ShapeMisfit or None
-        Of a law: how far it is from its own table, before any measurement.
 
     Examples
     --------
@@ -102,8 +92,8 @@ class Comparison(Result):
     """
 
     data = (
-        *("verdict", "p_value", "mount_m", "mount_assumed", "beyond_noise", "where", "structure", "shape"),
-        *("channels", "maps", "findings", "filter"),
+        *("verdict", "p_value", "mount_m", "mount_assumed", "beyond_noise", "where", "structure"),
+        *("channels", "findings", "filter"),
     )
 
     verdict: CompareVerdict
@@ -113,8 +103,6 @@ class Comparison(Result):
     structure: LackOfFit | None
     noise: NoiseModel | None
     times_own: float
-    shape: ShapeMisfit | None
-    maps: tuple[MisfitMap, ...]
     observations: Observations
     model: ActuatorModel
     findings: tuple[Finding, ...] = ()
@@ -182,11 +170,10 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     else:
         noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
         test, times = lack_of_fit(campaign), times_own(campaign)
-        verdict = "fails"
-        if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
+        decision, verdict = decide(campaign), "fails"
+        if decision.verdict == "nothing_missing":
             verdict = "wrong_shape" if decision.own_misfit else "agrees"
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
-    floor = {channel.channel: channel.noise_floor for channel in channels}
     beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
     agrees = Where("", (), "" if beyond else "The model explains these data within their noise.")
     return Comparison(
@@ -196,9 +183,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         p_value=test.p_value if test else None,
         structure=test,
         noise=noise,
-        shape=shape_misfit(model, floor.get("force_N")),
         times_own=times,
-        maps=misfit_maps(observations),
         observations=observations,
         model=model,
         findings=(*observations.findings, *findings),
@@ -227,8 +212,7 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
         noise_readings=float(noise.repeats[c]) if noise and "repeats" in source else None,
-        model_misfit=observations.rms(observations.own_misfit)[name],
-        lack_of_fit=pure_error_test(observations, noise, name) if noise and source else None,
+        model_misfit=observations.rms(observations.tolerance)[name],
         magnitude=observations.magnitude.get(name),
         noise_declared=observations.declared_noise.get(name) if observations.noise_source == "declared" else None,
     )

@@ -17,9 +17,6 @@ LEVEL_AFTER = 0.005
 POWER = 0.9
 """Conventional: what data "could have shown" they show nine times in ten."""
 
-CLEAN_CAMPAIGNS = 40
-"""Conventional: clean campaigns of a bootstrap; none of 40 named something means at most 8.8 % at 95 %."""
-
 BEYOND_NOISE = 3.0
 """Conventional: standard errors of an rms from which it is said to be more than noise makes it."""
 
@@ -63,8 +60,9 @@ FILTER_BLOCK = 100
 FILTER_WORSE, FILTER_GREW = 3.0, 1.05
 """Conventional: standard errors, and a factor of an error, from which the filter has become worse."""
 
-FILTER_CHANCE = 0.05
-"""Conventional: chance below which more runs that are lost, or more blocks that are less likely, are no chance."""
+FILTER_CHANCE = 1.645
+"""Conventional: standard deviations of a count of signs from which more blocks that are less likely are no chance: 5 %
+by chance."""
 
 # A refit, and an effect that is added
 
@@ -215,7 +213,7 @@ DOMAIN_SLACK = 0.02
 IN_ORDER = 0.75
 """Assumed: part of the current's steps that must agree with the branches where rows stand in the order of measuring."""
 
-# Where the model fails, and the shape of a law
+# Where the model fails
 
 COVARIATE_SHARE = 0.05
 """Assumed: part of a channel's structure that a covariate must add to be reported."""
@@ -238,16 +236,13 @@ the fit's own error, as for a magnet that is none."""
 OTHER_SIGN = 0.25
 """Assumed: share of the squared misfit from which its other sign is described too."""
 
-WRONG_SHAPE = 1.0
-"""Conventional: a law that misses its table by more standard deviations of a reading (rms) has the wrong shape."""
-
 # A probe scan
 
 SCAN_STEP_M = 1e-4
-"""Numerical: distance over which the field's slopes are taken, small beside any probe's place and above rounding."""
+"""Numerical: a probe that is found so near to where no field is solved stands at the edge."""
 
-SCAN_STEPS, SCAN_SETTLED = 30, 0.02
-"""Numerical: most steps of the fit to a probe scan, and the part of the standard errors below which one ends it."""
+SCAN_STEPS = 30
+"""Numerical: most steps of the fit to a probe scan."""
 
 LEAST_SCAN = 8
 """Conventional: twice as many readings as numbers that are fitted to a probe scan."""
@@ -256,6 +251,9 @@ LEAST_SCAN = 8
 
 FREQUENCY_SLACK = 0.01
 """Conventional: of a frequency, within which an instrument's and the drawing's are the same."""
+
+AWAY = 0.05
+"""Assumed: by how much, in its logarithm, a conductivity may seem wrong since iron was solved about another current."""
 
 LEAST_LINKED = 1e-3
 """Assumed: share of the largest impedance at a setting down to which an instrument's errors go with the magnitude: two
@@ -289,15 +287,97 @@ said to be determined."""
 SHOWN = 3
 """Conventional: more directions that are not determined are counted, not listed."""
 
-ALIKE = 0.9
-"""Conventional: numbers whose errors are correlated more than this are said not to be told apart."""
-
 IN_COMBINATION = 0.1
 """Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""
 
-HELD = 0.25
-"""Conventional: a number is said to be held by a tolerance that is assumed where more than this part of what is known
-of it comes from there, or where that moves it by more than its error."""
-
 UNUSUAL = 3.0
 """Conventional: a number that is more tolerances than this from its drawn value is to be checked otherwise."""
+
+# What is left unexplained
+
+PRICE = 4.5
+"""Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
+
+SPLINE_DEGREE = 4
+"""Derived: force gradients and inductance gradients, third derivatives of W', are continuous with quartic splines."""
+
+FIELD_CELLS, CURVE_CELLS = (12, 3), 8
+"""Numerical: cells of a function of distance and current, and of a curve. Smoothness is chosen by the data; these are
+the finest that it can be."""
+
+FIELD_SCALES, CURVE_SCALES = ((0.05, 0.15, 0.4), (0.6, 1.8, 6.0)), (0.15, 0.6)
+"""Numerical: correlation lengths that are tried, over the range of the data; the longest is next to a straight line."""
+
+JITTER = 1e-8
+"""Numerical: added to the correlation of a coefficient with itself, so that its root exists."""
+
+REMAINDER_SIZES = 50
+"""Numerical: sizes of a part that are tried, from a tenth of the noise to 1e4 times as much."""
+
+# Records over time: windows
+
+LEAST_SAMPLES, USUAL_SAMPLES = 12, 36
+"""Derived: in a window, twice what its weights are exact for; and three times that, enough for its middle third."""
+
+TIME_CONSTANTS = 1.5
+"""Assumed: length of a window in time constants of the falling body: noise averages out, and the motion is seen."""
+
+LEAST_WINDOWS, MOST_WINDOWS = 120, 1200
+"""Assumed: windows of a record; fewer leave few readings, more take long."""
+
+WIDEST_GAP = 1.0 / 6.0
+"""Assumed: part of a window that may lie between two of its samples."""
+
+EXACT_DEGREE = 5
+"""Assumed: polynomials up to this degree are integrated exactly, whatever the sampling."""
+
+EVEN = 1.5
+"""Assumed: a step of the clock longer than this many times the usual one hides commands of the driver."""
+
+# The smoothed motion of a record within a window
+
+NODES = 12
+"""Numerical: intervals between the nodes of a window."""
+
+SPAN, SLOPE_SPAN, BEHIND = 1.0 / 6.0, 0.5, 0.8
+"""Assumed: part of a window on each side of a node whose samples its polynomial is fitted to; the same where its slope
+is asked for, which noise disturbs more; and behind a node alone."""
+
+MIDDLE = 1.0 / 3.0
+"""Assumed: part of a window that a sensor is averaged over."""
+
+PLAY = 0.05
+"""Assumed: part of the validity domain's currents; a current that turns by less has not changed its branch."""
+
+ON_STOP = 0.05
+"""Assumed: part of the range of distances by which a stop may stand elsewhere than drawn and still be that stop."""
+
+REMEMBERED = 64
+"""Numerical: conductivities at which a record's predictions are kept."""
+
+SLOWEST = 1e-12
+"""Numerical: decay over a step below which a state, or a pattern of eddy current, only adds up."""
+
+# The noise of samples and windows
+
+LEAST_VARIANCE = 0.2
+"""Assumed: part of a difference's variance that the removed patterns must leave; it is 2 without them."""
+
+LEAST_FOLLOWING = 12
+"""Assumed: fewer windows that follow another show no noise by their differences."""
+
+RESTLESS = 1.25
+"""Assumed: successive windows that scatter this many times more than the sensors' noise makes have another noise."""
+
+MEDIAN_CHANCE = 3.5
+"""Derived: three standard deviations of a median of magnitudes, times the root of their number (Hampel, 1974)."""
+
+METHOD_ACCURACY = 3e-5
+"""Derived: error of the balances themselves, over the largest force, voltage and swing of the Hall output: a held
+command's kinks of the current in a window of 36 samples."""
+
+TURNS_OF_MISFIT = 5.0
+"""Assumed: how often the misfit of a flux linkage turns its sign over the domain."""
+
+SLOPE_STEP = 1e-3
+"""Numerical: step of a difference over the width of a parameter's plausible range."""

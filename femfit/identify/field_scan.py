@@ -5,31 +5,30 @@ Where the field is B_z(r, z), a probe at a recorded place reads
     (1 + e) B_z(r + dr, z + dz) + b:
 
 a gain of the probe (or of all sources of the field), an offset, and a probe that stands beside the recorded place.
-All four are fitted at once by least squares, by Gauss and Newton: the field is taken anew where each step puts the
-probe. One counts where twice its standard error does not reach zero. A fit whose steps lead out of the solved field
-has no minimum within it and tells nothing.
+All four are fitted at once by least squares. One counts where twice its standard error does not reach zero. A fit that
+leads out of the solved field has no minimum within it and tells nothing.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy import optimize
 
 from femfit.core.errors import DomainError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.text import counted
 from femfit.device.parts import Actuator
 from femfit.field.problem import AxialField, axial_field
-from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
+from femfit.identify.constants import LEAST_SCAN, SCAN_STEP_M, SCAN_STEPS
 from femfit.identify.words import Result, printed
-from femfit.tables.measured_tables import FieldScan
+from femfit.tables.measurement import FieldScan
 
 FitEnd = Literal["settled", "edge", "steps"]
 """How a fit ended: by steps far below the standard errors, at the edge of the solved field, or after too many steps."""
 
-_PARAMETERS = ("gain", "offset_T", "higher_m", "outer_m")
-"""What is fitted to a scan."""
+_SCALES = {"gain": 0.1, "offset_T": 0.01, "higher_m": 1e-3, "outer_m": 1e-3}
+"""What is fitted to a scan, and its usual size."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,7 +99,7 @@ def compare_field_scan(actuator: Actuator, scan: FieldScan) -> FieldScanComparis
 
 def _explained(scan: FieldScan, solved: AxialField) -> tuple[dict[str, tuple[float, float]], float, FitEnd]:
     """What counts, with its standard error, fitted again without the others; the rms that it leaves; the fit's end."""
-    value = dict.fromkeys(_PARAMETERS, 0.0)
+    value = dict.fromkeys(_SCALES, 0.0)
     end: FitEnd = "settled"
     misfit = _rms(scan.field - solved(scan.radius, scan.height))
     while value:
@@ -119,56 +118,30 @@ def _fitted(
 ) -> tuple[dict[str, float], dict[str, float], float, FitEnd]:
     """Values and standard errors by least squares, the rms that they leave, and how the fit ended.
 
-    A step is halved while it leaves more, or puts the probe where no field is solved.
+    Where a step puts the probe where no field is solved nothing is fitted, so that the next one is shorter.
     """
-    value = np.array(list(start.values()))
-    end: FitEnd = "steps"
-    matrix, residual = _linearised(scan, solved, start)
-    for _ in range(SCAN_STEPS):
-        step, error = _step(matrix, residual)
-        if np.all(np.abs(step) <= SCAN_SETTLED * error):
-            end = "settled"
-            break
-        end = "settled"  # Unless a step that leaves less is found: this is a minimum, to the solved field's own error
-        for share in 0.5 ** np.arange(SCAN_STEPS):
-            try:
-                moved = _linearised(scan, solved, dict(zip(start, value + share * step, strict=True)))
-            except DomainError:
-                end = "edge"
-                continue
-            if moved[1] @ moved[1] < residual @ residual:
-                break
-        else:
-            break
-        (matrix, residual), value = moved, value + share * step
-        end = "steps" if end == "settled" else end
-    names = list(start)
-    values, errors = (dict(zip(names, row.tolist(), strict=True)) for row in (value, error))
-    return values, errors, _rms(residual), end
+    names, scale = list(start), np.array([_SCALES[name] for name in start])
+    outside = scan.field + float(np.abs(scan.field).max())
 
+    def residual(x: FloatArray) -> FloatArray:
+        value = dict(zip(names, x * scale, strict=True))
+        r, z = scan.radius + value.get("outer_m", 0.0), scan.height + value.get("higher_m", 0.0)
+        try:
+            field = solved(r, z)
+        except DomainError:
+            return outside
+        return scan.field - (1.0 + value.get("gain", 0.0)) * field - value.get("offset_T", 0.0)
 
-def _step(matrix: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The step of Gauss and Newton to the least squares of a linear model, and the standard errors there."""
-    scale = np.linalg.norm(matrix, axis=0)
-    scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(matrix / scale, rcond=1e-6)
-    freedom = max(len(residual) - matrix.shape[1], 1)
-    error = np.sqrt(residual @ residual / freedom) * np.linalg.norm(inverse, axis=1)
-    return inverse @ residual / scale, error / scale
-
-
-def _linearised(scan: FieldScan, solved: AxialField, value: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-    """Slopes of what a probe with these errors reads, shape (n, values), and what it reads beside that, shape (n,)."""
-    gain = 1.0 + value.get("gain", 0.0)
-    r, z = scan.radius + value.get("outer_m", 0.0), scan.height + value.get("higher_m", 0.0)
-    field, h = solved(r, z), SCAN_STEP_M
-    columns = {"gain": field, "offset_T": np.ones(len(field))}
-    if "higher_m" in value:
-        columns["higher_m"] = gain * (solved(r, z + h) - solved(r, z - h)) / (2.0 * h)
-    if "outer_m" in value:
-        columns["outer_m"] = gain * (solved(r + h, z) - solved(r - h, z)) / (2.0 * h)
-    residual = scan.field - gain * field - value.get("offset_T", 0.0)
-    return np.stack([columns[name] for name in value], axis=1), residual
+    x = np.array(list(start.values())) / scale
+    fit = optimize.least_squares(residual, x, "3-point", diff_step=np.array([1e-2]), x_scale="jac", max_nfev=SCAN_STEPS)
+    beyond = [sign * 2.0 * SCAN_STEP_M * (np.array(names) == name) for name in names for sign in (1.0, -1.0)]
+    edge = any(residual(fit.x + step / scale) is outside for step in beyond)
+    freedom = max(len(fit.fun) - len(names), 1)
+    slopes = np.asarray(fit.jac)
+    covariance = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
+    error = scale * np.sqrt(fit.fun @ fit.fun / freedom * np.diag(covariance))
+    values, errors = (dict(zip(names, row.tolist(), strict=True)) for row in (fit.x * scale, error))
+    return values, errors, _rms(fit.fun), "edge" if edge else "settled" if fit.status > 0 else "steps"
 
 
 def _rms(values: FloatArray) -> float:

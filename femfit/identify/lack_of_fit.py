@@ -1,13 +1,8 @@
 """Lack of fit of a model: whether a residual has structure, in which channel.
 
-The residual is tested against smooth patterns over the settings, and against repeats of one setting. In whitened units
-a residual without structure has squared length chi-square distributed in any k directions; noise known from nu repeats
-turns chi-square / k into F(k, nu). A law is held against the table that it was fitted to as well, before any
-measurement: it may have the wrong shape.
-
-References
-----------
-N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: lack of fit against pure error.
+The residual is tested against smooth patterns over the settings. In whitened units a residual without structure has
+squared length chi-square distributed in any k directions; noise known from nu repeats turns chi-square / k into
+F(k, nu).
 """
 
 from dataclasses import dataclass
@@ -17,14 +12,10 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import BoolArray, FloatArray, first_best
-from femfit.core.text import amount
-from femfit.identify.constants import COARSE, SPANNED, WRONG_SHAPE
-from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
-from femfit.identify.observations import Observations, WithoutCache
+from femfit.identify.constants import COARSE, SPANNED
+from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.observations import WithoutCache
 from femfit.identify.patterns import Patterns, smooth_patterns
-from femfit.identify.settings import repeat_cells
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.magnetics import LawMagnetics
 
 
 @dataclass(frozen=True)
@@ -125,50 +116,3 @@ def pattern_space(whitening: Whitening) -> PatternSpace:
         Group(columns, picks, float(np.sum(degrees[np.unique(patterns.channel[picks])]))) for picks in distinct.values()
     ]
     return PatternSpace(patterns, tuple(sorted(groups, key=lambda group: group.basis.shape[1])))
-
-
-def pure_error_test(observations: Observations, noise: NoiseModel, channel: str) -> LackOfFit:
-    """Test one channel by what repeats of a setting share against what they do not.
-
-    With whitened residual w and an orthonormal basis Q of the whitened cells, F = |Q'w|^2 / k is F(k, nu) distributed
-    where the model holds. The whitening carries the scatter of mounts and runs, which all cells of a mount share.
-    """
-    alone = observations.select(observations.of(channel))
-    whitening = Whitening(alone, noise)
-    codes, cell = np.unique(repeat_cells(alone), return_inverse=True)
-    columns = np.zeros((len(alone.value), len(codes)))
-    columns[np.arange(len(cell)), cell] = 1.0
-    basis = orthonormal_basis(whitening.full(columns))
-    along, count = basis.T @ whitening.full(alone.residual), basis.shape[1]
-    square = float(along @ along)
-    degrees = float(noise.degrees_of_freedom[observations.channels.index(channel)])
-    return LackOfFit(square / count, count, tail_probability(square, count, degrees))
-
-
-@dataclass(frozen=True)
-class ShapeMisfit:
-    """How far a law is from what it was fitted to."""
-
-    law: str
-    against: str  # What the law's file says that it was fitted to: ``sweep``
-    force_rms_N: float
-    force_max_N: float
-    over_noise: float | None  # The rms over the bench's noise floor of the force
-    wrong: bool | None  # Whether that is more than one standard deviation of a reading; None without a noise floor
-    sentence: str
-
-
-def shape_misfit(model: ActuatorModel, noise_N: float | None) -> ShapeMisfit | None:
-    """Compare a law with its table; None for a co-energy, and for a law whose file does not say its misfit."""
-    base = model.without_effects
-    misfit = base.misfit
-    if not isinstance(base.magnetics, LawMagnetics) or misfit is None:
-        return None
-    name, rms, largest = base.magnetics.law_name, misfit.force_rms_N, misfit.force_max_N
-    ratio = None if noise_N is None else rms / noise_N
-    text = f"{name} misses its {misfit.against} by {amount(rms, 'force_N')} rms, at most {amount(largest, 'force_N')}"
-    text += "" if ratio is None else f": {ratio:.2g} times the noise of a force reading"
-    wrong = None if ratio is None else ratio > WRONG_SHAPE
-    if wrong:
-        text += ". The law has the wrong shape before any measurement; compare the co-energy reference instead"
-    return ShapeMisfit(name, misfit.against, rms, largest, ratio, wrong, f"{text}.")

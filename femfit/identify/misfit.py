@@ -1,26 +1,36 @@
-"""How far a model is from the readings: per channel before and after, averaged over the settings, and as curves.
+"""How far a model is from the readings: per channel before and after, what of it is granted, and as curves.
 
 The error is, for every command, file, report and picture, the root mean square per channel of recorded minus predicted
-over all readings that were used, in the channel's unit. No run's or mount's freedom is taken out of it. Averages and
-curves are what an engineer expects to see first: measured points on the model's curves, before and after.
+over all readings that were used, in the channel's unit. No run's or mount's freedom is taken out of it. What a verdict
+grants beside the noise of a reading are mounts, runs, stops, and the model's own misfit; its words stand in
+``allowances.j2``. Curves are what an engineer expects to see first: measured points on the model's curves, before and
+after.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.fit.ranking import to_be_added
+from femfit.identify.constants import LEVEL, WITHIN_NOISE
+from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
 from femfit.identify.observations import Observations
 from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.magnetics import LawMagnetics
 from femfit.model.readings import predict_readings
+from femfit.model.several_magnetics import NetworkMagnetics
 from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement import OF_RUNS
 
 
 @dataclass(frozen=True)
@@ -92,62 +102,96 @@ def error_fall(
     )
 
 
-PLANE = ("distance_m", "current_A")
-LINES = ("frequency_Hz", "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "mount")
+@dataclass(frozen=True)
+class Allowed:
+    """Which errors are more than noise, and what the others may be taken for."""
 
-_LEVELS = 24
-"""Most levels that are kept apart; more are put into bins of equal counts."""
+    rms: Mapping[str, float]  # The errors that are judged, per channel in its unit
+    magnitude: Mapping[str, float]  # Of impedances, as of the readings
+    beyond: Mapping[str, float]  # As of :func:`beyond_noise`
+    apart: tuple[str, ...]  # Those of them that the model's own misfit does not make either
+    own: Mapping[str, float]  # Rms of the model's own misfit per channel
+    place: str  # From where to where the distance may differ
+    unknown: tuple[str, ...] = ()  # Channels whose noise nothing says, beside others
+    mount: Literal["", "assumed", "estimated", "any"] = ""  # How it is known; empty where mounts have no freedom
+    mount_m: float = 0.0
+    stop_m: float = 0.0  # 0 where stops make less than the noise of one reading
+    # Offsets of runs that are larger than the noise of one reading, and whether they were declared
+    runs: Mapping[str, tuple[float, bool]] = field(default_factory=dict)
 
-_BINS = 8
-_CLOSE = 0.01
-"""Levels closer than this part of the range are one that was met again."""
-
-
-@dataclass(frozen=True, eq=False)
-class MisfitMap:
-    """Recorded minus predicted of one channel over one or two coordinates."""
-
-    channel: str
-    along: tuple[str, ...]
-    cells: pd.DataFrame  # Coordinates, ``mean`` and ``rms`` in the channel's unit, and ``readings``
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data: one list a coordinate."""
-        columns = {str(name): values.tolist() for name, values in self.cells.items()}
-        return {"channel": self.channel, "along": list(self.along), **columns}
+    @property
+    def granted(self) -> tuple[str, ...]:
+        """Channels of which the model misses its own table."""
+        return tuple(name for name, size in self.own.items() if size > 0.0)
 
 
-def misfit_maps(observations: Observations) -> tuple[MisfitMap, ...]:
-    """The maps of every channel."""
-    result = []
-    for channel in observations.channels:
-        here = np.flatnonzero(observations.of(channel))
-        result.append(_map(observations, channel, here, PLANE))
-        for name in (name for name in LINES if name in observations.covariates):
-            values = observations.column(name)[here]
-            if np.isfinite(values).all() and len(here) and np.ptp(values) > 0.0:
-                result.append(_map(observations, channel, here, (name,)))
-    return tuple(result)
+def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> Allowed:
+    """What a verdict on errors grants."""
+    own = observations.rms(observations.tolerance)
+    beyond = beyond_noise(observations, noise, rms)
+    facts = Allowed(
+        rms=rms,
+        magnitude=observations.magnitude,
+        beyond=beyond,
+        apart=tuple(name for name in beyond if rms[name] > OWN_MISFIT * own[name]),
+        own=own,
+        place="mount to mount" if "mount" in observations.given else "run to run",
+    )
+    if noise is None:
+        return facts
+    any_distance = noise.test_mount_m >= np.ptp(observations.column("distance_m"))
+    source: Literal["assumed", "estimated"] = "assumed" if noise.mount_assumed else "estimated"
+    made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
+    return replace(
+        facts,
+        unknown=tuple(name for name in observations.channels if name not in noise.source),
+        mount="" if not noise.mount_m > 0.0 else "any" if any_distance else source,
+        mount_m=noise.test_mount_m,
+        stop_m=noise.stop_m if made.any() else 0.0,
+        runs={
+            name: (float(offset), OF_RUNS + name in observations.declared_noise)
+            for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
+            if offset > sigma
+        },
+    )
 
 
-def _map(observations: Observations, channel: str, here: IntArray, along: tuple[str, ...]) -> MisfitMap:
-    coordinates = {name: observations.column(name)[here] for name in along}
-    codes = [_bins(x, keep=name in {"run", "mount", "branch"}) for name, x in coordinates.items()]
-    residual = observations.residual[here]
-    rows = pd.DataFrame({**coordinates, "mean": residual, "rms": residual**2, "readings": 1})
-    cells = rows.groupby(codes).agg(dict.fromkeys([*along, "mean", "rms"], "mean") | {"readings": "sum"})
-    return MisfitMap(channel, along, cells.assign(rms=np.sqrt(cells["rms"])).reset_index(drop=True))
+def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> dict[str, float]:
+    """Channels whose rms error is more than their noise, and how many times the noise of one reading it is.
+
+    Within the noise is what is at most 1.2 times what the declared noise, or repeats, show: of the readings, of
+    settings, and of mounts and runs as far as the readings show these. What is assumed of them does not count, nor a
+    guess of the noise. Few readings may have more: what chance makes of so many, at the level of the tests. A channel
+    of unknown noise is in no list.
+    """
+    if noise is None:
+        return {}
+    # Rms error that the noise makes in each channel, by what was declared and what the readings show of it
+    columns, deviations = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
+    settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
+    beside = observations.mean_square(np.sqrt(settings + columns**2 @ deviations**2))
+    shown = np.sqrt(noise.sigma**2 + beside)
+    number = {name: c for c, name in enumerate(noise.channels)}
+    return {
+        name: error / float(noise.sigma[number[name]])
+        for name, error in rms.items()
+        if name in noise.source
+        and (n := int(np.sum(observations.of(name))))
+        and error > max(WITHIN_NOISE, float(np.sqrt(stats.chi2.isf(LEVEL, n) / n))) * shown[number[name]]
+    }
 
 
-def _bins(x: FloatArray, *, keep: bool) -> IntArray:
-    """Number of each value's level, or of its bin where there are many levels."""
-    levels = np.unique(x)
-    start = np.concatenate([[True], np.diff(levels) > (0.0 if keep else _CLOSE * np.ptp(x))])
-    number = (np.cumsum(start) - 1)[np.searchsorted(levels, x)]
-    if keep or number.max() < _LEVELS:
-        return np.asarray(number)
-    edges = np.quantile(x, np.linspace(0.0, 1.0, _BINS + 1)[1:-1])
-    return np.asarray(np.searchsorted(edges, x))
+def finer_model(model: ActuatorModel) -> str:
+    """What to do about a model's own misfit: settings to add to the sweep, or the co-energy in place of a law."""
+    return sentence("allowances", "finer_model", finer_sweep(model))
+
+
+def finer_sweep(model: ActuatorModel) -> str:
+    """Settings to add to the sweep; ``law`` where a model is none of the co-energy, empty where none are known."""
+    if isinstance(model.without_effects.magnetics, LawMagnetics | NetworkMagnetics):
+        return "law"
+    finer = (model.provenance.get("fit") or {}).get("finer_sweep")
+    return to_be_added(finer) if finer else ""
 
 
 _MOST_CURVES = 6

@@ -15,7 +15,6 @@ import pandas as pd
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
-from femfit.core.text import weighed_amount
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
@@ -35,7 +34,7 @@ class WithoutCache:
 
 
 @dataclass(frozen=True, eq=False)
-class Observations:
+class Observations(WithoutCache):
     """Readings of all channels as one vector of length M over a table of N settings."""
 
     channels: tuple[str, ...]
@@ -66,18 +65,14 @@ class Observations:
     present: tuple[str, ...] = ()
     # What declares the noise: ``declared``, a sidecar; ``samples``, those within each window
     noise_source: str = "declared"
-    # Of impedances: what their distance from the bias of the model's eddy currents makes of each reading, by one
-    # standard deviation; shape (M, k)
-    bias_columns: FloatArray | None = None
     # Of impedances: magnitude, in the channel's unit, at which readings and predictions are given; see ``Weighing``
     magnitude: Mapping[str, float] = field(default_factory=dict)
     weight: FloatArray | None = None  # What they were multiplied by for that, shape (M,); None where that is 1
-    # What follows from the settings alone, by the function that works it out
-    of_settings: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False)
 
-    def __getstate__(self) -> dict[str, object]:
-        """Without what is worked out again on demand."""
-        return {**self.__dict__, "of_settings": {}}
+    @cached_property
+    def of_settings(self) -> dict[Callable[..., Any], Any]:
+        """What follows from the settings alone, by the function that works it out."""
+        return {}
 
     @cached_property
     def base(self) -> FloatArray:
@@ -124,17 +119,6 @@ class Observations:
         )
 
     @property
-    def away_from_bias(self) -> bool:
-        """Whether these are impedances at currents for which the model's eddy currents do not hold."""
-        return any(finding.code == "eddy-bias" for finding in self.findings)
-
-    @property
-    def own_misfit(self) -> FloatArray:
-        """What the model misses of itself by one standard deviation: its table, and away from its bias; shape (M,)."""
-        away = 0.0 if self.bias_columns is None else np.sum(self.bias_columns**2, axis=1)
-        return np.sqrt(self.tolerance**2 + away)
-
-    @property
     def residual(self) -> FloatArray:
         """Recorded minus predicted, shape (M,)."""
         return self.value - self.base
@@ -147,10 +131,6 @@ class Observations:
         """A setting at every reading, on a scale along which equal steps count alike: a frequency's logarithm."""
         values = self.column(name)
         return np.log(np.maximum(values, 1e-3)) if name == "frequency_Hz" else values  # below a millihertz all is still
-
-    def amount(self, value: float, name: str, digits: int = 2) -> str:
-        """A value in a channel's unit in words; of impedances, which are weighed, as a share of their magnitude."""
-        return weighed_amount(value, name, self.magnitude.get(name), digits)
 
     def of(self, name: str) -> BoolArray:
         """Which readings belong to a channel."""
@@ -186,7 +166,6 @@ class Observations:
 
 _OF_READINGS = (
     *("channel", "row", "value", "distance_slope", "distance_curvature", "tolerance", "setting_columns", "weight"),
-    "bias_columns",
 )
 """Fields of which each reading has an entry."""
 

@@ -59,15 +59,14 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
 
     Four kinds of misfit, each with the tolerance's variance at a reading on average, since nobody knows which it is: as
     large everywhere or a share of the prediction, and all patterns alike or finer ones smaller. Between the points of
-    its table a model is so granted twice the misfit that it has at them. What eddy currents miss away from their bias
-    has a form of its own.
+    its table a model is so granted twice the misfit that it has at them.
 
     References
     ----------
     M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
     """
     if not observations.tolerance.any():
-        return observations.bias_columns
+        return None
     patterns = smooth_patterns(observations)
     finer = FINER ** (2.0 * patterns.degree)
     readings, number, total = (
@@ -80,8 +79,7 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
     scaled = [
         columns * weight / np.maximum(np.sqrt(np.sum(columns**2, axis=0) / readings), 1e-300) for columns in kinds
     ]
-    misfit = observations.tolerance[:, None] * np.concatenate(scaled, axis=1)
-    return misfit if observations.bias_columns is None else np.concatenate([misfit, observations.bias_columns], axis=1)
+    return np.asarray(observations.tolerance[:, None] * np.concatenate(scaled, axis=1))
 
 
 def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:

@@ -1,43 +1,56 @@
 """Measurements that nobody has made yet: what a planned campaign could show, and what could be added to one.
 
 What could be added is rows of settings, or a direct reading of an effect's parameters. Every setting lies in the
-validity domain of the model: outside of it nothing is predicted, so nothing is promised.
+validity domain of the model: outside of it nothing is predicted, so nothing is promised. The noise of such a
+measurement is as estimated or declared, or as assumed. What one effect changes of readings, another one explains up to
+what its best refit leaves, within its bounds and with its nonlinear parameters free, in standard deviations of the
+noise: the T-criterion of a discriminating design.
+
+References
+----------
+A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, permutations, product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from femfit.core.numerics import ROUNDING, FloatArray
 from femfit.core.text import amount, amount_range, counted
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
-from femfit.effects.effect import Calibration, Effect
+from femfit.effects.effect import AddedEffect, Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
+from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
 from femfit.identify.decision.constants import (
     A_DECADE,
+    ALMOST_SURELY,
     CHANNEL_COST,
     CURRENTS,
     DISTANCES,
+    GUESSED_NOISE,
     HEAT_COST,
     HEATED_K,
     IMPEDANCE_DISTANCES,
+    LARGEST_BENDING,
     NEAR_SHARE,
-    SMALL,
+    TIE,
+    VARIANTS,
     VISIBLE,
 )
-from femfit.identify.noise.whitening import Whitening
+from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Start
-from femfit.identify.separation import assumed_noise, pair_clauses, planned_noise, separation, starting_points
-from femfit.identify.signatures import why_untestable
+from femfit.identify.refit import Start, fitted_together, refit
+from femfit.identify.signatures import columns_at, effect_columns, why_untestable
 from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.header import parts_of
 from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_bench_table
 
@@ -49,13 +62,11 @@ class PlanReport(Result):
     noise: dict[str, float]  # Standard deviation of one reading per channel, as assumed or declared
     # Smallest magnitude of each effect's amplitudes that the plan would show nine times in ten
     detectable: dict[str, dict[str, float]]
+    invisible: dict[str, str]  # Effects that the plan cannot show at their largest plausible size, and why
     # Pairs of effects of which the one could be taken for the other even at its largest plausible size
     together: tuple[tuple[str, str], ...]
-    small_together: tuple[tuple[str, str], ...]  # The same at three times the smallest size that the plan would show
-    invisible: dict[str, str]  # Effects that the plan cannot show at their largest plausible size, and why
-    # Per effect its smallest visible size in words, and the measurement that would read it directly
-    smallest: dict[str, str]
-    direct: dict[str, str]
+    smallest: dict[str, str]  # Per effect its smallest visible size in words
+    direct: dict[str, str]  # Per effect the measurement that would read it directly
     titles: dict[str, str]  # What texts call the numbers of the drawing
 
     def __str__(self) -> str:
@@ -75,55 +86,154 @@ def examine_plan(
     noise = planned_noise(observations)
     whitening = Whitening.granting(observations, noise)
     invisible: dict[str, str] = {}
-    families: dict[str, list[Start]] = {}
+    families: dict[str, Sequence[Start]] = {}
     for effect in effects:
         reason = why_untestable(effect, observations)
-        variants = [] if reason else [start for (start,) in starting_points([effect], whitening)]
-        if any(_signals(start) for start in variants):
+        variants = () if reason else Start.at_null(effect_columns(effect, observations), whitening)
+        if any(map(_signals, variants)):
             families[effect.name] = variants
         else:
             invisible[effect.name] = reason or "its largest plausible size stays within the noise"
     starts = tuple(start for variants in families.values() for start in variants)
     campaign = Campaign(whitening, starts, invisible)
     detectable = detectable_magnitudes(campaign)
-    small = {name: {p: SMALL * size for p, size in sizes.items()} for name, sizes in detectable.items()}
     return PlanReport(
         noise=noise.floor,
         detectable=detectable,
-        together=_together(campaign, families, {}),
-        small_together=_together(campaign, families, small),
         invisible=invisible,
-        smallest={e.name: smallest_visible(e, detectable[e.name], nominal) for e in effects if e.name in detectable},
+        together=_together(whitening, families),
         direct={effect.name: effect.calibrations[0].instruction for effect in effects if effect.calibrations},
+        smallest={e.name: smallest_visible(e, detectable[e.name], nominal) for e in effects if e.name in detectable},
         titles=titles_of(effects),
     )
 
 
-def _signals(start: Start, sizes: Mapping[str, float] | None = None) -> list[tuple[float, int]]:
-    """(value, number) of each amplitude that can be seen at the further end of its plausible range, or smaller."""
-    result = []
-    for k, p in enumerate(start.columns.amplitudes):
-        end = max((end - p.null for end in p.plausible), key=abs)
-        if sizes and sizes[p.name] < abs(end):
-            end = float(np.copysign(sizes[p.name], end))
-        if np.linalg.norm(start.whitened[:, k] * end) > VISIBLE:
-            result.append((end, k))
-    return result
+def _signals(start: Start) -> list[tuple[float, int]]:
+    """(value, number) of each amplitude that can be seen at the further end of its plausible range."""
+    ends = [max((end - p.null for end in p.plausible), key=abs) for p in start.columns.amplitudes]
+    return [(end, k) for k, end in enumerate(ends) if np.linalg.norm(start.whitened[:, k] * end) > VISIBLE]
 
 
-def _together(
-    campaign: Campaign, families: Mapping[str, list[Start]], sizes: Mapping[str, Mapping[str, float]]
-) -> tuple[tuple[str, str], ...]:
+def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> tuple[tuple[str, str], ...]:
     """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
-    signals = {name: _signals(starts[0], sizes.get(name)) for name, starts in families.items()}
-
-    def could_be(effect: str, rival: str) -> bool:
-        columns, rivals = families[effect][0].columns.columns, [[start] for start in families[rival]]
-        return bool(signals[effect]) and all(
-            separation(campaign.whitening, value * columns[:, k], rivals) is None for value, k in signals[effect]
+    signals = {name: _signals(starts[0]) for name, starts in families.items()}
+    taken_for = {
+        (effect, rival)
+        for effect, rival in permutations(families, 2)
+        if signals[effect]
+        and all(
+            separation(whitening, value * families[effect][0].columns.columns[:, k], [[s] for s in families[rival]])
+            is None
+            for value, k in signals[effect]
         )
+    }
+    return tuple((a, b) for a, b in combinations(families, 2) if {(a, b), (b, a)} & taken_for)
 
-    return tuple((a, b) for a, b in combinations(families, 2) if could_be(a, b) or could_be(b, a))
+
+def needed_distance(tie: float = TIE) -> float:
+    """Distance from which a diagnosis leaves the wrong one of two explanations out, in 19 of 20 campaigns.
+
+    The weighted sums of squares differ by delta^2 with a standard deviation of 2 delta; they must differ by the tie of
+    the decision, and by what the right explanation pays for its further parameters.
+    """
+    return float(ALMOST_SURELY + np.sqrt(ALMOST_SURELY**2 + tie))
+
+
+def separation(
+    whitening: Whitening, change: FloatArray, rivals: Sequence[Sequence[Start]], more_parameters: float = 0.0
+) -> float | None:
+    """How far the best refit of rivals stays from what an explanation changes; None where that is less than needed.
+
+    The change has the shape (M,) and the readings' units.
+    """
+    needed = needed_distance(TIE + max(more_parameters, 0.0) * np.log(len(change)))
+    whitening = whitening.with_values(whitening.observations.base + change)
+    target = whitening.residual
+    total = float(target @ target)
+    least, begun = total, None
+    for starts in rivals:
+        fitted, fall = fitted_together(target, starts)
+        if begun is None or total - fall < least:
+            least, begun = total - fall, fitted
+    least = max(least, 0.0)
+    # No refit where the first order leaves less than needed already, nor where no nonlinear parameter makes up for it
+    if begun is not None and np.sqrt(least) >= needed and least <= LARGEST_BENDING**2 * total:
+        least = max(min(refit(whitening, begun).chi2, least), 0.0)
+    apart = float(np.sqrt(least))
+    return None if apart < needed * (1.0 - ROUNDING) else apart
+
+
+def starting_points(
+    effects: Sequence[Effect], whitening: Whitening, fitted: Sequence[AddedEffect] = ()
+) -> list[list[Start]]:
+    """Where refits of effects begin: at trial nonlinear parameters, and where they were fitted before."""
+    observations, variants = whitening.observations, list[Sequence[Start]]()
+    for k, effect in enumerate(effects):
+        columns = effect_columns(effect, observations)
+        if fitted:
+            columns = [*columns_at(fitted[k], observations), *columns]
+        if columns:
+            variants.append(Start.at_null(columns, whitening))
+    return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
+
+
+def pair_clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
+    """Pairs in as few clauses as say them: a name, and those that it stands with."""
+    remaining, clauses = [pair[:2] for pair in pairs], []
+    while remaining:
+        names = [name for pair in remaining for name in pair]
+        name = max(dict.fromkeys(names), key=names.count)
+        clauses.append((name, [a if b == name else b for a, b in remaining if name in {a, b}]))
+        remaining = [pair for pair in remaining if name not in pair]
+    return clauses
+
+
+def planned_noise(observations: Observations) -> NoiseModel:
+    """The noise model of a plan: declared noise, and the priors of mounts and runs that estimates start from."""
+    channels, declared = observations.channels, observations.declared_noise
+    sigma = np.array([declared.get(name, assumed_noise(name, observations.nominal)) for name in channels])
+    zeros, many = np.zeros(len(channels)), np.full(len(channels), np.inf)
+    source = {name: "declared" if name in declared else "assumed" for name in channels}
+    run = PRIOR_RUN * sigma
+    return NoiseModel(channels, sigma, zeros, PRIOR_MOUNT_M, run, many, many, source, PRIOR_MOUNT_M, run)
+
+
+def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
+    """An estimated noise model, with what is assumed for channels that were never measured."""
+    assumed = planned_noise(replace(observations, declared_noise={}))
+    test_run = np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma)
+    numbers = {name: k for k, name in enumerate(noise.channels)}
+    measured = np.array([name in numbers for name in observations.channels])
+    place = [numbers.get(name, 0) for name in observations.channels]
+
+    def filled(values: FloatArray, missing: FloatArray) -> FloatArray:
+        return np.where(measured, values[place], missing)
+
+    return replace(
+        noise,
+        channels=observations.channels,
+        sigma=filled(noise.sigma, assumed.sigma),
+        rho=filled(noise.rho, assumed.rho),
+        run=filled(noise.run, assumed.run),
+        repeats=filled(noise.repeats, assumed.repeats),
+        degrees_of_freedom=filled(noise.degrees_of_freedom, assumed.degrees_of_freedom),
+        mount_m=noise.mount_m or PRIOR_MOUNT_M,
+        test_mount_m=noise.test_mount_m or PRIOR_MOUNT_M,
+        test_run=filled(test_run, assumed.run),
+    )
+
+
+def assumed_noise(channel: str, nominal: Nominal) -> float:
+    """The noise of a channel that was never measured, by its largest reading in the validity domain."""
+    largest = {
+        "force_N": nominal.force_N,
+        "flux_linkage_Wb": nominal.flux_linkage_Wb,
+        "hall_V": nominal.hall_swing_V,
+        "voltage_V": nominal.resistance_ohm * nominal.peak_current_A,
+        "inductance_H": nominal.inductance_H,
+        "resistance_ohm": nominal.resistance_ohm,
+    }
+    return GUESSED_NOISE * largest[parts_of(channel)[0]]
 
 
 _BY = {"inductance_H": "by an LCR meter ", "resistance_ohm": "by an LCR meter "}

@@ -1,7 +1,7 @@
 """Looks at a bench table beside a model before it is compared: what is clipped, lone outliers, and wrong columns.
 
-A column is suspected of a wrong unit or sign, of a factor, of the moving part's weight, or of another zero of the
-distance where the readings would then fit the model far better.
+A column is suspected of a wrong unit or sign, of a factor, or of another zero of the distance where the readings would
+then fit the model far better.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,7 +26,6 @@ from femfit.identify.constants import (
     KEPT_ROWS,
     LARGEST_SHIFT,
     NOTHING_LEFT,
-    SAME_READING,
     SHIFTS,
     WELL,
     WRONG_FACTOR,
@@ -42,20 +41,9 @@ from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import without_outliers
-from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion, suspicion_of_rows
+from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
-
-
-def suspected_dead(name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
-    """Suspect a channel that reads one value while the model's changes by more than a part of it."""
-    values, predicted = read[np.isfinite(read)], usual[np.isfinite(read)]
-    if len(values) < LEAST_READINGS or np.ptp(values) > SAME_READING * np.abs(values).max():
-        return None
-    if not float(np.std(predicted)) > WELL * abs(float(values[0])):
-        return None
-    facts: dict[str, Any] = {"value": float(values[0]), "low": float(predicted.min()), "high": float(predicted.max())}
-    return finding("suspected-dead", name, float(values[0]), name=name, rows=len(values), **facts)
 
 
 def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
@@ -69,17 +57,6 @@ def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: F
         return None
     ohms = None if circuit is None else circuit.resistance_ohm
     return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
-
-
-def suspected_weight(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
-    """Suspect that a scale shows the moving part's weight beside the force, or had it taken off."""
-    if name != "force_N" or model.motion is None:
-        return None
-    weight = abs(model.motion.mass_kg * model.motion.gravity_m_s2)
-    for sign in (1.0, -1.0):
-        if weight > 0.0 and _explains(read, usual, usual + sign * weight, EXACTLY, None):
-            return finding("suspected-weight", name, sign * weight, sign=sign, weight=weight)
-    return None
 
 
 def suspected_zero(
@@ -174,7 +151,13 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     predict = _predictor(model, table.channels, frequency)
     usual, turned = predict(d, i), predict(d, -i)
     names = [name for name in table.channels if name in usual]
-    turning = [name for name in names if _changes(rows[name].to_numpy(), usual[name], turned[name])]
+    turning = []
+    for name in names:  # whether turning the current round would be seen in a channel
+        read = rows[name].to_numpy()
+        here = np.isfinite(read)
+        change = (turned[name] - usual[name])[here]
+        if here.sum() >= LEAST_READINGS and float(np.std(change)) > WELL * float(np.std(read[here])):
+            turning.append(name)
     if turning and all(_explains(rows[name].to_numpy(), usual[name], turned[name]) for name in turning):
         return [other_sign(f"{', '.join(turning)} would then fit the model")]
     reads = {name: rows[name].to_numpy() for name in names}
@@ -190,7 +173,7 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
 
 
 def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
-    """A unit, a sign, a weight or a factor by which all readings of a channel differ from the model's."""
+    """A unit, a sign or a factor by which all readings of a channel differ from the model's."""
     for words, candidate in _candidates(name, usual, model.sensor).items():
         if _explains(read, usual, candidate):
             times = None if name == "hall_V" else ratio(read, usual)
@@ -201,17 +184,7 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
                 return suspicion(name, words[3:], why)
             text = f"{name} seems to be {words}: {why}."
             return Finding("suspected-unit", "warning", text, "Convert the column.", column=name)
-    base = model.without_effects
-    dead = suspected_dead(name, read, usual)
-    if dead is not None:
-        return dead
-    for unit, factor in common_factors(name).items():
-        converted = usual / factor  # some rows may be the prediction in another unit, and far from it as it stands
-        rows = np.abs(read - converted) < CLEARLY * np.minimum(np.abs(converted), np.abs(read - usual))
-        if rows.sum() >= LEAST_READINGS and _explains(read, usual, np.where(rows, usual / factor, usual)):
-            return suspicion_of_rows(name, unit, rows, "they would then fit the model")
-    weight = suspected_weight(base, name, read, usual)
-    return weight or suspected_factor(base, name, read, usual)
+    return suspected_factor(model.without_effects, name, read, usual)
 
 
 def _predictor(model: ActuatorModel, channels: tuple[str, ...], frequency: FloatArray | float = np.nan) -> Predict:
@@ -252,14 +225,6 @@ def _explains(
         return False
     misfit, before = (float(np.sqrt(np.mean((read - values)[here] ** 2))) for values in (candidate, usual))
     return misfit < of_misfit * before and (of_spread is None or misfit < of_spread * float(np.std(read[here])))
-
-
-def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
-    """Whether turning the current round would be seen in a channel."""
-    here = np.isfinite(read)
-    if here.sum() < LEAST_READINGS:
-        return False
-    return float(np.std((turned - usual)[here])) > WELL * float(np.std(read[here]))
 
 
 def at_ends_of_range(sensor: HallSensor, volts: FloatArray) -> BoolArray:

@@ -1,11 +1,12 @@
 """The settings of a bench table: its currents as a model takes them, and which rows repeat a setting.
 
-A table of very many readings becomes the means of short stretches of them, with the noise of a mean. A stretch is rows
-of one run in the order of measuring, on one branch, over which no setting moves far. Of what a hidden effect changes, a
-mean has all but the bend within its stretch: 1/24 of the square of the stretch over the range. The noise of a mean
-follows from the halves of its stretch, however readings that follow each other are correlated: once the model's own
-change is taken out, their difference has four times the variance of the mean. What lasts longer than a stretch is left
-to the correlation of the means.
+A table of very many readings as the means of short stretches of them, with the noise of a mean.
+
+A stretch is rows of one run in the order of measuring, on one branch, over which no setting moves far. Of what a hidden
+effect changes, a mean has all but the bend within its stretch: 1/24 of the square of the stretch over the range. The
+noise of a mean follows from the halves of its stretch, however readings that follow each other are correlated: once the
+model's own change is taken out, their difference has four times the variance of the mean. What lasts longer than a
+stretch is left to the correlation of the means.
 
 References
 ----------
@@ -39,7 +40,7 @@ from femfit.identify.observations import Observations, once_for_settings
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
-from femfit.tables.circuit_columns import parts_of
+from femfit.tables.header import parts_of
 from femfit.tables.impedance import SERIES, without_capacitive
 from femfit.tables.measurement import BenchTable
 

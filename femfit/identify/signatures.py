@@ -13,7 +13,7 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.friction import REST
 from femfit.identify.constants import ROUNDED
 from femfit.identify.observations import Observations
-from femfit.tables.circuit_columns import parts_of
+from femfit.tables.header import parts_of
 from femfit.tables.measurement import CHANNELS
 
 CHANGES_NOTHING = "it changes no reading at these settings"

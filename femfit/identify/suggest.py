@@ -1,39 +1,43 @@
 """The next measurement that separates what the data leave together.
 
 A measurement is tried as a further run beside the readings that are there: the readings that each explanation predicts
-at the old and the new settings are explained by each other one (:mod:`femfit.identify.separation`).
+at the old and the new settings are explained by each other one (:func:`femfit.identify.plan.separation`). By a direct
+reading of an effect's parameters (a shunt, a weight, a micrometer) two explanations are as far apart as what they say
+of it, over its uncertainty and theirs.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from femfit.core.errors import TableError
+from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
-from femfit.identify.allowances import finer_sweep
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN
+from femfit.identify.decision.constants import COMPARED, HINTS, NONLINEAR_PRICE, SHOWN
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.misfit import finer_sweep
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.plan import Experiment, possible_experiments
-from femfit.identify.plausible import plausible_table
-from femfit.identify.refit import Refit
-from femfit.identify.separation import (
-    apart_by_direct_reading,
+from femfit.identify.plan import (
+    Experiment,
     needed_distance,
     noise_for,
     pair_clauses,
-    parameters_of,
+    possible_experiments,
     separation,
     starting_points,
 )
+from femfit.identify.plausible import plausible_table
+from femfit.identify.refit import Refit
 from femfit.identify.settings import currents_in, with_currents
 from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -121,20 +125,22 @@ def suggest(
     say = progress or (lambda _: None)
     model = model_of(model)
     measured = measurement_of(data)
-    diagnosis_of_data = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
+    diagnosis_of_data = diagnosed(model, measured, progress=say) if diagnosis is None else diagnosis
     guesses = tuple(str(finding) for finding in diagnosis_of_data.findings if finding.code == "guessed-noise")
     titles = titles_of(diagnosis_of_data.observations.nominal.drawn)
     return replace(_advice(model, measured, diagnosis_of_data, say), remarks=guesses, titles=titles)
 
 
 def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, say: Callable[[str], None]) -> Advice:
-    every, nominal = _left_together(diagnosis), diagnosis.observations.nominal
+    nominal, named = diagnosis.observations.nominal, {effect.name for effect in diagnosis.missing}
+    every = tuple(fit for fit in diagnosis.explanations if not named < set(fit.names))  # what adds to it alone is not
     names = tuple(" + ".join(fit.names) for fit in every)
     if diagnosis.campaign is None or len(every) < 2:
         sure = diagnosis.confident and not diagnosis.excluded
         most = diagnosis.dominant.tie if diagnosis.dominant else ()
         unsure = [] if sure else [*(effect.name for effect in diagnosis.missing), *most]
-        return Advice(names, isolating=_isolating(unsure, nominal), note=_nothing_to_separate(diagnosis))
+        note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
+        return Advice(names, isolating=_isolating(unsure, nominal), note=note)
     of_one = not nominal.circuits or diagnosis.observations.of_impedances  # as trials are, but for these
     if not isinstance(measured, BenchTable) or not of_one:
         return Advice(names, isolating=_isolating([name for fit in every for name in fit.names], nominal))
@@ -163,19 +169,9 @@ def _pair(a: Refit, b: Refit) -> tuple[str, str]:
     return " + ".join(a.names), " + ".join(b.names)
 
 
-def _left_together(diagnosis: Diagnosis) -> tuple[Refit, ...]:
-    """What was named and what else the data leave, but for what only adds to it."""
-    named = {effect.name for effect in diagnosis.missing}
-    return tuple(fit for fit in diagnosis.explanations if not named < set(fit.names))
-
-
 def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str], ...]:
     effects = device_effects(nominal.circuits, nominal.drawn)
     return tuple((name, effects[name].experiment) for name in names if name in effects)
-
-
-def _nothing_to_separate(diagnosis: Diagnosis) -> str:
-    return sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
 
 
 def suggest_measurements(
@@ -242,3 +238,37 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     )
     columns = list(dict.fromkeys((*table.rows.columns, *experiment.channels)))
     return replace(table, rows=rows[columns], given=(*columns_given, *varied))
+
+
+def parameters_of(effects: Sequence[AddedEffect]) -> float:
+    """Number of parameters off their nulls, as the decision counts them."""
+    return sum(
+        NONLINEAR_PRICE if p.nonlinear else float(added.parameters[p.name] != p.null)
+        for added in effects
+        for p in added.effect.parameters
+    )
+
+
+def apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float:
+    """What two explanations say of a direct reading, over its uncertainty and theirs."""
+    uncertainty = np.array(list(calibration.reads.values()))
+    (value, error), (other, other_error) = (direct_reading(effect, calibration, fit.effects) for fit in (a, b))
+    return float(np.linalg.norm((value - other) / np.sqrt(uncertainty**2 + error**2 + other_error**2)))
+
+
+def direct_reading(
+    effect: str, calibration: Calibration, effects: Iterable[AddedEffect]
+) -> tuple[FloatArray, FloatArray]:
+    """What a direct reading of an effect's parameters shows where some effects act, and how well their fit knows it.
+
+    Both in the parameters' units; the error is 0 where no effect has the parameters.
+    """
+    values, errors = np.zeros((2, len(calibration.reads)))
+    for added in effects:
+        if added.effect.name == effect:
+            values += [added.parameters[name] for name in calibration.reads]
+            limits = [added.ci95.get(name, (0.0, 0.0)) for name in calibration.reads]
+            errors = np.asarray(np.ptp(limits, axis=1) / (2.0 * stats.norm.isf(0.025)))
+        for name, change in calibration.also.get(added.effect.name, {}).items():
+            values[0] += change * added.parameters[name]
+    return values, errors

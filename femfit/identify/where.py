@@ -11,7 +11,6 @@ L. Breiman, J. H. Friedman, R. A. Olshen and C. J. Stone, Classification and Reg
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_b
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import Patterns, smooth_patterns
 from femfit.identify.words import sentence
-from femfit.tables.circuit_columns import parts_of
+from femfit.tables.header import parts_of
 
 _ALIASES = {"elapsed": "order"}
 """Clocks that mean the same to a reader."""
@@ -137,10 +136,10 @@ def _excess(columns: FloatArray, residual: FloatArray) -> float:
     return float(along @ along - basis.shape[1])
 
 
-_PLACES = ("distance_m", "current_A", "frequency_Hz", "coil_temperature_C", "magnet_temperature_C", "order")
+_PLACES = ("distance_m", "current_A", "frequency_Hz", "branch", "coil_temperature_C", "magnet_temperature_C", "order")
 """Covariates that a threshold is sought along, those of several circuits by their quantity."""
 
-_CHANGING = ("coil_temperature_C", "magnet_temperature_C", "order")
+_CHANGING = ("branch", "coil_temperature_C", "magnet_temperature_C", "order")
 """Those of them with which a misfit is said to change where it has no threshold."""
 
 
@@ -164,25 +163,8 @@ class _Half:
         return parts_of(self.name)
 
 
-@dataclass(frozen=True, eq=False)
-class _Size:
-    """How large a misfit is: a share of the prediction where that describes it better than a constant, else in SI."""
-
-    relative: bool
-    size: float  # In per cent, more is larger in magnitude; in SI, with its sign
-    alike: bool  # Whether it is the same in small readings
-    halves: Sequence[_Half] = ()  # The part of the range where it is
-
-    @classmethod
-    def of(cls, s: FloatArray, base: FloatArray, halves: Sequence[_Half] = ()) -> Self:
-        """Of a misfit at readings with a prediction."""
-        relative = _is_relative(s, base)
-        size = _share if relative else _constant
-        return cls(relative, size(s, base), _same_in_small_readings(size, s, base), halves)
-
-
 def describe_region(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
-    """One sentence on a misfit: ``Measured force is 6 % low above 1 A and below 18 mm, in both branches``.
+    """One sentence on a misfit: ``Measured force is 6 % low above 1 A and below 18 mm``.
 
     The structured part of recorded minus predicted, of shape (M,), says where. The readings themselves say how much;
     the structured part lacks what a re-mount could have done.
@@ -192,58 +174,42 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
     misfit, base = observations.residual[here], (observations.base - quiescent)[here]
     if np.sum(misfit**2) <= NOTHING**2 * np.sum(base**2):
-        return sentence("where", "region", {"channel": channel, "first": None})
+        return sentence("where", "nothing", channel)
     leading = observations.leading_current
     values = {
         leading if name == "current_A" else name: observations.column(name)[here]
         for name in covariates
         if name in _PLACES
     }
-    sides = np.sign(observations.column("branch")[here])
-    branch = sides if "branch" in covariates else None
     s = smooth[here] if smooth[here].any() else misfit
-    scope = np.ones(len(s), dtype=bool)
-    present = [] if branch is None else [b for b in (1.0, -1.0) if np.any(branch == b)]
-    if len(present) > 1:  # the branch with the larger misfit
-        stronger = present[first_best([float(np.mean(s[branch == b] ** 2)) for b in present])]
-        scope = np.asarray(branch == stronger, dtype=bool)
-    sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
+    sign = 1.0 if np.sum(s[s > 0.0] ** 2) >= np.sum(s[s < 0.0] ** 2) else -1.0
     # One share of the prediction may be next to all of the misfit, large readings and small ones alike
-    m, b = misfit[scope], base[scope]
-    remains = float(np.sum((m - _share(m, b) * b) ** 2))
-    share = _has_one_sign(b) and _same_in_small_readings(_share, m, b) and remains < LEFT_BY_SHARE * np.sum(m**2)
-    halves = [] if share else _region(values, s, scope, sign)
-    opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
-    both = not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2)
-
-    def described(halves: Sequence[_Half], sign: float) -> _Size:
-        rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
-        return _Size.of(misfit[rows], base[rows], halves)
-
-    ratio, opposed, rising = None if branch is not None or len(np.unique(sides)) < 2 else 1.0, None, False
-    if branch is not None:
-        inside = _inside(halves, len(s))
-        here, there = inside & scope, inside & ~scope & (branch != 0.0)
-        if here.any() and there.any():
-            ratio = float(np.mean(misfit[there])) / (float(np.mean(misfit[here])) or 1e-300)
-            opposed, rising = _Size.of(misfit[there], base[there]), bool(np.all(branch[here] > 0.0))
+    remains = float(np.sum((misfit - _share(misfit, base) * base) ** 2))
+    share = remains < LEFT_BY_SHARE * np.sum(misfit**2) and _same_in_small_readings(_share, misfit, base)
+    halves = [] if share else _region(values, s, sign)
+    both = not share and np.sum(s[sign * s < 0.0] ** 2) > OTHER_SIGN * np.sum(s**2)
+    rows = np.ones(len(s), dtype=bool)
+    if not share:
+        rows = np.logical_and.reduce([sign * s > 0.0, *(half.inside for half in halves)])
+    relative = share or _is_relative(misfit[rows], base[rows])
+    size = _share if relative else _constant
     named = {half.name for half in halves}
     facts = {
         "channel": channel,
         "magnitude": observations.magnitude.get(channel),
-        "first": described(halves, sign),
-        "second": described(_region(values, s, scope, -sign), -sign) if both else None,
-        "ratio": ratio,
-        "opposed": opposed,
-        "rising": rising,
+        "relative": relative,  # Whether the size is a share of the prediction; else it is in SI
+        "size": size(misfit[rows], base[rows]),  # As a share, more is larger in magnitude; in SI, with its sign
+        "alike": _same_in_small_readings(size, misfit[rows], base[rows]),
+        "halves": halves,
+        "both": both,  # Whether it has the other sign elsewhere
         "changing": [name for name in _CHANGING if name in values and name not in named and not share],
     }
     return sentence("where", "region", facts)
 
 
-def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, sign: float) -> list[_Half]:
+def _region(values: Mapping[str, FloatArray], s: FloatArray, sign: float) -> list[_Half]:
     """At most two thresholds, of different covariates; none where no part of the range stands out."""
-    weight = np.where(scope & (sign * s > 0.0), s**2, 0.0)
+    weight = np.where(sign * s > 0.0, s**2, 0.0)
     halves = []
     for name, x in values.items():
         levels = np.unique(x[np.isfinite(x)])
@@ -254,7 +220,7 @@ def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, s
         return []
     inside = np.stack([half.inside for half in halves]).astype(np.float64)
     share = (inside * weight) @ inside.T / weight.sum()
-    score = share - (inside * scope) @ inside.T / scope.sum()
+    score = share - inside @ inside.T / len(s)
     score[share < 0.5] = -1.0
     score = np.round(score, 9)  # equal up to rounding: the first
     single = int(np.argmax(np.diag(score)))
@@ -277,10 +243,6 @@ def _round_between(low: float, high: float) -> float:
     return middle
 
 
-def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
-    return np.asarray(np.logical_and.reduce([np.ones(count, dtype=bool), *(half.inside for half in halves)]))
-
-
 def _same_in_small_readings(size: Callable[[FloatArray, FloatArray], float], s: FloatArray, base: FloatArray) -> bool:
     """Whether the size of a misfit is also that of its small readings."""
     small = np.abs(base) <= np.median(np.abs(base))
@@ -296,14 +258,11 @@ def _constant(s: FloatArray, _: FloatArray) -> float:
     return float(np.mean(s))
 
 
-def _has_one_sign(base: FloatArray) -> bool:
-    """Whether a prediction never changes its sign, but for readings where it is next to nothing (without current)."""
-    counts = np.abs(base) > NEXT_TO_NOTHING * np.abs(base).max(initial=0.0)
-    return bool(np.all(base[counts] > 0.0) or np.all(base[counts] < 0.0))
-
-
 def _is_relative(s: FloatArray, base: FloatArray) -> bool:
     """Whether a share of the prediction, less than all of it, describes a misfit better than a constant."""
     share, constant = _share(s, base), _constant(s, base)
     nearer = np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2)
-    return bool(_has_one_sign(base) and abs(share) < 1.0 and nearer)
+    # It never changes its sign, but for readings where it is next to nothing (without current)
+    counts = np.abs(base) > NEXT_TO_NOTHING * np.abs(base).max(initial=0.0)
+    has_one_sign = np.all(base[counts] > 0.0) or np.all(base[counts] < 0.0)
+    return bool(has_one_sign and abs(share) < 1.0 and nearer)

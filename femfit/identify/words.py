@@ -9,9 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from femfit.core.results import Printed
+from femfit.core.results import Printed, Words, lines_of
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
-from femfit.core.words import Words, lines_of
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of
 from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE

@@ -15,18 +15,15 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
 from femfit.core.text import counted
 from femfit.effects.conditions import Conditions
-from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
-from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
+from femfit.integrate.plateaus import PlateauFlux, PlateauOptions, plateau_flux
 from femfit.integrate.record_watch import RecordWatch
-from femfit.integrate.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_record import CoilBlock
 from femfit.tables.columns import BENCH_COLUMNS
-from femfit.tables.measurement_sidecar import Words
-from femfit.tables.reading import Wants, read_columns, read_raw_table
+from femfit.tables.reading import Wants, Words, read_columns, read_raw_table
 
 NEEDED = ("time_s", "coil_voltage_V", "current_A", "distance_m")
 RECORD = Wants(
@@ -78,17 +75,17 @@ def make_bench_table(
     output: str | Path | None = None,
     resistance_ohm: float | None = None,
     turns_ratio: float = 1.0,
-    method: OffsetMethod = "plateaus",
     settling_s: float = 0.0,
     still_A: float = 1e-3,
     still_m: float = 1e-6,
     model: str | Path | ActuatorModel | None = None,
-    initial_flux_Wb: float | None = None,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     table: str | None = None,
 ) -> BenchFlux:
     """Integrate a coil's voltage run by run, and average it and the other columns on the plateaus.
+
+    The offset voltage is that of each settled plateau, linear between.
 
     Parameters
     ----------
@@ -98,13 +95,10 @@ def make_bench_table(
         The bench table, .csv; its sidecar .toml with noise and notes is written beside it.
     resistance_ohm : float
         Of the excitation winding, where the voltage is its own: R i is taken off.
-    method : str
-        ``plateaus`` (offset voltage from each settled plateau, linear between), ``ffa1`` (from each run's first
-        plateau), or ``trapezoid`` (none: drifts).
     settling_s, still_A, still_m : float
         Seconds left out after each change; movements from sample to sample that still belong to a plateau.
-    model, initial_flux_Wb : path or model, float
-        Flux linkage on each run's first plateau, as the model has it or as it is known; 0 where neither is given.
+    model : path or model
+        Gives the flux linkage on each run's first plateau; 0 without one.
     columns, units, table : optional
         What the record's columns are and in which unit, and which table of its file it is, as in
         :func:`femfit.read_measurement`.
@@ -117,26 +111,21 @@ def make_bench_table(
         path = model if isinstance(model, str | Path) else None
         inputs = [record, None if path is None else Path(path)]
         require_outputs(inputs, (output, BENCH), (output.with_suffix(".toml"), NOTES))
-    if model is not None and initial_flux_Wb is not None:
-        raise TableError("Give the first plateau's flux linkage by --model or by --initial-flux-Wb, not by both.")
-    first: ActuatorModel | float = initial_flux_Wb or 0.0
-    begins = f"taken as {first:g} Wb"
+    first, begins = None, "taken as 0 Wb"
     if model is not None:
         begins = f"taken from {model.name if isinstance(model, ActuatorModel) else Path(model).name}"
         first = model_of(model)
     rows = _read(record, Words(columns or {}, units or {}, table))
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
-    made, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)
-    level = resistance_finding(made.pop("coil_voltage_V").to_numpy(), made["current_A"].to_numpy(), resistance_ohm)
+    made, sigma, findings = _table(rows, PlateauOptions(settling_s, still_A, still_m), first)
     taken = "no R i taken off" if resistance_ohm is None else f"R i taken off with {resistance_ohm:g} ohm"
-    ending = "; the offset voltage, which was not taken off." if method == "trapezoid" else "."
     notes = (
-        f"Flux linkage integrated from the coil voltage of {record.name} ({method}, {taken}, turns ratio "
+        f"Flux linkage integrated from the coil voltage of {record.name} ({taken}, turns ratio "
         f"{turns_ratio:g}); on each run's first plateau it was {begins}, not measured. The noise is the rms standard "
         "uncertainty of the integral from the voltage's noise; it accumulates within a run. Not in it: errors of "
-        f"resistance, turns ratio, voltmeter gain and first value{ending}"
+        "resistance, turns ratio, voltmeter gain and first value."
     )
-    result = BenchFlux(made, sigma, notes, (*findings, *([] if level is None else [level])), output)
+    result = BenchFlux(made, sigma, notes, tuple(findings), output)
     if output is not None:
         noted = " ".join([notes, *map(str, result.findings)])
         with replacing(output) as table_file, replacing(output.with_suffix(".toml")) as sidecar:  # both or neither
@@ -156,9 +145,9 @@ def _read(record: Path, words: Words) -> pd.DataFrame:
 
 
 def _table(
-    rows: pd.DataFrame, options: PlateauOptions, first: ActuatorModel | float
+    rows: pd.DataFrame, options: PlateauOptions, first: ActuatorModel | None
 ) -> tuple[pd.DataFrame, float, list[Finding]]:
-    """The bench table of all runs with the voltage's means, the rms of the flux linkage's noise, and what is wrong."""
+    """The bench table of all runs, the rms of the flux linkage's noise, and what is wrong."""
     pieces, variances, findings = [], [], []
     for number in pd.unique(rows["run"]):
         run = rows[rows["run"] == number].reset_index(drop=True)
@@ -168,13 +157,13 @@ def _table(
         flux = plateau_flux(time, induced, current, distance, options)
         remarks = watch_run(time, voltage, induced, current, flux)
         findings += [replace(remark, text=f"Run {number:g}: {remark.text}") for remark in remarks]
-        columns = run.drop(columns=["induced_V", "branch", "order"], errors="ignore")
+        columns = run.drop(columns=["induced_V", "coil_voltage_V", "branch", "order"], errors="ignore")
         means = pd.DataFrame([columns.iloc[a:b].mean() for a, b in zip(flux.first, flux.last, strict=True)])
         means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
-        begin = first
-        if isinstance(begin, ActuatorModel):
+        begin = 0.0
+        if first is not None:
             distances, currents = means["distance_m"].to_numpy()[:1], means["current_A"].to_numpy()[:1]
-            values = predict_readings(begin, distances, currents, Conditions(nominal=nominal_of(begin)))
+            values = predict_readings(first, distances, currents, Conditions(nominal=nominal_of(first)))
             begin = float(values["flux_linkage_Wb"][0])
         pieces.append(means.drop(columns="time_s").assign(flux_linkage_Wb=begin + flux.flux))
         variances.append(flux.sigma**2)
@@ -195,15 +184,3 @@ def watch_run(
     wired.see(CoilBlock(time, induced, current=current))
     remarks = [remark for remark in watch.findings() if remark.code != "stuck-voltage"]  # the plateaus were made equal
     return (*remarks, *(remark for remark in wired.findings() if remark.code == "sign"))
-
-
-def resistance_finding(voltage: FloatArray, current: FloatArray, expected: float | None) -> Finding | None:
-    """Whether the plateaus' mean voltages contradict the resistance in ohm that is taken off; None is taken off."""
-    i, u = current - current.mean(), voltage - voltage.mean()
-    spread, common = float(i @ i), float(i @ u)
-    if spread <= 0.0 or common**2 <= PLATEAU_FOLLOWS * spread * float(u @ u):
-        return None
-    shown = common / spread
-    if expected is not None and abs(shown - expected) <= GAIN_TOLERANCE * expected:
-        return None
-    return finding("resistance", size=shown, shown_ohm=shown, expected_ohm=expected)

@@ -19,8 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.integrate.constants import GAP, SETTLING_S, STILL_A, STILL_V
-from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
+from femfit.integrate.uncertainty import GAP, SETTLING_S, STILL_A, STILL_V, FieldBlock, Noise, Responses, SensingCoil
 from femfit.tables.coil_record import CoilBlock
 
 
@@ -163,7 +162,7 @@ class FeedForwardIntegrator:
         nothing, zero = np.full(len(block), np.nan), np.zeros(len(block))
         responses = Responses(field - self.initial_field, zero, zero, elapsed / self.coil.area_m2)
         now = replace(now, last=last, field=float(field[-1]), variance=float(walked[-1]), elapsed=float(elapsed[-1]))
-        return now, FieldBlock(block.time, field, variance, offset, nothing, nothing, nothing, responses)
+        return now, FieldBlock(block.time, field, variance, offset, nothing, nothing, responses)
 
     def _of_offset(self, offset: FloatArray, samples: int, used: FloatArray, integrated: float) -> FloatArray:
         """Variance in T^2 that an offset adds after times in s of use, its samples being integrated for a time too."""

@@ -10,7 +10,6 @@ I. Mayergoyz, Mathematical Models of Hysteresis and their Applications (Elsevier
 Differential Models of Hysteresis (Springer, 1994), III.1 (play); G. Moritz, arXiv:1103.1800 (eddy currents).
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -22,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from femfit.core.errors import ModelFileError
 from femfit.core.files import write_json
 from femfit.core.numerics import FloatArray
+from femfit.core.text import quoted
 
 _KIND: Literal["field of current"] = "field of current"
 _PLACES = ("zero", "medium", "full")
@@ -133,21 +133,6 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
     return paths
 
 
-def field_model_of_sweep(
-    curve: Callable[[FloatArray], FloatArray], current_min: float, current_max: float, rms: float, degree: int = 7
-) -> FieldModel:
-    """A field model from the curve of a swept one, which has no hysteresis and no eddy currents."""
-    terms = FieldTerms(current_max, degree)
-    nodes = np.polynomial.chebyshev.chebpts1(4 * (degree + 1))
-    current = current_min + 0.5 * (current_max - current_min) * (nodes + 1.0)
-    # On its own interval the fit is orthogonal; the terms' interval begins at 0.
-    fit = np.polynomial.Chebyshev.fit(current, curve(current), degree, domain=[current_min, current_max])
-    moved = fit.convert(domain=[0.0, current_max], kind=np.polynomial.Chebyshev)
-    coefficients = np.zeros(degree + 1)
-    coefficients[: len(moved.coef)] = moved.coef
-    return FieldModel(terms, coefficients, rms)
-
-
 class _File(BaseModel):
     model_config = _STRICT
 
@@ -170,15 +155,7 @@ def read_field_model(path: Path) -> FieldModel:
         data = _File.model_validate_json(path.read_bytes())
         coefficients = np.array([data.coefficients_T[name] for name in data.terms.names])
     except (ValidationError, OSError, KeyError) as error:
-        reason = f"coefficients_T: {error} is missing" if isinstance(error, KeyError) else str(error)
-        if isinstance(error, OSError):
-            reason = error.strerror or reason
-        elif isinstance(error, ValidationError):
-            places = (
-                (".".join(map(str, problem["loc"])) or "the file", problem["msg"]) for problem in error.errors()[:3]
-            )
-            reason = "; ".join(f"{place}: {text}" for place, text in places)
         raise ModelFileError(
-            f"{path} cannot be read as a {_KIND}: {reason[:300]}. Identify it again from a lab record."
+            f"{path} cannot be read as a {_KIND}: {quoted(error, 300)}. Identify it again from a lab record."
         ) from error
     return FieldModel(data.terms, coefficients, data.rms_T)

@@ -1,44 +1,21 @@
-"""Where the field of a current is taken from (a ratio, lab runs or a swept model), and whether its gain fits the coil.
+"""Where the field of a current is taken from (a ratio, or lab runs).
 
 Strengths of plays and lags are bounded below by zero: a loop runs in one direction, and an eddy current delays.
-
-Whether coil and reference disagree by a gain shows in the filter's innovations, apart from offset and drift. The
-innovations nu of a filter are white with variance S, and a relative gain e of the reference adds e r to them, where r
-follows from the filter alone. So e = sum(nu r / S) / sum(r^2 / S) is the generalised least squares estimate beside an
-offset voltage that walks. Its uncertainty is the larger one of 1 / sqrt(sum(r^2 / S)), which holds if nothing else is
-wrong, and that from the scatter of the sums about it from second to second, which holds whatever else is wrong there.
-Where sum(nu^2 / S) is more than noise makes, the gain must explain most of that: an offset voltage that wanders faster
-than the filter assumes makes a small gain on a few ramps.
-
-H. White, Econometrica 48 (1980) 817 (uncertainty from the scatter).
 """
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from femfit.core.errors import DomainError, FitError, MissingPartError, TableError
+from femfit.core.errors import FitError, TableError
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.effects.conditions import Conditions
 from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
-from femfit.integrate.constants import GAIN_SIGMAS, SWEPT_SHARE
-from femfit.integrate.field_of_current import (
-    FieldModel,
-    FieldTerms,
-    field_columns,
-    field_model_of_sweep,
-    precycled,
-    read_field_model,
-)
+from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, precycled, read_field_model
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.uncertainty import LinearSigma, SensingCoil
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.readings import predict_readings
-from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_record import open_coil_record
 
 PATH_INTERVAL = 0.01
@@ -95,7 +72,7 @@ def identified_field(coil: SensingCoil, lab: str | Path | None, field: str | Pat
     if lab is None and field is None:
         raise TableError(
             "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
-            "magnet that was cycled before), --field-model FILE, or --model MODEL.json with --distance-mm."
+            "magnet that was cycled before), or --field-model FILE."
         )
     if lab is not None:
         model = _field_of_lab_record(lab, coil)
@@ -106,8 +83,6 @@ def identified_field(coil: SensingCoil, lab: str | Path | None, field: str | Pat
 
 def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> FieldModel:
     """Fit the field to the current over lab runs; without ``terms`` by those for the runs' largest current."""
-    if not runs:
-        raise FitError("A field model needs at least one lab run; instead received none.")
     paths = [_path(run) for run in runs]
     top = max(float(run.current.max()) for run in paths)
     if terms is None:
@@ -189,61 +164,3 @@ def _field_of_lab_record(lab: str | Path, coil: SensingCoil) -> FieldModel:
         for block, out in integrate_blocks(integrator, itertools.chain([first], blocks))
     ]
     return identify_field([LabRun(*np.concatenate(parts, axis=1))])
-
-
-def field_of_swept_model(
-    model: ActuatorModel, distance_m: float, *, of_flux: bool, sigma: float | None = None
-) -> CurrentField:
-    """The field of a current as a femfit model has it, with the moving part held: at the Hall element, in T.
-
-    ``of_flux`` means the winding's flux linkage in Wb instead; sigma is what the model is believed to be off by, by
-    default :data:`SWEPT_SHARE` of its largest.
-    """
-    sensor, domain = model.sensor, model.validity
-    if sensor is None and not of_flux:
-        raise MissingPartError(
-            f"The field of a current is that at the Hall element, and {model.name} has none. Leave out --coil-area to "
-            "compare flux linkages instead."
-        )
-    domain.require(np.array([distance_m]), domain.current_limits_A[:, 1])
-    if domain.current_max_A <= 0.0:
-        raise DomainError(f"The model must reach a current > 0 A; {model.name} ends at {domain.current_max_A:g} A.")
-    conditions = Conditions(nominal=nominal_of(model))
-
-    def curve(current: FloatArray) -> FloatArray:
-        read = predict_readings(model, np.full(current.shape, distance_m), current, conditions)
-        if of_flux or sensor is None:
-            return read["flux_linkage_Wb"]
-        return np.asarray((read["hall_V"] - sensor.quiescent_V) / sensor.sensitivity_V_per_T)
-
-    currents = (domain.current_min_A, domain.current_max_A)
-    if sigma is None:
-        sigma = SWEPT_SHARE * float(np.abs(curve(np.linspace(*currents, 33))).max())
-    return CurrentField(field_model_of_sweep(curve, *currents, sigma), currents)
-
-
-class GainTest:
-    """Sums over stretches of a record: of sum(nu^2 / S) - n, and of a = sum(nu r / S) and b = sum(r^2 / S)."""
-
-    def __init__(self) -> None:
-        self._excess, self._sums, self._products = 0.0, np.zeros(2), np.zeros((2, 2))
-
-    def see(self, excess: FloatArray, pairs: FloatArray) -> None:
-        """Add stretches, of shape (n,), with their a and b, of shape (2, n)."""
-        self._excess += float(excess.sum())
-        self._sums += pairs.sum(axis=1)
-        self._products += pairs @ pairs.T
-
-    def result(self) -> tuple[float, float] | None:
-        """Reference's changes over the coil's, and the ratio's standard uncertainty; None where none is shown."""
-        a, b = self._sums.tolist()
-        if b <= 0.0:
-            return None
-        e = a / b
-        residual = np.array([1.0, -e])
-        scatter = math.sqrt(max(float(residual @ self._products @ residual), 0.0)) / b
-        sigma = max(1.0 / math.sqrt(b), scatter)
-        if abs(e) <= GAIN_SIGMAS * sigma or e >= 1.0 or e**2 * b < 0.5 * self._excess:
-            return None
-        # r is the reading's part, gain included: reading = field / (1 - e)
-        return 1.0 / (1.0 - e), sigma / (1.0 - e) ** 2

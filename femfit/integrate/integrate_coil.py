@@ -11,33 +11,25 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.files import FIELD_MODEL, INTEGRATED, RAW_SIDECAR, require_outputs
-from femfit.integrate.constants import OFFSET_SIGMA_V, SETTLING_S, STILL_A
 from femfit.integrate.field_of_current import FieldModel, write_field_model
-from femfit.integrate.identified_field import CurrentField, field_of_ratio, field_of_swept_model, identified_field
+from femfit.integrate.identified_field import CurrentField, field_of_ratio, identified_field
 from femfit.integrate.methods import FILTERS, CoilIntegral, IntegrationOptions, Method
 from femfit.integrate.record_stream import Streamed, stream_record
-from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import model_of
+from femfit.integrate.uncertainty import OFFSET_SIGMA_V, SETTLING_S, STILL_A, LinearSigma, SensingCoil, Systematics
 from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
 
-_OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
-    "coil_area_m2": ("--coil-area", (), ""),
-    "zero_reading_s": ("--zero-reading-s", ("ffa1",), ""),
-    "settling_s": ("--settling-s", ("ffa2",), ""),
-    "still_A": ("--still-A", ("ffa2",), ""),
-    "current_to_field_A_per_T": ("--current-to-field", ("cs2",), ""),
-    "lab": ("--lab", ("cs2-identified",), ""),
-    "field_model": ("--field-model", ("cs2-identified",), ""),
-    "model": ("--model", ("cs2-identified",), ""),
-    "distance_m": ("--distance-mm", (), "--model"),
-    "model_sigma": ("--model-sigma", (), "--model"),
-    "smooth": ("--smooth", FILTERS, ""),
-    "coil_area_sigma_m2": ("--coil-area-sigma", (), "--coil-area"),
-    "reference_gain_sigma": ("--reference-gain-sigma", FILTERS, ""),
-    "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS, ""),
+_OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "coil_area_m2": ("--coil-area", ()),
+    "zero_reading_s": ("--zero-reading-s", ("ffa1",)),
+    "settling_s": ("--settling-s", ("ffa2",)),
+    "still_A": ("--still-A", ("ffa2",)),
+    "current_to_field_A_per_T": ("--current-to-field", ("cs2",)),
+    "lab": ("--lab", ("cs2-identified",)),
+    "field_model": ("--field-model", ("cs2-identified",)),
+    "reference_gain_sigma": ("--reference-gain-sigma", FILTERS),
+    "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS),
 }
-"""By keyword: the option, the methods that use it (all where none is named), and the option that it belongs to."""
+"""By keyword: the option, and the methods that use it, all where none is named."""
 
 
 def integrate_coil(
@@ -53,10 +45,6 @@ def integrate_coil(
     current_to_field_A_per_T: float | None = None,
     lab: str | Path | None = None,
     field_model: str | Path | FieldModel | None = None,
-    model: str | Path | ActuatorModel | None = None,
-    distance_m: float | None = None,
-    model_sigma: float | None = None,
-    smooth: bool = False,
     coil_area_sigma_m2: float | None = None,
     reference_gain_sigma: float | None = None,
     reference_offset_sigma_T: float | None = None,
@@ -92,11 +80,6 @@ def integrate_coil(
     lab, field_model : path
         Of cs2-identified: a record with Hall probe and current to identify the field from, and the file of the
         identified field, written with ``lab`` and read without.
-    model, distance_m, model_sigma : path or model, float, float
-        Of cs2-identified: a femfit model whose swept field takes the place of an identified one, at which distance,
-        and what it is believed to be off by (1 % of its largest field by default).
-    smooth : bool
-        Let the whole record speak for every sample (Rauch, Tung and Striebel); needs all of it in memory.
     coil_area_sigma_m2, reference_gain_sigma, reference_offset_sigma_T, offset_sigma_V : float
         Standard uncertainties of what stays the same through the record; the gain's is relative.
     columns, units, table : optional
@@ -131,15 +114,12 @@ def integrate_coil(
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
     _require_fitting(chosen, arguments)
     written = Path(field_model) if lab is not None and isinstance(field_model, str | Path) else None
-    _require_free([record, lab, model, field_model if lab is None else None], output, written)
+    _require_free([record, lab, field_model if lab is None else None], output, written)
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
     current_field = CurrentField()
     if current_to_field_A_per_T is not None:
         sigma = LinearSigma(reference_offset_sigma_T or 0.0, reference_gain_sigma or 0.0)
         current_field = field_of_ratio(current_to_field_A_per_T, sigma)
-    elif model is not None and distance_m is not None:
-        flux = coil_area_m2 is None
-        current_field = field_of_swept_model(model_of(model), distance_m, of_flux=flux, sigma=model_sigma)
     elif chosen == "cs2-identified":
         current_field = identified_field(coil, lab, field_model)
     if written is not None and current_field.model is not None:
@@ -163,13 +143,12 @@ def integrate_coil(
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
     claimed = before, systematics
     streamed = stream_record(
-        source, recorded, options, current_field, claimed, quantity, smooth=smooth, output=output, progress=progress
+        source, recorded, options, current_field, claimed, quantity, output=output, progress=progress
     )
     return _integral(
         streamed,
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
         method=chosen,
-        smoothed=smooth,
         quantity=quantity,
         coverage=coverage,
         output=output,
@@ -198,22 +177,14 @@ def _integral(streamed: Streamed, **facts: Any) -> CoilIntegral:
 
 def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     """Refuse options that would do nothing, and say what a method lacks."""
-    options = {
-        option
-        for keyword, (option, _, _) in _OPTIONS.items()
-        if not (arguments[keyword] is None or arguments[keyword] is False)
-    }
-    for option, methods, partner in _OPTIONS.values():
-        if option in options and methods and method not in methods:
+    options = {option: methods for keyword, (option, methods) in _OPTIONS.items() if arguments[keyword] is not None}
+    for option, methods in options.items():
+        if methods and method not in methods:
             raise TableError(
                 f"{option} is for {' and '.join(methods)}; {method} does not use it. Leave it out, or give another "
                 "--method."
             )
-        if option in options and partner and partner not in options:
-            raise TableError(f"{option} belongs to {partner} and does nothing without it. Give both, or neither.")
-    if "--model" in options and ("--distance-mm" not in options or options & {"--lab", "--field-model"}):
-        raise TableError("--model goes with --distance-mm, without --lab and --field-model.")
-    if method in FILTERS and not options & {"--coil-area", "--model"}:
+    if method in FILTERS and "--coil-area" not in options:
         raise TableError(f"{method} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
     if method == "cs2" and "--current-to-field" not in options:
         raise TableError(

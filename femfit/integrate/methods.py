@@ -12,11 +12,19 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.results import Finding, Printed, listing
 from femfit.core.text import counted
-from femfit.integrate.constants import FIRST_FIELD_SIGMA_T, SETTLING_S, STILL_A
 from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.field_of_current import FieldModel
 from femfit.integrate.offset_filter import OffsetFilter
-from femfit.integrate.uncertainty import FieldBlock, LinearSigma, Noise, SensingCoil, white_sigma
+from femfit.integrate.uncertainty import (
+    FIRST_FIELD_SIGMA_T,
+    SETTLING_S,
+    STILL_A,
+    FieldBlock,
+    LinearSigma,
+    Noise,
+    SensingCoil,
+    white_sigma,
+)
 from femfit.tables.coil_record import CoilBlock
 
 Method = Literal["trapezoid", "ffa1", "ffa2", "cs1-offset", "cs2", "cs2-identified"]
@@ -134,7 +142,6 @@ class CoilIntegral(Printed):
 
     record: str
     method: Method
-    smoothed: bool
     quantity: str
     samples: int
     sample_time_s: float
@@ -159,16 +166,13 @@ class CoilIntegral(Printed):
     def refuted_by(self) -> tuple[str, ...]:
         """Codes of the findings beside which neither the value at the end nor its uncertainty can be believed.
 
-        A feed-forward method hangs on the coil alone, but for ffa2, which takes its plateaus from a current; a filter
-        also on its reference. Innovations that only a wrong
+        A feed-forward method hangs on the coil alone, a filter also on its reference. Innovations that only a wrong
         gain explains leave the condition that the gain be exact.
         """
         codes = tuple(finding.code for finding in self.findings)
         spoiled = {"sign", "clipped", "stuck-voltage"}
         if self.method == "cs1-offset":
             spoiled |= {"stuck", "saturated"}
-        if self.method in {"ffa2", "cs2", "cs2-identified"}:
-            spoiled |= {"stuck-current"}
         if "gain" not in codes:
             spoiled |= {"innovations"}
         return tuple(code for code in codes if code in spoiled)
@@ -176,20 +180,13 @@ class CoilIntegral(Printed):
     def __str__(self) -> str:
         unit = self.quantity.rsplit("_", 1)[1]
         shares = ", ".join(f"{name.replace('_', ' ')} {share:.3g}" for name, share in self.parts.items() if share > 0.0)
-        # A plain integral has no reference, and a filter estimates the offset voltage.
-        idle = ("reference_gain", "reference_offset") if self.method in FEED_FORWARD else ("offset_voltage",)
-        none = [name.replace("_", " ") for name, share in self.parts.items() if share == 0.0 and name not in idle]
-        how = f"{self.method}, smoothed" if self.smoothed else self.method
         told_by = "coil" if self.method in FEED_FORWARD else "reference"
         exact = f", if the {told_by}'s gain is exact" if self.parts[f"{told_by}_gain"] == 0.0 else ""
-        if exact and any(finding.code == "gain" for finding in self.findings):
-            exact += ", which the record makes doubtful"
         end = f"at {self.end_s:.6g} s, the record's end"
         result = [
             f"{self.value:.9g} {unit} +- {self.expanded_uncertainty:.3g} {unit} (k = {self.coverage:g}) {end}{exact}"
         ]
         weighed = [f"standard uncertainty in {unit}: {shares}"]
-        weighed[0] += f"; nothing given for {', '.join(none)}" if none else ""
         if self.refuted_by:
             quantity = self.quantity.rsplit("_", 1)[0].replace("_", " ")
             result = [f"No {quantity} can be stated {end}: see {listing(self.refuted_by)} below"]
@@ -197,7 +194,7 @@ class CoilIntegral(Printed):
         lines = [
             *result,
             (
-                f"{how}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
+                f"{self.method}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
                 f"{1e6 * self.offset_V:.3g} uV at the end"
             ),
             *weighed,
@@ -211,7 +208,6 @@ class CoilIntegral(Printed):
         return {
             "record": self.record,
             "method": self.method,
-            "smoothed": self.smoothed,
             "quantity": self.quantity,
             "samples": self.samples,
             "sample_time_s": self.sample_time_s,

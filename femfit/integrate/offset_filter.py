@@ -7,10 +7,6 @@ current, whose lasting error is weighed as white noise of the density that an er
 
 P. Arpaia et al., Sensors 22 (2022) 182, (7) and (13), with one state; Y. Bar-Shalom, X. Li and T. Kirubarajan,
 Estimation with Applications to Tracking and Navigation (Wiley, 2001), 5.2 (Kalman filter), 6.2.2 (integrated noise).
-
-Offline, a smoother says what the filter would have said had it known the rest of the record. H. E. Rauch, F. Tung and
-C. T. Striebel, AIAA J. 3 (1965) 1445. The backward recursion goes from correction to correction, and the coil's
-integral carries the samples between.
 """
 
 from dataclasses import dataclass, replace
@@ -19,10 +15,17 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
-from femfit.integrate.constants import FIRST_OFFSET_SIGMA_V, MODEL_ERROR_TIME_S, OFFSET_WANDER_V
 from femfit.integrate.feed_forward import LastSample, increments
 from femfit.integrate.field_of_current import FieldModel, MagnetState
-from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
+from femfit.integrate.uncertainty import (
+    FIRST_OFFSET_SIGMA_V,
+    MODEL_ERROR_TIME_S,
+    OFFSET_WANDER_V,
+    FieldBlock,
+    Noise,
+    Responses,
+    SensingCoil,
+)
 from femfit.tables.coil_record import CoilBlock
 
 UPDATE_INTERVAL = 0.02
@@ -41,18 +44,6 @@ class OffsetState:
     # Samples since then: time (s), reading (T or A), time step (s), field increment (T), its variance; shape (5, n)
     pending: FloatArray
     magnet: MagnetState | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Correction:
-    """One correction of the filter, for the smoother: at which sample of the block, and what was before and after."""
-
-    row: int
-    elapsed: float
-    predicted: FloatArray
-    predicted_covariance: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
 
 
 @dataclass(frozen=True)
@@ -76,20 +67,24 @@ class OffsetFilter:
         magnet = None if self.field_model is None else self.field_model.start()
         return OffsetState(LastSample(), mean, covariance, np.zeros((5, 0)), magnet)
 
-    def advance(
-        self, state: OffsetState, block: CoilBlock, trace: list[Correction] | None = None
-    ) -> tuple[OffsetState, FieldBlock]:
-        """Filter a block; ``trace`` collects the corrections for the smoother."""
+    def advance(self, state: OffsetState, block: CoilBlock) -> tuple[OffsetState, FieldBlock]:
+        """Filter a block."""
         raw = block.hall if self.field_model is None else block.current
         if raw is None:
             name = "hall_T" if self.field_model is None else "current_A"
             raise TableError(f"This filter needs {name}; instead received a record without it.")
         before, begin = state.pending.shape[1], 0
-        out = np.full((10, before + len(block)), np.nan)  # as the arrays of a FieldBlock follow each other
+        out = np.full((9, before + len(block)), np.nan)  # as the arrays of a FieldBlock follow each other
         if np.isnan(state.mean[0, 0]):  # nothing is known before the first reading
             begin = next(iter(np.flatnonzero(np.isfinite(raw)).tolist()), len(block))
             if begin < len(block):
-                state = self._acquired(state, block.time[begin], raw[begin])
+                reading = float(raw[begin])  # all of the field to start from comes from the reference
+                if self.field_model is not None and state.magnet is not None:
+                    moment = slice(begin, begin + 1)
+                    reading = float(self.field_model.advance(state.magnet, block.time[moment], raw[moment])[1][0])
+                mean = state.mean.copy()
+                mean[0, :3] = reading, reading, 1.0
+                state = replace(state, mean=mean)
         if begin < len(block):
             last, steps = increments(state.last, block[begin:], self.coil, self.noise, self.sample_time)
             latest = np.stack([block.time[begin:], raw[begin:], steps.dt, steps.field, steps.variance])
@@ -99,23 +94,11 @@ class OffsetFilter:
                 rows, target = samples[:, first : first + window], out[:, begin + first : begin + first + window]
                 elapsed = self._predict(state, rows, target)
                 if rows.shape[1] == window:
-                    correction, magnet = self._correct(state, rows, elapsed, target, begin + first + window - 1)
-                    state = OffsetState(state.last, correction.mean, correction.covariance, rows[:, :0], magnet)
-                    if trace is not None:
-                        trace.append(correction)
+                    state = self._correct(state, rows, elapsed, target)
             complete = samples.shape[1] // window * window
             state = replace(state, last=last, pending=samples[:, complete:])
-        field, variance, offset, innovation, spread, of_gain, *answers = out[:, before:]
-        responses = Responses(*answers)
-        return state, FieldBlock(block.time, field, variance, offset, innovation, spread, of_gain, responses)
-
-    def _acquired(self, state: OffsetState, time: float, reading: float) -> OffsetState:
-        """With a field to start from, all of which came from the reference."""
-        if self.field_model is not None and state.magnet is not None:
-            reading = float(self.field_model.advance(state.magnet, np.array([time]), np.array([reading]))[1][0])
-        mean = state.mean.copy()
-        mean[0, :3] = reading, reading, 1.0
-        return replace(state, mean=mean)
+        field, variance, offset, innovation, spread, *answers = out[:, before:]
+        return state, FieldBlock(block.time, field, variance, offset, innovation, spread, Responses(*answers))
 
     def _predict(self, state: OffsetState, samples: FloatArray, out: FloatArray) -> FloatArray:
         """Predict every sample since the last correction; return the times in s since then."""
@@ -129,12 +112,10 @@ class OffsetFilter:
         spread = P[0, 0] - 2.0 * late * P[0, 1] + late**2 * P[1, 1] + np.cumsum(variance) + walk
         out[0], out[1], out[2] = columns[0], spread, mean[1, 0]
         # What the coil brought is what the reference did not
-        out[6], out[7:] = columns[0] - columns[1], columns[1:]
+        out[5], out[6:] = columns[0] - columns[1], columns[1:]
         return elapsed
 
-    def _correct(
-        self, state: OffsetState, samples: FloatArray, elapsed: FloatArray, out: FloatArray, row: int
-    ) -> tuple[Correction, MagnetState | None]:
+    def _correct(self, state: OffsetState, samples: FloatArray, elapsed: FloatArray, out: FloatArray) -> OffsetState:
         """Compare the mean reading with the mean prediction, at the window's last sample."""
         (time, raw, _, steps, variances), area, tau = samples, self.coil.area_m2, float(elapsed[-1])
         used = np.isfinite(raw)
@@ -145,7 +126,7 @@ class OffsetFilter:
         mean = F @ state.mean
         mean[0, 0] += float(steps.sum())
         mean[0, 3] += tau / area
-        predicted, covariance, magnet = mean.copy(), prior, state.magnet
+        covariance, magnet = prior, state.magnet
         if used.any():
             since = float(elapsed[used].mean())
             magnet, z, R = self._reading(state.magnet, raw[used], float(time[-1]) - tau + since, tau)
@@ -160,10 +141,10 @@ class OffsetFilter:
             mean += gain[:, None] * innovation
             keep = np.eye(2) - np.outer(gain, H)
             covariance = keep @ prior @ keep.T + R * np.outer(gain, gain)  # Joseph's form keeps it positive
-            out[3:6, -1] = innovation[0], spread, innovation[1]
+            out[3:5, -1] = innovation[0], spread
         out[:3, -1] = mean[0, 0], covariance[0, 0], mean[1, 0]
-        out[6:, -1] = mean[0, 0] - mean[0, 1], *mean[0, 1:]
-        return Correction(row, tau, predicted, prior, mean, covariance), magnet
+        out[5:, -1] = mean[0, 0] - mean[0, 1], *mean[0, 1:]
+        return OffsetState(state.last, mean, covariance, samples[:, :0], magnet)
 
     def _reading(
         self, magnet: MagnetState | None, readings: FloatArray, time: float, elapsed: float
@@ -175,57 +156,3 @@ class OffsetFilter:
         magnet, field = self.field_model.advance(magnet, np.array([time]), np.array([mean]))
         lasting = max(1.0, MODEL_ERROR_TIME_S / max(elapsed, self.sample_time))
         return magnet, float(field[0]), lasting * float(self.noise.reference.variance(field)[0])
-
-
-def smooth(integrator: OffsetFilter, record: CoilBlock) -> FieldBlock:
-    """Filter a whole record and smooth it; innovations stay the filter's."""
-    trace: list[Correction] = []
-    start = integrator.start()
-    _, out = integrator.advance(start, record, trace)
-    if not trace:
-        return out
-    area = integrator.coil.area_m2
-    means, variances = _smoothed_corrections(trace, area)
-    _, steps = increments(start.last, record, integrator.coil, integrator.noise, integrator.sample_time)
-    time = record.time
-    # What moves the columns of the mean between corrections: the coil, nothing, nothing, and a volt of offset.
-    moved = np.zeros((len(time), 4))
-    moved[:, 0], moved[:, 3] = np.cumsum(steps.field), (time - time[0]) / area
-    values, offset, variance = np.full((len(time), 4), np.nan), out.offset.copy(), out.variance.copy()
-    for place in range(len(trace) - 1):
-        begin, end = trace[place].row, trace[place + 1].row
-        rows = slice(begin, end + 1)
-        since = (time[rows] - time[begin])[:, None]
-        path = means[place, 0] + moved[rows] - moved[begin] - means[place, 1] * since / area
-        # What the walk of the offset moved is spread over the interval, so that the path meets the next correction.
-        share = since / since[-1]
-        values[rows] = path + (means[place + 1, 0] - path[-1]) * share
-        offset[rows] = means[place, 1, 0] + (means[place + 1, 1, 0] - means[place, 1, 0]) * share[:, 0]
-        variance[rows] = variances[place] + (variances[place + 1] - variances[place]) * share[:, 0]
-    first = int(np.flatnonzero(np.isfinite(out.field))[0])
-    for columns, row, mean in (
-        (slice(first, trace[0].row + 1), trace[0].row, means[0]),
-        (slice(trace[-1].row, None), trace[-1].row, means[-1]),
-    ):
-        values[columns] = mean[0] + moved[columns] - moved[row] - mean[1] * (time[columns] - time[row])[:, None] / area
-    offset[first : trace[0].row], variance[first : trace[0].row] = means[0, 1, 0], variances[0]
-    field, reference, unit, voltage = np.ascontiguousarray(values.T)
-    responses = Responses(field - reference, reference, unit, voltage)
-    return replace(out, field=field, variance=variance, offset=offset, responses=responses)
-
-
-def _smoothed_corrections(trace: list[Correction], area: float) -> tuple[FloatArray, FloatArray]:
-    """Smoothed field and offset with their responses (n, 2, 4), and the field's variance (n,), at the corrections."""
-    means, variances = np.empty((len(trace), 2, 4)), np.empty(len(trace))
-    mean, covariance = trace[-1].mean, trace[-1].covariance
-    means[-1], variances[-1] = mean, covariance[0, 0]
-    for place in range(len(trace) - 2, -1, -1):
-        here, after = trace[place], trace[place + 1]
-        F = np.array([[1.0, -after.elapsed / area], [0.0, 1.0]])
-        gain = np.linalg.solve(after.predicted_covariance, F @ here.covariance).T
-        mean = here.mean + gain @ (mean - after.predicted)
-        smoothed = here.covariance + gain @ (covariance - after.predicted_covariance) @ gain.T
-        # Across a gap of days rounding may eat all of it; the filter's own covariance is on the safe side.
-        covariance = smoothed if smoothed[0, 0] > 0.0 else here.covariance
-        means[place], variances[place] = mean, covariance[0, 0]
-    return means, variances

@@ -6,17 +6,13 @@ Characterization and Measurement of Magnetic Materials (Elsevier, 2004), section
 
 import itertools
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.integrate.constants import GAP
-from femfit.integrate.uncertainty import white_sigma
-
-OffsetMethod = Literal["trapezoid", "ffa1", "plateaus"]
+from femfit.integrate.uncertainty import GAP, white_sigma
 
 _LEAST = 3
 """Samples of a settled plateau."""
@@ -29,11 +25,10 @@ _ROUNDING = 1e-9
 class PlateauOptions:
     """How a run is cut and its offset voltage found, as :func:`~femfit.integrate.bench_table.make_bench_table` says.
 
-    With ``plateaus`` an error of R i on a plateau is taken off with the offset. Neither neighbouring samples of a
+    An error of R i on a plateau is taken off with the offset. Neither neighbouring samples of a
     plateau nor its first and last quarter may differ by more than ``still_A`` and ``still_m``.
     """
 
-    method: OffsetMethod = "plateaus"
     settling: float = 0.0
     still_A: float = 1e-3
     still_m: float = 1e-6
@@ -61,8 +56,6 @@ def plateau_flux(
     The voltage is u - R i of an excitation winding, u of a sensing coil; current in A and
     distance in m tell the plateaus.
     """
-    if not all(np.isfinite(column).all() for column in (time, voltage, current, distance)):
-        raise TableError("A bench record must have a time, voltage, current and distance in each row; fill or cut it.")
     if len(time) < _LEAST or np.any(np.diff(time) <= 0.0):
         raise TableError("A bench record's time_s must rise in each run; give each run its number in a column run.")
     first, last = _plateaus(time, current, distance, options)
@@ -75,38 +68,25 @@ def plateau_flux(
     spans = list(zip(first, last, strict=True))
     noise, step = white_sigma(voltage), np.diff(time)
     means = np.array([voltage[a:b].mean() for a, b in spans])
-    if options.method == "trapezoid":
-        means = np.zeros(len(means))
-    elif options.method == "ffa1":
-        means = np.full(len(means), means[0])
     rest = voltage - np.interp(time, time[np.stack([first, last - 1], axis=1)].ravel(), np.repeat(means, 2))
     flux = np.concatenate([[0.0], np.cumsum(0.5 * step * (rest[1:] + rest[:-1]))])
     mean = np.array([flux[a:b].mean() for a, b in spans])
     level = np.array([current[a:b].mean() for a, b in spans])
-    variance = noise**2 * _variance(time, first, last, options.method) + _hidden(time, voltage, first, last)
-    if options.method == "plateaus":
-        variance += _wandered(time, voltage, first, last, noise)
+    variance = noise**2 * _variance(time, first, last) + _hidden(time, voltage, first, last)
+    variance += _wandered(time, voltage, first, last, noise)
     change = np.diff(level, prepend=level[0])
     turn = pd.Series(np.where(np.abs(change) > options.still_A, np.sign(change), np.nan))
     branch = np.asarray(turn.ffill().fillna(0.0), dtype=np.float64)
     return PlateauFlux(first, last, mean - mean[0], np.sqrt(variance), branch)
 
 
-def _variance(time: FloatArray, first: IntArray, last: IntArray, method: OffsetMethod) -> FloatArray:
+def _variance(time: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
     """Variance of a plateau's mean integral minus the first's, for white noise of 1 V, in s^2; shape (p,)."""
     step = float(np.median(np.diff(time)))
     count = last - first
     held = step * count
     middle = 0.5 * (time[first] + time[last - 1])
     elapsed = middle - middle[0]
-    # A random walk from the first plateau's mean to another's: 1/6 of either is averaged away.
-    walk = np.asarray(step * (elapsed - (held[0] + held) / 6.0))
-    walk[0] = 0.0
-    if method == "trapezoid":
-        return walk
-    if method == "ffa1":
-        # The first mean's noise is also what the walk begins with, over the half plateau after its middle.
-        return np.asarray(walk + elapsed**2 / count[0] - step * elapsed * (elapsed > 0.0))
     # On a plateau the mean is taken off, which leaves a bridge whose mean has held / 12; between plateaus the walk and
     # the two means' errors, each mean counting in the gap before it and in the gap after it.
     gap = time[first[1:]] - time[last[:-1] - 1]

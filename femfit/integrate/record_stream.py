@@ -1,28 +1,110 @@
-"""A coil record streamed through an integrator: its rows kept or written, and what is wrong with it found."""
+"""A coil record streamed through an integrator: its rows kept or written, and what is wrong with it found.
+
+Records over time as files, written block by block: CSV, Parquet, raw float32 with a sidecar.
+"""
 
 import itertools
-import math
-from collections.abc import Callable
-from contextlib import nullcontext
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
-from femfit.core.errors import TableError
+from femfit.core.errors import OutputError, TableError
+from femfit.core.files import replacing
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
-from femfit.integrate.constants import LARGEST_VOLTAGE_V
 from femfit.integrate.identified_field import CurrentField
 from femfit.integrate.methods import FEED_FORWARD, IntegrationOptions, integrate_blocks, make_integrator
-from femfit.integrate.offset_filter import OffsetFilter
-from femfit.integrate.offset_filter import smooth as smoothed
-from femfit.integrate.record_watch import RecordWatch, Reference
-from femfit.integrate.uncertainty import FieldBlock, Systematics
-from femfit.integrate.words import finding
-from femfit.tables.coil_record import COLUMNS, CoilBlock, CoilRecord, joined_record
-from femfit.tables.record_writer import RecordWriter
+from femfit.integrate.record_watch import RecordWatch, Reference, finding
+from femfit.integrate.uncertainty import LARGEST_VOLTAGE_V, FieldBlock, Systematics
+from femfit.tables.coil_record import COLUMNS, RAW, RAW_SUFFIXES, CoilBlock, CoilRecord
+
+
+class RecordWriter:
+    """Writes columns block by block; the file appears when all is written.
+
+    Parameters
+    ----------
+    path : Path
+        ``.csv``, ``.parquet``, or ``.bin``, ``.raw``, ``.f32`` (with a JSON sidecar).
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str], sample_time: float) -> None:
+        self.path, self.columns, self.sample_time = Path(path), list(columns), sample_time
+        if self.path.suffix not in {".csv", ".parquet", *RAW_SUFFIXES}:
+            raise TableError(
+                f"An integrated record is written as .csv, .parquet, .bin, .raw or .f32; instead received {path.name}."
+            )
+        if self.path.suffix in RAW_SUFFIXES and self.path.with_suffix(".toml").exists():
+            raise OutputError(
+                f"{self.path.with_suffix('.toml')} would be taken for the sidecar of {self.path.name}. Choose another "
+                "name, or delete that file."
+            )
+        self._start, self._last = 0.0, np.nan
+        self._rows = 0
+        self._open = ExitStack()
+        self._file: BinaryIO | None = None
+        self._parquet: pq.ParquetWriter | None = None
+
+    def __enter__(self) -> Self:
+        sidecar = None
+        if self.path.suffix in RAW_SUFFIXES:  # which appears with the record, or not at all
+            sidecar = self._open.enter_context(replacing(self.path.with_suffix(".json")))
+        partial = self._open.enter_context(replacing(self.path))
+        if self.path.suffix == ".parquet":
+            schema = pa.schema([(name, pa.float64()) for name in self.columns])
+            self._parquet = self._open.enter_context(pq.ParquetWriter(partial, schema))
+        else:
+            self._file = self._open.enter_context(partial.open("wb"))
+        if sidecar is not None:
+            self._open.callback(self._describe, sidecar)
+        return self
+
+    def write(self, block: Mapping[str, FloatArray]) -> None:
+        """Append rows."""
+        if self._rows == 0:
+            self._start = float(block["time_s"][0])
+        self._rows += len(block["time_s"])
+        if self._parquet is not None:
+            self._parquet.write_table(pa.table({name: block[name] for name in self.columns}))
+        elif self._file is not None and self.path.suffix == ".csv":
+            table, first = (
+                pd.DataFrame({name: block[name] for name in self.columns}),
+                self._rows == len(block["time_s"]),
+            )
+            table.to_csv(self._file, index=False, header=first, float_format="%.10g")
+        elif self._file is not None:
+            self._file.write(self._evenly_spaced(block).astype(RAW).tobytes())
+
+    def _evenly_spaced(self, block: Mapping[str, FloatArray]) -> FloatArray:
+        """The rows of a raw record, with NaN for each sample that a gap of the clock left out."""
+        time = block["time_s"]
+        values = np.stack([block[name] for name in self.columns[1:]], axis=1)
+        steps = np.diff(time, prepend=time[0] - self.sample_time if np.isnan(self._last) else self._last)
+        places = np.cumsum(np.maximum(np.rint(steps / self.sample_time), 1.0)).astype(np.intp) - 1
+        self._last = float(time[-1])
+        rows = np.full((places[-1] + 1, values.shape[1]), np.nan)
+        rows[places] = values
+        return rows
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
+
+    def _describe(self, sidecar: Path) -> None:
+        """Write a raw record's sidecar."""
+        rate = round(1.0 / self.sample_time, 6)
+        side = {"sample_rate_Hz": rate, "start_s": self._start, "columns": self.columns[1:]}
+        sidecar.write_text(json.dumps(side, indent=1) + "\n", encoding="utf-8")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +127,6 @@ def stream_record(
     systematics: tuple[Systematics, Systematics],
     quantity: str,
     *,
-    smooth: bool,
     output: Path | None,
     progress: Callable[[int, int], None] | None,
 ) -> Streamed:
@@ -59,11 +140,7 @@ def stream_record(
     first = next(blocks)
     integrator = make_integrator(options, first)
     pairs = integrate_blocks(integrator, itertools.chain([first], blocks))
-    if smooth and isinstance(integrator, OffsetFilter):
-        record = joined_record(itertools.chain([first], blocks))
-        pairs = iter([(record, smoothed(integrator, record))])
-    gain_sigma = math.hypot(systematics[1].coil_gain, systematics[1].reference_gain)
-    watch = _watch(options, columns, quantity, integrator.sample_time, current_field, gain_sigma)
+    watch = _watch(options, columns, quantity, integrator.sample_time, current_field)
     show(0, total or 0)
     samples, corrected = 0, False
     value, unit = quantity.rsplit("_", 1)
@@ -90,15 +167,11 @@ def stream_record(
                 f"The zero reading must end before the record does; instead it lasts {options.zero_reading:g} s, and "
                 f"the record {length:.3g} s. Give a smaller --zero-reading-s."
             )
-    findings = (*watch.findings(), *_no_plateau(options, corrected))
+    findings = watch.findings()
+    if options.method == "ffa2" and not corrected:
+        findings = (*findings, finding("plateau", still_A=options.still_A))
     rows = pd.concat(blocks_read, ignore_index=True) if blocks_read else None
     return Streamed(out, samples, integrator.sample_time, systematics[corrected], findings, rows)
-
-
-def _no_plateau(options: IntegrationOptions, corrected: bool) -> tuple[Finding, ...]:
-    if options.method != "ffa2" or corrected:
-        return ()
-    return (finding("plateau", still_A=options.still_A),)
 
 
 def _watch(
@@ -107,7 +180,6 @@ def _watch(
     quantity: str,
     sample_time: float,
     current_field: CurrentField,
-    gain_sigma: float,
 ) -> RecordWatch:
     """Compare the coil with the reference that the method uses, or with one that the record has besides."""
     of_hall = options.method == "cs1-offset" or (options.method in FEED_FORWARD and "hall_T" in columns)
@@ -115,7 +187,7 @@ def _watch(
     scale = None if current_field.ratio is None else 1.0 / current_field.ratio
     if of_hall and quantity == "field_T":
         scale = 1.0
-    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, current_field.currents, gain_sigma)
+    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, current_field.currents)
 
 
 def _block(rows: pd.DataFrame) -> CoilBlock:

@@ -1,12 +1,20 @@
-"""The catalogue of force laws: one tuple; third parties add theirs by the entry point ``femfit.laws``."""
+"""The catalogue of force laws: one tuple."""
 
-from importlib.metadata import entry_points
-
-from femfit.core.entry_catalogue import EntryCatalogue
-from femfit.laws.dipoles import DIPOLE_DISK, DIPOLE_LOOP, F1E, F2E, SHIFTED_F1E, TWO_DIPOLES
+from femfit.core.errors import UsageError
+from femfit.laws.dipoles import (
+    DIPOLE_DISK,
+    DIPOLE_LOOP,
+    F1E,
+    F2E,
+    INVERSE_POWERS,
+    RATIONAL,
+    SHIFTED_F1E,
+    SHIFTED_MULTIPOLES,
+    SHIFTED_POWERS,
+    TWO_DIPOLES,
+)
 from femfit.laws.exponentials import EXPONENTIAL_HARMONICS, MOVING_COIL, TWO_EXPONENTIALS
 from femfit.laws.law import ForceLaw
-from femfit.laws.powers import INVERSE_POWERS, RATIONAL, SHIFTED_MULTIPOLES, SHIFTED_POWERS
 
 BUILT_IN: tuple[ForceLaw, ...] = (
     F1E,
@@ -24,24 +32,9 @@ BUILT_IN: tuple[ForceLaw, ...] = (
     MOVING_COIL,
 )
 
-GROUP = "femfit.laws"
-"""Entry points of other packages' laws, each named as its law."""
-
-_CATALOGUE = EntryCatalogue(ForceLaw, "Force law", BUILT_IN)
-
 
 def all_laws() -> dict[str, ForceLaw]:
-    """Every law by its name: those of femfit, then those of installed packages.
-
-    Returns
-    -------
-    dict of str to ForceLaw
-        In the catalogue's order; a name of femfit's own cannot be taken by another package.
-
-    Raises
-    ------
-    ModelFileError
-        If an installed package's law cannot be loaded.
+    """Every law by its name, in the catalogue's order.
 
     Examples
     --------
@@ -49,9 +42,12 @@ def all_laws() -> dict[str, ForceLaw]:
     >>> ff.list_laws()["F1e"].formula
     'a d^-4 + b d^-2'
     """
-    return _CATALOGUE.all(entry_points(group=GROUP))
+    return {law.name: law for law in BUILT_IN}
 
 
 def law_by_name(name: str) -> ForceLaw:
-    """Look up a law; only the package that gives it is loaded."""
-    return _CATALOGUE.find(name, lambda: entry_points(group=GROUP))
+    """Look up a law, or :class:`UsageError` with those that there are."""
+    laws = all_laws()
+    if name not in laws:
+        raise UsageError(f"Force law must be one of {', '.join(laws)}; instead received {name!r}.")
+    return laws[name]

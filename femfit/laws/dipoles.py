@@ -1,4 +1,6 @@
-"""One inverse power of the distance: c d^-4, as of two coaxial dipoles.
+"""Laws of inverse powers of the distance: of dipoles, of dipoles and coils, and of several multipoles.
+
+One inverse power of the distance: c d^-4, as of two coaxial dipoles.
 
 Two inverse powers of the distance: a d^-4, as of a magnet and its image, + b d^-2, as of a coil.
 
@@ -17,6 +19,14 @@ dipole is that field's gradient.
 A dipole drawn to its image and to a current loop: a (d + d1)^-4 + b s (s^2 + R^2)^(-5/2), s = d + d2.
 
 The loop's field on its axis is proportional to (s^2 + R^2)^(-3/2), and the force on a dipole to that field's gradient.
+
+A dictionary of inverse powers of the distance, 2 to 5, without a shift.
+
+A dictionary of inverse powers of a shifted distance, 2 to 5: one division serves all of them.
+
+Three multipoles about one centre behind the face: inverse powers 4 to 6 of a shifted distance.
+
+A shifted dipole and a rational bell: a (d + d1)^-4 + b (d^2 + R^2)^-2, without roots.
 """
 
 from collections.abc import Mapping
@@ -135,5 +145,69 @@ DIPOLE_LOOP = ForceLaw(
         ShapeParameter("shift1_m", "m", 1e-5, 0.3, 2e-3, "depth of the magnet's image"),
         ShapeParameter("shift2_m", "m", 1e-5, 0.3, 10e-3, "depth of the loop behind the face"),
         ShapeParameter("radius_m", "m", 1e-3, 0.3, 25e-3, "radius of the loop"),
+    ),
+)
+
+
+INVERSE_POWERS = law_of_powers(
+    name="inverse-powers",
+    formula="a d^-2 + b d^-3 + c d^-4 + e d^-5",
+    basis=("d^-2", "d^-3", "d^-4", "d^-5"),
+    coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
+    powers=((2, ""), (3, ""), (4, ""), (5, "")),
+    column_operations=5,
+    reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
+)
+
+
+SHIFTED_POWERS = law_of_powers(
+    name="shifted-powers",
+    formula="a s^-2 + b s^-3 + c s^-4 + e s^-5, s = d + d1",
+    basis=("s^-2", "s^-3", "s^-4", "s^-5"),
+    coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
+    powers=((2, "shift_m"), (3, "shift_m"), (4, "shift_m"), (5, "shift_m")),
+    column_operations=6,
+    reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
+    shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 5e-3, "depth of the expansion's centre behind the face"),),
+)
+
+
+SHIFTED_MULTIPOLES = law_of_powers(
+    name="shifted-multipoles",
+    formula="a s^-4 + b s^-5 + c s^-6, s = d + d1",
+    basis=("s^-4", "s^-5", "s^-6"),
+    coefficient_units=("N m^4", "N m^5", "N m^6"),
+    powers=((4, "shift_m"), (5, "shift_m"), (6, "shift_m")),
+    column_operations=6,
+    reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
+    shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 10e-3, "depth of the multipoles' centre behind the face"),),
+)
+
+
+def _columns_of_rational(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
+    image = distance + shape["shift_m"]
+    square = 1.0 / (image * image)
+    bell = 1.0 / (distance * distance + shape["radius_m"] ** 2)
+    return square * square, bell * bell
+
+
+def _potential_of_rational(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
+    radius = shape["radius_m"]
+    tail = np.arctan2(radius, distance) - radius * distance / (distance**2 + radius**2)
+    return (distance + shape["shift_m"]) ** -3.0 / 3.0, tail / (2.0 * radius**3)
+
+
+RATIONAL = ForceLaw(
+    name="rational",
+    formula="a (d + d1)^-4 + b (d^2 + R^2)^-2",
+    basis=("(d+d1)^-4", "(d^2+R^2)^-2"),
+    coefficient_units=("N m^4", "N m^4"),
+    terms=_columns_of_rational,
+    potentials=_potential_of_rational,
+    column_operations=8,
+    reference="I. S. Gradshteyn and I. M. Ryzhik, Table of Integrals (Academic Press, 2007), 2.103 (potential)",
+    shape=(
+        ShapeParameter("shift_m", "m", 1e-5, 0.3, 2e-3, "depth of the magnet's image"),
+        ShapeParameter("radius_m", "m", 1e-3, 0.3, 33e-3, "half width of the bell"),
     ),
 )

@@ -23,14 +23,12 @@ from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents, EddyMagnetics
 from femfit.model.equations import Equations
 from femfit.model.hall import HallSensor, OtherSensor
-from femfit.model.impedance import Answer, answered, checked_frequency, field_of, force_of, impedance_of
-from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
+from femfit.model.impedance import checked_frequency, impedances_at
+from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics, Windings
 from femfit.model.model_text import sentence
-from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.model.sample_step import SampleStep
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor, NetworkMagnetics
 from femfit.model.validity import ActuatorKind, FiledBox, Misfit, ProcessNoise, ValidityBox
-from femfit.model.windings import Windings
 
 Part = TypeVar("Part")
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -173,37 +171,11 @@ class ActuatorModel(Printed):
         >>> z = model.impedance(0.022, 0.5, 100.0)
         >>> print(f"{z.real:.2f} ohm, {z.imag / (2 * 3.14159 * 100.0):.4f} H")
         """
-        return self._answered(impedance_of, distance, current, frequency, extrapolate, 2)
-
-    def force_transfer(
-        self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
-    ) -> ComplexArray:
-        """Force in N for an ampere of a small sinusoidal current about a bias, the body held; (..., n) of several.
-
-        Arguments and errors as of :meth:`impedance`. At a frequency of 0 it is dF/di.
-        """
-        return self._answered(force_of, distance, current, frequency, extrapolate, 1)
-
-    def hall_transfer(
-        self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
-    ) -> ComplexArray:
-        """Field at the Hall element in T for an ampere, else as :meth:`force_transfer`."""
-        return self._answered(field_of, distance, current, frequency, extrapolate, 1)
-
-    def _answered(
-        self,
-        answer: Answer,
-        distance: ArrayLike,
-        current: ArrayLike,
-        frequency: ArrayLike,
-        extrapolate: bool,
-        axes: int,
-    ) -> ComplexArray:
         if not self.require_circuits():
             self.require_circuit()
         d, i = self._points(distance, current, extrapolate)
         f = checked_frequency(np.asarray(frequency, dtype=np.float64), np.broadcast_shapes(d.shape, i.shape[:-1]))
-        return self._squeezed(answered(self, answer, d, i, f), axes)
+        return self._squeezed(impedances_at(self, d, i, f), 2)
 
     def _evaluate(
         self,

@@ -59,10 +59,6 @@ class DistanceCoordinate:
         u = self.reference_distance_m / shifted
         return u, -u / shifted, 2.0 * u / shifted**2
 
-    def finite_between(self, least: float, greatest: float) -> bool:
-        """Whether u is finite at all distances in m from the least to the greatest."""
-        return not self.inverse or not least <= -self.distance_shift_m <= greatest
-
 
 INVERSE, PLAIN, TWO_GAPS = "inverse_distance", "distance", "two_gaps"
 
@@ -72,7 +68,7 @@ _LEAST_M = 1e-60
 
 @dataclass(frozen=True, kw_only=True)
 class FiledCoordinate:
-    """A coordinate in a model file, which of several circuits may be the one for two gaps."""
+    """A coordinate in a model file."""
 
     coordinate: Literal["inverse_distance", "distance", "two_gaps"] = "inverse_distance"  # As in files of schema 1
     reference_distance_m: float
@@ -105,17 +101,8 @@ class FiledCoordinate:
             yield "distance_shift_m", f"absent beside coordinate {PLAIN}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class OneSided(FiledCoordinate):
-    """The same of what has no coordinate for two gaps."""
-
-    coordinate: Literal["inverse_distance", "distance"] = "inverse_distance"
-    reference_distance_m: float = field(metadata={"positive": True})
-
-
-FLAT: dict[str, Any] = {"flat": True, "form": OneSided}
-FLAT_OF_SEVERAL: dict[str, Any] = {"flat": True, "form": FiledCoordinate}
-"""How a model file has the coordinate of one circuit's splines, and of those that any number of circuits have."""
+FLAT: dict[str, Any] = {"flat": True, "form": FiledCoordinate}
+"""How a model file has the coordinate of splines, beside their knots."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,8 +97,12 @@ class DrawnEffect:
             reference="Signature computed from the drawing's own field",
         )
         needs = EDDY_NEEDS if self.conducts else HARMONIC_NEEDS if self._harmonic else NEEDS
+        calibrations: tuple[Calibration, ...] = ()
+        if self.unit == "mm" and not self.key.startswith(SENSORS):  # a dimension can be read on the part itself
+            text = f"Measure {self.subject} on the device itself, to {MICROMETER_MM:g} mm."
+            calibrations = (Calibration({self.parameter: MICROMETER_MM}, MICROMETER_COST, text),)
         title = "" if self.subject == self.key else self.subject
-        return replace(made, needs=needs, calibrations=self._calibrations, title=title, stands_for=self.stands_for)
+        return replace(made, needs=needs, calibrations=calibrations, title=title, stands_for=self.stands_for)
 
     @property
     def _carried(self) -> Carried:
@@ -123,14 +127,6 @@ class DrawnEffect:
     def _harmonic(self) -> bool:
         """Whether impedances alone show it."""
         return self.impedance is not None and not self.terms
-
-    @property
-    def _calibrations(self) -> tuple[Calibration, ...]:
-        """A dimension can be read on the part itself."""
-        if self.unit != "mm" or self.key.startswith(SENSORS):
-            return ()
-        text = f"Measure {self.subject} on the device itself, to {MICROMETER_MM:g} mm."
-        return (Calibration({self.parameter: MICROMETER_MM}, MICROMETER_COST, text),)
 
 
 def parameter_name(unit: str) -> str:

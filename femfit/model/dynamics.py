@@ -4,7 +4,7 @@ In all functions ``state`` has the shape (..., order): distance in m, velocity i
 currents in A in the order of ``model.circuits``, those of ``model.eddy_names``, and after them ``model.memory_names``.
 ``voltage``, across each circuit in V, has the shape (..., n), and (...) of one circuit; it is held over a step.
 Jacobians have the shape (..., order, order): row, component of the result; column, component of the state. Where
-``free`` is false, bodies go on at their speed. Stops are left to :mod:`femfit.model.contact`.
+``free`` is false, bodies go on at their speed. Stops are left to :mod:`femfit.model.drive`.
 
 References
 ----------

@@ -33,8 +33,8 @@ from femfit.core.graph import Expression, GraphFunction, Memo, building, of_vari
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
-from femfit.model.contact import between, endless, met_stops
 from femfit.model.decay import decayed, eliminated, shares
+from femfit.model.drive import between, endless, met_stops
 from femfit.model.responses import ResponseTable
 from femfit.model.sensing import AnySensor, reading_expression
 
@@ -356,7 +356,9 @@ class Equations:
             growth = decayed(inductance, against, driving, h)[0] if responses is None else responses[0] @ driving
             both[:, 1] += speed * slope_by_currents @ growth
         else:
-            change = _rate_along(first.linkage, w, eliminated(inductance, driving)) - speed * slope_by_currents
+            direction = SX.sym("r", w.numel())  # dL/dt of currents with these rates, (m, m)
+            change = ca.jacobian(ca.jtimes(first.linkage, w, direction), w)
+            change = ca.substitute(change, direction, eliminated(inductance, driving)) - speed * slope_by_currents
             against += _slowed(change, ca.diag(inductance) / h + resistances)
         if responses is None:
             ends, means, ways = decayed(inductance, against, both, h)
@@ -480,12 +482,6 @@ def _expressed(state: SX, voltage: SX, step: SX | None = None, free: SX | None =
     """The equations' inputs as expressions, at no certain time."""
     zero = SX(0.0)
     return _Symbols(state, voltage, zero if step is None else step, zero, SX(1.0) if free is None else free)
-
-
-def _rate_along(linkage: SX, w: SX, rate: SX) -> SX:
-    """dL/dt of currents with these rates, (m, m)."""
-    direction = SX.sym("r", w.numel())
-    return ca.substitute(ca.jacobian(ca.jtimes(linkage, w, direction), w), direction, rate)
 
 
 def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:

@@ -37,7 +37,7 @@ from femfit.core.graph import Part
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
 from femfit.model.bspline import LINE, CellTable, TensorSpline, cell_table, cells_of, nested_shape
-from femfit.model.coordinate import FLAT, FLAT_OF_SEVERAL, DistanceCoordinate
+from femfit.model.coordinate import FLAT, DistanceCoordinate
 from femfit.model.magnetics import OfCurrents, current_of, value_of
 
 
@@ -88,7 +88,7 @@ class CurrentAxis:
 class SensedField(HallField):
     """The spline of the module's head."""
 
-    coordinate: DistanceCoordinate = limited(metadata=FLAT_OF_SEVERAL)
+    coordinate: DistanceCoordinate = limited(metadata=FLAT)
     u_knots: FloatArray = limited(metadata={"degree": "u_degree"})
     u_degree: int = limited(metadata={"within": (1, 9)})
     currents: tuple[CurrentAxis, ...] = limited(metadata={"least": 0})  # Of each circuit

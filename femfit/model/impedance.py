@@ -11,17 +11,17 @@ goes with ln(1 + a) where a is a share of the number. Of one part beside others 
 spline of its own times ln(1 + a)^2 / 2 adds the second.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import GraphFunction, building, slope
+from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Parameters
@@ -68,17 +68,11 @@ def induced_impedance(inductance: Any, s: Any, share: Any, patterns: Patterns | 
     following = share * inductance
     if patterns is None:
         return s * following
-    return s * (following + following @ patterns.coupling @ _carried(following, s, patterns))
-
-
-def _carried(following: Any, s: Any, patterns: Patterns) -> Any:
-    """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h L, (..., n, n).
-
-    (R_e + s (C^T h L C + Q)) E = -s C^T h L.
-    """
+    # Currents E of the patterns, beside h L: (R_e + s (C^T h L C + Q)) E = -s C^T h L
     linked = s * (np.swapaxes(patterns.coupling, -1, -2) @ following)
     own = linked @ patterns.coupling + (s * patterns.inductance + np.diag(patterns.resistances_ohm))
-    return -(solved(own, linked) if own.dtype == object else np.linalg.solve(own, linked))
+    currents = -(solved(own, linked) if own.dtype == object else np.linalg.solve(own, linked))
+    return s * (following + following @ patterns.coupling @ currents)
 
 
 def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
@@ -127,78 +121,27 @@ def impedance_expression(
     return np.asarray(z + np.diag(np.array(beside, dtype=object)))
 
 
-Answer: TypeAlias = Callable[["ActuatorModel", SX, SX, Complex], ComplexExpressions]
-"""What a small sinusoidal current about a bias brings about, the body held: (model, d, i, s) -> complex expressions."""
-
-
-def impedance_of(model: "ActuatorModel", distance: SX, currents: SX, s: Complex) -> ComplexExpressions:
-    """Z in ohm, (n, n)."""
-    inductance = ca.hessian(SX(model.magnetics.expression(distance, currents)), currents)[0]
-    at = model.without_effects, model.effects, model.conditions, distance, currents, inductance, s
-    return impedance_expression(*at, model.resistances_ohm.tolist())
-
-
-def force_of(model: "ActuatorModel", distance: SX, currents: SX, s: Complex) -> ComplexExpressions:
-    """Force in N/A, (n,)."""
-    coenergy = model.windings.magnetics.expression
-
-    def force(w: SX) -> SX:
-        return -slope(lambda d: coenergy(d, w), distance)
-
-    return _transfer(model, force, distance, currents, s)
-
-
-def field_of(model: "ActuatorModel", distance: SX, currents: SX, s: Complex) -> ComplexExpressions:
-    """Field at the Hall element in T/A, (n,)."""
-    static, eddy = model.require_sensor().field.expression, model.eddy
-
-    def field(w: SX) -> SX:
-        return static(distance, w) if eddy is None else eddy.field(static, distance, w)
-
-    return _transfer(model, field, distance, currents, s)
-
-
-def _transfer(
-    model: "ActuatorModel", quantity: Callable[[SX], SX], distance: SX, currents: SX, s: Complex
-) -> ComplexExpressions:
-    """What follows the static field, by circuit, and the patterns' own part beside that.
-
-    The quantity is one of all windings' currents; its slope by those of the patterns is a C + p, with a that by those
-    of the circuits.
-    """
-    n, eddy, share = currents.numel(), model.eddy, following_share(model.effects, s)
-    along = slope(quantity, ca.vertcat(currents, SX.zeros(model.windings.count - n)))
-    own = complex_array(along[:n].T) * share
-    if eddy is None:
-        return np.asarray(own[0])
-    patterns = eddy.patterns(distance)
-    inductance = ca.hessian(SX(model.magnetics.expression(distance, currents)), currents)[0]
-    following = complex_array(inductance) * share
-    by_pattern = complex_array(along[n:].T) - complex_array(along[:n].T) @ patterns.coupling
-    carried = _carried(following, np.asarray([[s]]), patterns)
-    return np.asarray((own + (own @ patterns.coupling + by_pattern) @ carried)[0])
-
-
-def answered(
-    model: "ActuatorModel", answer: Answer, distance: FloatArray, currents: FloatArray, frequency: FloatArray
+def impedances_at(
+    model: "ActuatorModel", distance: FloatArray, currents: FloatArray, frequency: FloatArray
 ) -> ComplexArray:
-    """An answer at distances (...), currents (..., n) and frequencies (...) in Hz, (..., n) or (..., n, n)."""
+    """Impedances in ohm at distances (...), currents (..., n) and frequencies (...) in Hz, (..., n, n)."""
     n = currents.shape[-1]
-    if answer not in model.resting:
+    if impedances_at not in model.resting:
         with building():
             d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
-            found = answer(model, d, i, Complex(SX(0.0), 2.0 * np.pi * f))
-            entries = found.ravel()
+            inductance = ca.hessian(SX(model.magnetics.expression(d, i)), i)[0]
+            setting = model.without_effects, model.effects, model.conditions, d, i
+            s, ohms = Complex(SX(0.0), 2.0 * np.pi * f), model.resistances_ohm.tolist()
+            entries = impedance_expression(*setting, inductance, s, ohms).ravel()
             parts = [*(x.real for x in entries), *(x.imag for x in entries)]
-            model.resting[answer] = found.shape, GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
-    shape, function = model.resting[answer]
+            model.resting[impedances_at] = GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
     points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
     x = np.empty((2 + n, *points))
     x[0], x[-1] = distance, frequency
     for k in range(n):
         x[1 + k] = currents[..., k]
-    real, imag = np.split(function(x.reshape(2 + n, -1)), 2)
-    return np.asarray((real + 1j * imag).T.reshape(*points, *shape))
+    real, imag = np.split(model.resting[impedances_at](x.reshape(2 + n, -1)), 2)
+    return np.asarray((real + 1j * imag).T.reshape(*points, n, n))
 
 
 def checked_frequency(frequency: FloatArray, points: tuple[int, ...]) -> FloatArray:

@@ -2,23 +2,20 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femfit.core.errors import ModelFileError
+from femfit.core.errors import ModelFileError, UsageError
 from femfit.core.files import MODEL, path_of, require_outputs, write_text
 from femfit.core.results import listing
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect, Effect
+from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.carried import FiledCarried
-from femfit.model.hall import HallField, HallSensor, PickupSensor
-from femfit.model.json_section import Section, written
-from femfit.model.sensed_effects import pickups_as_fitted
-from femfit.model.validity import FiledBox
+from femfit.model.hall import HallField, PickupSensor
+from femfit.model.json_section import member_at, read_record, refusal, written
 from femfit.model.with_effects import with_effects
 
 
@@ -102,17 +99,13 @@ FIRST_AND_FURTHER = 2
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data; of one with effects as it is without them, and the effects."""
     base = model.without_effects
-    field = None if base.sensor is None else base.sensor.field
-    for holder, name, held in ((ActuatorModel, "magnetics", base.magnetics), (HallSensor, "field", field)):
-        (kinds,) = (f.metadata["kinds"] for f in fields(holder) if f.name == name)
-        if held is not None and not isinstance(held, kinds):
-            raise ModelFileError(
-                "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
-                f"spline; it is {type(held).__name__}."
-            )
     fitted = {name: getattr(base, name) for name in ("magnetics", "circuits", "motion", "sensor", "eddy")}
-    sensors = pickups_as_fitted(model.other_sensors, base.other_sensors)
-    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted, other_sensors=sensors))}
+    flux = {sensor.name: sensor.flux for sensor in base.other_sensors if isinstance(sensor, PickupSensor)}
+    fitted["other_sensors"] = tuple(
+        replace(sensor, flux=flux[sensor.name]) if isinstance(sensor, PickupSensor) and sensor.name in flux else sensor
+        for sensor in model.other_sensors
+    )
+    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted))}
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:
@@ -125,58 +118,46 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
             f"{source} has schema {version}; this femfit reads up to schema {SCHEMA_VERSION}. "
             "Update femfit, or write the model again with this version."
         )
-    model = _build(Section(source, "", data if version > FIRST_AND_FURTHER else _with_one_list(data)))
+    if version <= FIRST_AND_FURTHER:  # its circuits come in one list
+        kept = {key: value for key, value in data.items() if key not in {"circuit", "further_circuits"}}
+        first, further = data.get("circuit"), data.get("further_circuits") or []
+        circuits = [*([] if first is None else [first]), *further] if isinstance(further, list) else further
+        data = kept | ({"circuits": circuits} if "circuit" in data else {})
+    model = _build(data, source)
     fault = next(_faults(model), None)
     if fault is not None:
         raise ModelFileError(f"{source} is damaged: {fault}. Write it again with femfit fit.")
     return model
 
 
-def _with_one_list(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Data of :data:`FIRST_AND_FURTHER` or before with its circuits in one list."""
-    kept = {key: value for key, value in data.items() if key not in {"circuit", "further_circuits"}}
-    first, further = data.get("circuit"), data.get("further_circuits") or []
-    circuits = [*([] if first is None else [first]), *further] if isinstance(further, list) else further
-    return kept | ({"circuits": circuits} if "circuit" in data else {})
+def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
+    filed = read_record(ActuatorModel, {key: data[key] for key in data if key != "schema"}, source)
+    box, circuits, motion, eddy = filed.validity, filed.circuit_names, filed.motion, filed.eddy
+    base = replace(filed, validity=box.value(winding=bool(circuits)), effects=())  # type: ignore[attr-defined]
 
+    def refused(path: str, needed: str) -> ModelFileError:
+        return refusal(source, path, needed, member_at(data, path))
 
-def _build(top: Section) -> ActuatorModel:
-    circuits = top.data.get("circuits")
-    base = top.record(
-        ActuatorModel,
-        others=("schema",),
-        validity=top.section("validity").record(FiledBox).value(winding=bool(circuits)),
-        effects=(),
-    )
     names = [sensor.name for sensor in base.other_sensors]
     for k, name in enumerate(names):
         if names.count(name) > 1 or name == "hall":
-            raise top.refusal(f"other_sensors[{k}].name", "a name of its own, and not hall")
-    if base.motion is not None and not base.motion.ends[0] < base.motion.ends[1]:
-        raise top.refusal("motion.far_stop", "at a larger distance than near_stop")
-    if base.eddy is not None and circuits and base.eddy.circuits != base.circuit_names:
-        circuits = ", ".join(base.circuit_names)
-        raise top.refusal("eddy.circuits", f"those of the model ({circuits}), in their order")
-    drawn = {one.key: one.effect for one in base.drawn}
-    added = top.sections("effects") if top.data.get("effects") else ()
-    return with_effects(base, [_effect_from(section, drawn) for section in added])
-
-
-def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:
-    section.refuse_others(("name", "parameters", "ci95", "carried"))
-    effect = drawn.get(section.text("name"))
-    if effect is None and section.data.get("carried") is not None:
-        effect = section.section("carried").record(FiledCarried).effect(section.text("name"))
-    effect = effect or section.item("name", effect_by_name)
-    names = tuple(p.name for p in effect.parameters)
-    parameters, intervals = section.section("parameters"), section.section("ci95")
-    parameters.refuse_others(names)
-    intervals.refuse_others(names)
-    return AddedEffect(
-        effect=effect,
-        parameters={name: parameters.number(name) for name in names},
-        ci95={name: intervals.pair(name) for name in names if name in intervals.data},
-    )
+            raise refused(f"other_sensors[{k}].name", "a name of its own, and not hall")
+    if motion is not None and not motion.ends[0] < motion.ends[1]:
+        raise refused("motion.far_stop", "at a larger distance than near_stop")
+    if eddy is not None and circuits and eddy.circuits != circuits:
+        raise refused("eddy.circuits", f"those of the model ({', '.join(circuits)}), in their order")
+    drawn, added = {one.key: one.effect for one in base.drawn}, []
+    for k, one in enumerate(filed.effects):
+        effect = drawn.get(one.name) or (one.carried and one.carried.effect(one.name))  # type: ignore[attr-defined]
+        try:
+            effect = effect or effect_by_name(one.name)  # type: ignore[attr-defined]
+        except UsageError as error:
+            raise ModelFileError(f"{source}, effects[{k}].name: {error}") from error
+        names = [p.name for p in effect.parameters]
+        if set(one.parameters) != set(names) or not set(one.ci95) <= set(names):
+            raise refused(f"effects[{k}]", f"of the parameters {', '.join(names)}")
+        added.append(AddedEffect(effect, one.parameters, one.ci95))
+    return with_effects(base, added)
 
 
 def _faults(model: ActuatorModel) -> Iterator[str]:
@@ -191,7 +172,11 @@ def _faults(model: ActuatorModel) -> Iterator[str]:
     sensed += [("field", model.sensor.field)] if model.sensor is not None else []
     for name, held in (("magnetics", model.without_effects.magnetics), *sensed):
         coordinate = getattr(held, "coordinate", None)
-        if coordinate is not None and not coordinate.finite_between(domain.distance_min_m, domain.distance_max_m):
+        if (
+            coordinate is not None
+            and coordinate.inverse
+            and domain.distance_min_m <= -coordinate.distance_shift_m <= domain.distance_max_m
+        ):
             yield (
                 f"d_0 / (d + s) of its {name} must be finite in the validity domain; with a distance_shift_m of "
                 f"{coordinate.distance_shift_m:g} it is not"

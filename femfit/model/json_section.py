@@ -1,7 +1,6 @@
-"""Values of a JSON object, each checked where it is read and named by its key path in every message.
+"""Records of a model file, read and written by the fields of their dataclasses; a fault is named by its key path.
 
-A record of the model file is a dataclass: what its fields are, and what their metadata say, is how it is read and how
-it is written. The metadata of a field are
+The metadata of a field are
 
 ============================  ========================================================================================
 ``key``                       the member's name where it is not the field's; None of a field that no file has
@@ -24,13 +23,15 @@ A record that has ``faults`` is asked for them: keys, each with what stands ther
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
 from math import inf, isinf
 from types import SimpleNamespace, UnionType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
+from pydantic_core import CoreSchema, PydanticCustomError, SchemaValidator, ValidationError
+from pydantic_core import core_schema as schemas
 
 from femfit.core.errors import ModelFileError, UsageError
 from femfit.core.numerics import FloatArray
@@ -42,7 +43,6 @@ from femfit.model.bspline import is_clamped
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-Item = TypeVar("Item")
 Record = TypeVar("Record", bound="DataclassInstance")
 
 _PLAIN = (float, int, bool, str)
@@ -59,271 +59,244 @@ _SPARSE = Mechanics, Spring, ForceTable, Stop, Circuit, Drive, Sensor
 _ALWAYS = ("mass_kg", "gravity_m_s2", "kind", "unit")
 
 
-@dataclass(frozen=True)
-class Section:
-    """A JSON object and where it stands."""
+def read_record(kind: type[Record], data: object, source: str) -> Record:
+    """A record from JSON; a field with a ``form`` that is not flat holds that form.
 
-    source: str
-    path: str  # Keys that lead to it, joined by dots; empty at the top
-    data: Mapping[str, Any]
+    Raises
+    ------
+    ModelFileError
+        If a member is missing, unknown or not what is needed.
+    """
+    try:
+        record: Record = _reader(kind).validate_python(data)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        first = min(errors, key=lambda each: each["type"] != "extra_forbidden")  # a misspelt key is missing, too
+        key = first.get("ctx", {}).get("key", "")
+        places = (f"[{each}]" if isinstance(each, int) else f".{each}" for each in first["loc"])
+        path = f"{''.join(places)}{key and '.'}{key}".removeprefix(".")
+        if first["type"] == "extra_forbidden":
+            text = f"{source} has the unknown key {path}. Correct its spelling, or update femfit."
+            raise ModelFileError(text) from error
+        if first["type"] == "missing":
+            raise ModelFileError(f"{source} is damaged: {path} is missing. Write it again with femfit fit.") from error
+        needed = "an object" if first["type"] == "dict_type" else first["msg"]
+        raise refusal(source, path, needed, member_at(first["input"], key)) from error
+    return record
 
-    def where(self, key: str) -> str:
-        """Key path of a member."""
-        return f"{self.path}.{key}" if self.path else key
 
-    def refusal(self, key: str, needed: str) -> ModelFileError:
-        """The error for a member that is missing or not what is needed; it may be one of a member, as ``a[0].b``."""
-        value: Any = self.data
-        for step in re.findall(r"[^.\[\]]+", key):
-            value = value[int(step)] if isinstance(value, list) else value.get(step, MISSING)
-        given = "it is missing" if value is MISSING else f"instead received {_short(value)}"
-        return ModelFileError(
-            f"{self.source} is damaged: {self.where(key)} must be {needed}; {given}. Write it again with femfit fit."
-        )
+def refusal(source: str, path: str, needed: str, value: object = MISSING) -> ModelFileError:
+    """The error for a member that is not what is needed."""
+    text = repr(value)
+    given = "it is missing" if value is MISSING else f"instead received {text[:57]}{'...' * (len(text) > 57)}"
+    return ModelFileError(f"{source} is damaged: {path} must be {needed}; {given}. Write it again with femfit fit.")
 
-    def refuse_others(self, known: tuple[str, ...]) -> None:
-        """Refuse members that this femfit does not know, for what they would change is unknown too."""
-        for key in self.data:
-            if key not in known:
-                raise ModelFileError(
-                    f"{self.source} has the unknown key {self.where(key)} (known: {', '.join(known)}). Correct its "
-                    "spelling, or update femfit."
-                )
 
-    def number(self, key: str, *, lower: float = -inf, upper: float = inf, positive: bool = False) -> float:
-        """A finite number within limits, or > 0 where ``positive``."""
-        value = self.data.get(key)
-        needed = "a finite number" + (" > 0" if positive else f" >= {lower:g}" if np.isfinite(lower) else "")
-        if np.isfinite(upper):
-            needed = f"a finite number of {lower:g} to {upper:g}"
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.refusal(key, needed)
-        if abs(value) >= _LARGEST:
-            needed += f", of less than {_LARGEST:g}"
-        if positive and 0 < value < _SMALLEST:
-            raise self.refusal(key, f"{needed}, of at least {_SMALLEST:g}")
-        if not (abs(value) < _LARGEST and lower <= value <= upper) or (positive and value <= 0):
-            raise self.refusal(key, needed)
-        return float(value)
+def member_at(data: Any, path: str) -> Any:
+    """What stands at a key path such as ``a[0].b``."""
+    for step in re.findall(r"[^.\[\]]+", path):
+        data = data[int(step)] if isinstance(data, list) else data.get(step, MISSING)
+    return data
 
-    def integer(self, key: str, lower: int = 0, upper: int = 2**53) -> int:
-        """A whole number within bounds."""
-        value = self.data.get(key)
-        if isinstance(value, bool) or not isinstance(value, int) or not lower <= value <= upper:
-            raise self.refusal(key, f"a whole number in {lower}..{upper}")
-        return value
 
-    def item(self, key: str, find: Callable[[str], Item]) -> Item:
-        """What a name stands for; an unknown one is the file's fault, not that of an argument."""
-        try:
-            return find(self.text(key))
-        except UsageError as error:
-            raise ModelFileError(f"{self.source}, {self.where(key)}: {error}") from error
+def _fault(needed: str, key: str = "") -> PydanticCustomError:
+    return PydanticCustomError("needed", "{needed}", {"needed": needed, "key": key})
 
-    def truth(self, key: str) -> bool:
-        """True or false."""
-        value = self.data.get(key)
-        if not isinstance(value, bool):
-            raise self.refusal(key, "true or false")
-        return value
 
-    def text(self, key: str) -> str:
-        """A string."""
-        value = self.data.get(key)
-        if not isinstance(value, str):
-            raise self.refusal(key, "a text")
-        return value
+@cache
+def _reader(kind: Any) -> SchemaValidator:
+    members = schemas.typed_dict_schema(_members(kind), extra_behavior="forbid")
+    return SchemaValidator(schemas.no_info_after_validator_function(lambda found: _built(kind, found), members))
 
-    def record(self, kind: type[Record], /, *, others: tuple[str, ...] = (), **given: object) -> Record:
-        """The members as a dataclass, by its fields: see the head of this file.
 
-        What is absent is as usual, where that is finite. Some members may be ``given``, and ``others`` are no fields.
-        """
-        self.refuse_others((*others, *_keys(kind)))
-        return self._flat(kind, given)
+def _members(kind: Any) -> dict[str, schemas.TypedDictField]:
+    """What may and must stand in an object, by key."""
+    members: dict[str, schemas.TypedDictField] = {}
+    for f in fields(kind):
+        hint, limits, key = _hints(kind)[f.name], f.metadata, _key(f)
+        if limits.get("flat"):
+            own = _members(limits.get("form", hint))
+            members |= {name: own[name] for name in own if name not in limits.get("given", ())}
+        elif key is not None:
+            usual = _usual(f, hint)
+            needed = limits.get("required", False) or usual is MISSING or usual in (inf, -inf)
+            schema = _schema(hint, limits, int(needed))
+            if not (needed or hint in _PLAIN or get_origin(hint) is Literal) or type(None) in get_args(hint):
+                schema = schemas.nullable_schema(schema)
+            members[key] = schemas.typed_dict_field(schema, required=needed)
+    return members
 
-    def _flat(self, kind: type[Record], given: Mapping[str, object]) -> Record:
-        """A record beside whose members others may stand."""
-        hints, values = _hints(kind), dict(given)
-        for f in fields(kind):
-            hint, limits, key = hints[f.name], f.metadata, f.metadata.get("key", f.name)
-            if f.name in given or key is None:
-                continue
-            if limits.get("flat"):
-                found = self._flat(limits.get("form", hint), limits.get("given", {}))
-                values[f.name] = found.value if "form" in limits else found
-                continue
-            usual = f.default if f.default_factory is MISSING else f.default_factory()
-            usual = None if usual is MISSING and type(None) in get_args(hint) else usual
-            needed = limits.get("required") or usual is MISSING or usual in (inf, -inf)
-            if not needed and self._empty(key, hint):
-                values[f.name] = usual
-            else:
-                values[f.name] = self.member(key, hint, kind, dict(limits), SimpleNamespace(**values))
-        result = kind(**values)
-        for key, needed in getattr(result, "faults", tuple)():
-            raise self.refusal(key, needed)
-        return result
 
-    def _empty(self, key: str, hint: Any) -> bool:
-        """Whether a member is absent, null, or an empty list of what may be none."""
-        if key not in self.data or hint in _PLAIN or get_origin(hint) is Literal:
-            return key not in self.data
-        return self.data[key] is None or (self.data[key] == [] and get_origin(_alternatives(hint)[0]) is tuple)
-
-    def member(self, key: str, hint: Any, kind: Any, limits: dict[str, Any], values: SimpleNamespace) -> object:
-        """A member of a type, of a record of a kind, beside the values of the fields before it."""
-        of = _alternatives(hint)[0]
-        origin, kinds = get_origin(of), limits.get("kinds") or _records(hint)
-        result: object
-        if origin is tuple:
-            result = self._members(key, get_args(of), limits, values)
-        elif kinds:
-            result = self.section(key).one_of(kinds)
-        elif origin is np.ndarray:
-            result = self._numbers(key, kind, limits, values)
-        elif origin is Mapping:
-            result = self._mapping(key, get_args(of)[1], limits, values)
-        elif of is int:
-            result = self.integer(key, *limits.get("within", ()))
-        elif of is float:
-            result = self._limited(key, limits, values)
-        elif of is bool:
-            result = self.truth(key)
+def _built(kind: Any, members: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> Any:
+    """A record of its members, beside which others may stand."""
+    values = dict(given or {})
+    for f in fields(kind):
+        hint, limits, key = _hints(kind)[f.name], f.metadata, _key(f)
+        if f.name in values or key is None:
+            continue
+        if limits.get("flat"):
+            inner = _built(limits.get("form", hint), members, limits.get("given"))
+            values[f.name] = inner.value if "form" in limits else inner
+        elif members.get(key) is None:
+            usual = _usual(f, hint)
+            values[f.name] = None if usual is MISSING else usual
         else:
-            result = self._text_of(key, get_args(of), limits)
-        return result
+            degree = kind.__dataclass_fields__.get(limits.get("degree"))
+            if degree is not None and not is_clamped(members[key], members[_key(degree) or ""]):
+                more = members[_key(degree) or ""] + 1
+                raise _fault(f"ascending, with {more} equal knots at both ends and fewer inside", key)
+            values[f.name] = _beside(members[key], key, limits, SimpleNamespace(**values))
+    record = kind(**values)
+    for key, needed in getattr(record, "faults", tuple)():
+        raise _fault(needed, key)
+    return record
 
-    def _limited(self, key: str, limits: Mapping[str, Any], values: SimpleNamespace) -> float:
-        bounds = {name: limits[name] for name in ("lower", "upper", "positive") if name in limits}
-        if "not_below" in limits:
-            bounds["lower"] = getattr(values, limits["not_below"])
-        least = getattr(values, limits.get("above", ""), None)
-        if least is not None and self.number(key) <= least:
-            raise self.refusal(key, f"a finite number above {least:g}")
-        return self.number(key, **bounds)
 
-    def _text_of(self, key: str, allowed: tuple[str, ...], limits: Mapping[str, Any]) -> str:
-        if allowed and self.text(key) not in allowed:
-            raise self.refusal(key, " or ".join(allowed))
-        return str(self.item(key, limits["item"]).name) if "item" in limits else self.text(key)
+def _beside(value: Any, key: str, limits: Mapping[str, Any], before: SimpleNamespace) -> Any:
+    """A member that goes with those before it."""
+    if (least := getattr(before, limits.get("not_below", ""), None)) is not None and value < least:
+        raise _fault(f"a finite number >= {least:g}", key)
+    if (least := getattr(before, limits.get("above", ""), None)) is not None and value <= least:
+        raise _fault(f"a finite number above {least:g}", key)
+    if (like := getattr(before, limits.get("like", ""), None)) is not None and len(value) != len(like):
+        raise _fault(f"{len(like)} numbers, one for each of {limits['like']}", key)
+    shape = limits["shape"](before) if "shape" in limits else ()
+    if 0 in shape:
+        return np.zeros(shape)
+    if shape and value.shape != shape:
+        numbers = " lists of ".join(map(str, shape))
+        raise _fault(f"{numbers} numbers, as the knots and names beside it ask for", key)
+    names = limits["keys"](before) if "keys" in limits else value
+    if "keys" in limits and set(value) != set(names):
+        raise _fault(f"an object with the keys {', '.join(names)}" if names else "an empty object", key)
+    return value
 
-    def one_of(self, kinds: tuple[Any, ...]) -> object:
-        """The record of the class that ``kind`` names, or else of the first that has a key here of its own."""
-        tags = {_tag(kind): kind for kind in kinds if _tag(kind)}
-        if len(kinds) > 1 and tags:
-            if self.text("kind") not in tags:
-                *names, last = tags
-                raise self.refusal("kind", f"{', '.join(names)} or {last}")
-            return self.record(tags[self.text("kind")])
-        for kind in kinds[:-1]:
-            if set(_keys(kind)).difference(*(_keys(other) for other in kinds if other is not kind)) & set(self.data):
-                return self.record(kind)
-        return self.record(kinds[-1])
 
-    def _numbers(self, key: str, kind: Any, limits: Mapping[str, Any], values: SimpleNamespace) -> FloatArray:
-        """An array, or clamped knots."""
-        if "shape" in limits:
-            return self.shaped(key, limits["shape"](values))
-        found = self.array(key, *limits.get("dimensions", (1,)))
-        if "degree" in limits:
-            f: Field[Any] = kind.__dataclass_fields__[limits["degree"]]
-            degree = self.integer(f.metadata.get("key", f.name), *f.metadata["within"])
-            if not is_clamped(found, degree):
-                raise self.refusal(key, f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
-        return found
+def _schema(hint: Any, limits: Mapping[str, Any], least: int = 0) -> CoreSchema:
+    """What checks a member of a type; what is a list has so many items at least."""
+    of = _alternatives(hint)[0]
+    origin, inner, form = get_origin(of), get_args(of), limits.get("form")
+    several = origin is tuple
+    kinds = limits.get("kinds") or tuple(
+        filter(is_dataclass, (form,) if form else _alternatives(inner[0] if several else hint))
+    )
+    if several:
+        return _list(inner, kinds, limits, limits.get("least", least))
+    if kinds:
+        return _one_of(kinds)
+    if origin is np.ndarray:
+        axes = range(1, 9) if "shape" in limits else limits.get("dimensions", (1,))
+        return schemas.no_info_plain_validator_function(lambda value: _array(value, *axes))
+    if origin is Mapping:
+        names = schemas.literal_schema([*limits["among"]]) if "among" in limits else schemas.str_schema()
+        return schemas.dict_schema(names, schemas.any_schema() if inner[1] is Any else _schema(inner[1], {}))
+    return _plain(of, inner, limits)
 
-    def _mapping(self, key: str, hint: Any, limits: Mapping[str, Any], values: SimpleNamespace) -> dict[str, Any]:
-        found = self.section(key)
-        names = limits["keys"](values) if "keys" in limits else tuple(found.data)
-        found.refuse_others(limits.get("among", names))
-        return {name: found.data[name] if hint is Any else found.member(name, hint, None, {}, values) for name in names}
 
-    def _members(self, key: str, hints: tuple[Any, ...], limits: Mapping[str, Any], values: SimpleNamespace) -> object:
-        """A tuple: of numbers, pairs of numbers, texts, or records."""
-        if kinds := limits.get("kinds") or _records(hints[0]):
-            found = self.sections(key, limits.get("least", 1))
-            return tuple(section.one_of(kinds) for section in found)
-        if hints[0] is str:
-            return self.names(key, limits.get("least", 0))
-        if limits.get("open"):
-            return self._open_pair(key)
-        pairs = hints[0] is not float
-        array, count = self.array(key, 2 if pairs else 1), 2 if pairs else len(hints) if ... not in hints else None
-        if count is not None and array.shape[-1] != count:
-            raise self.refusal(key, "pairs of numbers" if pairs else f"{count} numbers")
-        like = limits.get("like")
-        if like is not None and len(array) != len(getattr(values, like)):
-            raise self.refusal(key, f"{len(getattr(values, like))} numbers, one for each of {like}")
-        rises = array[1:] - array[:-1]
-        if limits.get("ascending") and (len(array) < 2 or not (rises > 0.0).all()):
-            raise self.refusal(key, "two or more numbers in ascending order")
-        if limits.get("monotone") and not (rises * rises[0] > 0.0).all():
-            raise self.refusal(key, "rising or falling throughout")
-        return tuple(map(tuple, array.tolist())) if pairs else tuple(array.tolist())
+def _list(hints: tuple[Any, ...], kinds: tuple[Any, ...], limits: Mapping[str, Any], least: int) -> CoreSchema:
+    """What checks a list: of records, texts, numbers, or pairs of numbers."""
+    few = f", at least {least}" if least else ""
+    if kinds:
+        items = schemas.list_schema(schemas.dict_schema(), min_length=least, strict=True)
+        listed = _told(items, f"a list of objects{few}")
+        return schemas.chain_schema([listed, schemas.tuple_variable_schema(_one_of(kinds))])
+    if hints[0] is str:
+        names = schemas.list_schema(schemas.str_schema(strict=True), min_length=limits.get("least", 0), strict=True)
+        return _after(_told(names, f"a list of names{few}"), tuple)
+    if limits.get("open"):
+        end: CoreSchema = schemas.nullable_schema(_schema(float, {}))
+        ends = schemas.tuple_positional_schema([end, end])
+        bounds = _told(ends, "a pair, with null for a bound that is none")
+        return _after(bounds, lambda pair: tuple(e if x is None else x for x, e in zip(pair, (-inf, inf), strict=True)))
+    return schemas.no_info_plain_validator_function(
+        lambda value: () if value == [] and not least else _tuple(value, hints, limits)
+    )
 
-    def _open_pair(self, key: str) -> tuple[float, float]:
-        bounds = self.data.get(key)
-        if not isinstance(bounds, list) or len(bounds) != 2:
-            raise self.refusal(key, "a pair, with null for a bound that is none")
-        ends = Section(self.source, self.where(key), dict(zip(("lower", "upper"), bounds, strict=True)))
-        lower, upper = (None if bound is None else ends.number(name) for name, bound in ends.data.items())
-        return -inf if lower is None else lower, inf if upper is None else upper
 
-    def section(self, key: str) -> "Section":
-        """A nested object."""
-        value = self.data.get(key)
-        if not isinstance(value, Mapping):
-            raise self.refusal(key, "an object")
-        return Section(self.source, self.where(key), value)
+def _plain(of: Any, allowed: tuple[Any, ...], limits: Mapping[str, Any]) -> CoreSchema:
+    """What checks a number, a text or a truth value."""
+    if of is float:
+        low, high, positive = limits.get("lower", -inf), limits.get("upper", inf), limits.get("positive")
+        needed = "a finite number" + (" > 0" if positive else f" >= {low:g}" if low > -inf else "")
+        needed = needed if high == inf else f"a finite number of {low:g} to {high:g}"
+        low, high = max(low, _SMALLEST if positive else -_LARGEST), min(high, _LARGEST)
+        return _told(schemas.float_schema(strict=True, allow_inf_nan=False, ge=low, le=high), needed)
+    if of is int:
+        least, most = limits.get("within", (0, 2**53))
+        return _told(schemas.int_schema(strict=True, ge=least, le=most), f"a whole number in {least}..{most}")
+    if of is bool:
+        return _told(schemas.bool_schema(strict=True), "true or false")
+    if allowed:
+        return _told(schemas.literal_schema([*allowed]), " or ".join(allowed))
 
-    def sections(self, key: str, least: int = 1) -> tuple["Section", ...]:
-        """A list of objects, so many at least."""
-        value = self.data.get(key)
-        if not isinstance(value, list) or len(value) < least or not all(isinstance(item, Mapping) for item in value):
-            few = {0: "", 1: ", at least one"}.get(least, f", at least {least}")
-            raise self.refusal(key, f"a list of objects{few}")
-        return tuple(Section(self.source, f"{self.where(key)}[{k}]", item) for k, item in enumerate(value))
-
-    def names(self, key: str, least: int = 0) -> tuple[str, ...]:
-        """Texts in a list, so many at least."""
-        names = self.data.get(key)
-        if not isinstance(names, list) or len(names) < least or not all(isinstance(name, str) for name in names):
-            raise self.refusal(key, f"a list of {f'{least} or more ' * (least > 0)}names")
-        return tuple(names)
-
-    def pair(self, key: str) -> tuple[float, float]:
-        """Two finite numbers."""
-        low, high = self.shaped(key, (2,)).tolist()
-        return low, high
-
-    def shaped(self, key: str, shape: tuple[int, ...]) -> FloatArray:
-        """An array of a shape that other entries ask for."""
-        if 0 in shape:
-            return np.zeros(shape)
-        found = self.array(key, len(shape))
-        if found.shape != shape:
-            numbers = " lists of ".join(map(str, shape))
-            raise self.refusal(key, f"{numbers} numbers, as the knots and names beside it ask for")
-        return found
-
-    def array(self, key: str, *dimensions: int) -> FloatArray:
-        """Finite numbers in nested lists of equal lengths, of one of some numbers of dimensions."""
-        shape = " or ".join(counted(one, "dimension") for one in dimensions)
-        needed = f"an array of finite numbers (below {_LARGEST:g}) with {shape}"
-        value = self.data.get(key)
-        if not isinstance(value, list):
-            raise self.refusal(key, needed)
+    def named(text: str) -> str:
         try:
-            result = np.array(value)
-        except ValueError as error:  # lists of unequal lengths
-            raise self.refusal(key, needed) from error
-        if result.size and result.dtype.kind not in "if":
-            raise self.refusal(key, needed)
-        result = result.astype(np.float64)
-        if result.ndim not in dimensions or not np.all(np.abs(result) < _LARGEST):
-            raise self.refusal(key, needed)
-        return result
+            return str(limits["item"](text).name)
+        except UsageError as error:
+            raise _fault(f"a name that there is ({error})") from error
+
+    text = _told(schemas.str_schema(strict=True), "a text")
+    return _after(text, named) if "item" in limits else text
+
+
+def _one_of(kinds: tuple[Any, ...]) -> CoreSchema:
+    """The record of the class that ``kind`` names, or else of the first that has a key there of its own."""
+    tags = {_tag(kind): kind for kind in kinds if _tag(kind)} if len(kinds) > 1 else {}
+    own = {
+        kind: set(_members(kind)).difference(*(_members(each) for each in kinds if each is not kind)) for kind in kinds
+    }
+
+    def read(value: object) -> object:
+        if not isinstance(value, Mapping):
+            raise _fault("an object")
+        if tags and value.get("kind") not in list(tags):
+            *names, last = tags
+            raise _fault(f"{', '.join(names)} or {last}", "kind")
+        kind = tags[value["kind"]] if tags else next((each for each in kinds if own[each] & set(value)), kinds[-1])
+        return _reader(kind).validate_python(value)
+
+    return schemas.no_info_plain_validator_function(read)
+
+
+def _told(schema: CoreSchema, needed: str) -> CoreSchema:
+    """The same check, of which every fault says what is needed."""
+    return schemas.custom_error_schema(schema, "needed", custom_error_message=needed)
+
+
+def _after(schema: CoreSchema, function: Callable[[Any], Any]) -> CoreSchema:
+    return schemas.no_info_after_validator_function(function, schema)
+
+
+def _tuple(value: object, hints: tuple[Any, ...], limits: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Numbers, or pairs of them."""
+    pairs = hints[0] is not float
+    array, count = _array(value, 2 if pairs else 1), 2 if pairs else len(hints) if ... not in hints else None
+    if count is not None and array.shape[-1] != count:
+        raise _fault("pairs of numbers" if pairs else f"{count} numbers")
+    rises = array[1:] - array[:-1]
+    if limits.get("ascending") and (len(array) < 2 or not (rises > 0.0).all()):
+        raise _fault("two or more numbers in ascending order")
+    if limits.get("monotone") and not (rises * rises[0] > 0.0).all():
+        raise _fault("rising or falling throughout")
+    return tuple(map(tuple, array.tolist())) if pairs else tuple(array.tolist())
+
+
+def _array(value: object, *dimensions: int) -> FloatArray:
+    """Finite numbers in nested lists of equal lengths, of one of some numbers of dimensions."""
+    shape = f" with {' or '.join(counted(n, 'dimension') for n in dimensions)}" if len(dimensions) < 3 else ""
+    needed = f"an array of finite numbers (below {_LARGEST:g}){shape}"
+    if not isinstance(value, list):
+        raise _fault(needed)
+    try:
+        result = np.array(value)
+    except ValueError as error:  # lists of unequal lengths
+        raise _fault(needed) from error
+    if result.size and result.dtype.kind not in "if":
+        raise _fault(needed)
+    result = result.astype(np.float64)
+    if result.ndim not in dimensions or not np.all(np.abs(result) < _LARGEST):
+        raise _fault(needed)
+    return result
 
 
 def written(value: Any, *, tagged: bool = False) -> Any:
@@ -357,6 +330,18 @@ def _written_members(record: Any, tagged: bool) -> Iterator[tuple[str, Any]]:
             yield key, written(value, tagged="kinds" in limits)
 
 
+def _key(f: Field[Any]) -> str | None:
+    """The name of a field's member; None where there is none."""
+    key: str | None = f.metadata.get("key", f.name)
+    return key
+
+
+def _usual(f: Field[Any], hint: Any) -> Any:
+    """What stands for a member that is not there."""
+    usual = f.default if f.default_factory is MISSING else f.default_factory()
+    return None if usual is MISSING and type(None) in get_args(hint) else usual
+
+
 @cache
 def _hints(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind)
@@ -367,28 +352,8 @@ def _alternatives(hint: Any) -> tuple[Any, ...]:
     return tuple(one for one in (get_args(hint) if isinstance(hint, UnionType) else (hint,)) if one is not type(None))
 
 
-def _records(hint: Any) -> tuple[Any, ...]:
-    """The dataclasses that a hint allows."""
-    return tuple(filter(is_dataclass, _alternatives(hint)))
-
-
 @cache
 def _tag(kind: Any) -> str:
     """The ``kind`` by which a file tells a class from others; empty where it has none."""
     names = get_args(_hints(kind).get("kind"))
     return str(names[0]) if len(names) == 1 else ""
-
-
-@cache
-def _keys(kind: Any) -> tuple[str, ...]:
-    """The members that a record has in a file."""
-    keys: list[str] = []
-    for f in fields(kind):
-        key, of = f.metadata.get("key", f.name), f.metadata.get("form", _hints(kind)[f.name])
-        keys += _keys(of) if f.metadata.get("flat") else [key] if key is not None else []
-    return tuple(keys)
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -39,15 +39,9 @@ class MagneticState:
 
 @dataclass(frozen=True, eq=False)
 class MagneticSlopes(MagneticState):
-    """What the Jacobian of the equations needs beside it.
-
-    By reciprocity dk_m,j/di_k = -dL_jk/dd, so that the slopes of the motional constants along the currents are here.
-    """
+    """The same with the slope of the force along the distance."""
 
     force_gradient: FloatArray  # dF/dd in N/m, shape (...)
-    motional_gradient: FloatArray  # dk_m/dd in N/(A m), shape (..., n)
-    inductance_gradient: FloatArray  # dL/dd in H/m, shape (..., n, n)
-    inductance_slope: FloatArray  # dL_jk/di_l in H/A, shape (..., n, n, n)
 
 
 ForceOfCurrents = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -104,7 +98,7 @@ class Magnetics(OfCurrents):
         return MagneticState(*self.derived(_state, distance, currents))
 
     def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
-        """The same with their slopes along the distance and the currents."""
+        """The same with the slope of the force along the distance."""
         return MagneticSlopes(*self.derived(_slopes, distance, currents))
 
     def motional_constant(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
@@ -129,6 +123,26 @@ class Magnetics(OfCurrents):
         return force
 
 
+@dataclass(frozen=True, eq=False)
+class Windings:
+    """All windings of a model: the n circuits, and after them the r patterns of eddy currents, short-circuited."""
+
+    magnetics: Magnetics  # Of all their currents
+    resistances_ohm: FloatArray  # Shape (n + r,)
+    series_H: FloatArray  # In series outside of the field, on the diagonal of shape (n + r, n + r)
+    circuits: int  # n
+
+    @property
+    def count(self) -> int:
+        """How many there are, n + r."""
+        return len(self.resistances_ohm)
+
+    @property
+    def end(self) -> int:
+        """Place behind the currents in a state (distance, velocity, currents, ..)."""
+        return 2 + len(self.resistances_ohm)
+
+
 def value_of(value: SX, _distance: SX, _currents: SX) -> list[Part]:
     """The value itself, for :meth:`OfCurrents.derived`."""
     return [(value, 0)]
@@ -149,10 +163,8 @@ def _state(coenergy: SX, distance: SX, currents: SX) -> list[Part]:
 
 
 def _slopes(coenergy: SX, distance: SX, currents: SX) -> list[Part]:
-    state = _state(coenergy, distance, currents)
-    along = [(ca.jacobian(ca.vec(part), distance), axes) for part, axes in state]
-    inductance, axes = state[-1]
-    return [*state, *along, (ca.jacobian(ca.vec(inductance), currents), axes + 1)]
+    force, *others = _state(coenergy, distance, currents)
+    return [force, *others, (ca.gradient(force[0], distance), 0)]
 
 
 def current_of(currents: SX) -> SX:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.core.words import Words
-from femfit.model.network_magnetics import FORMULA, NETWORK
+from femfit.core.results import Words
+from femfit.model.several_magnetics import FORMULA, NETWORK
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel

@@ -74,16 +74,16 @@ class ResponseTable:
         """The three matrices at an expression's distance."""
         d = ca.fmin(ca.fmax(distance, self._ends[0]), self._ends[1])
         row = row_of(self._table, [self._borders], [d])
-        x, value = (d - row[0]) * row[1], polynomial((DEGREE + 1,))
-        entries = [value(coefficients, x) for coefficients in ca.vertsplit(row[2:], DEGREE + 1)]
+        x, polynomial_of = (d - row[0]) * row[1], polynomial((DEGREE + 1,))
+        entries = [polynomial_of(coefficients, x) for coefficients in ca.vertsplit(row[2:], DEGREE + 1)]
         size = len(entries) // 3
-        return [self._square(entries[first : first + size]) for first in (0, size, 2 * size)]
-
-    def _square(self, entries: list[SX]) -> SX:
-        result = SX.zeros(self._count, self._count)
-        for value, j, k in zip(entries, *np.triu_indices(self._count), strict=True):
-            result[int(j), int(k)] = result[int(k), int(j)] = value
-        return result
+        matrices = []
+        for first in (0, size, 2 * size):
+            matrix = SX.zeros(self._count, self._count)
+            for value, j, k in zip(entries[first : first + size], *np.triu_indices(self._count), strict=True):
+                matrix[int(j), int(k)] = matrix[int(k), int(j)] = value
+            matrices.append(matrix)
+        return matrices
 
 
 def _ends(inductance: Callable[[FloatArray], FloatArray], domain: tuple[float, float]) -> tuple[float, float]:

@@ -14,9 +14,8 @@ from casadi import SX
 
 from femfit.core.graph import GraphFunction, Memo, building, of_variable
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.model.contact import between, met_stops
 from femfit.model.decay import eliminated
-from femfit.model.drive import regulated_current
+from femfit.model.drive import between, met_stops, regulated_current
 from femfit.model.equations import Driver
 
 if TYPE_CHECKING:

@@ -105,21 +105,18 @@ class ValidityBox:
         """Refuse points outside of the domain."""
         self._require_axis(currents)
         inside = self.contains(distance, currents)
-        if not np.all(inside):
-            where = np.flatnonzero(~np.atleast_1d(inside).ravel())[0]
-            d = np.broadcast_to(distance, inside.shape).ravel()[where]
-            i = np.broadcast_to(currents, (*inside.shape, np.shape(currents)[-1])).reshape(
-                inside.size, np.shape(currents)[-1]
-            )
-            spans = [f"{1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm"]
-            spans += [", ".join(f"{low:g}..{high:g} A" for low, high in self.current_limits_A)]
-            point = [f"{1e3 * d:g} mm", ", ".join(f"{current:g} A" for current in i[where])]
-            ranges, place = (" and ".join(text for text in texts if text) for texts in (spans, point))
-            ranges += " (or all of them reversed)" if self.mirrored else ""
-            raise DomainError(
-                f"Distance and current must lie in {ranges}, where the model was fitted; instead received {place}. "
-                "Sweep and fit a wider range."
-            )
+        if np.all(inside):
+            return
+        place = np.unravel_index(np.argmin(inside), inside.shape)
+        d, *i = (float(np.broadcast_to(x, inside.shape)[place]) for x in (distance, *np.moveaxis(currents, -1, 0)))
+        spans = [f"{1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm"]
+        spans += [", ".join(f"{low:g}..{high:g} A" for low, high in self.current_limits_A)][: len(i)]
+        point = [f"{1e3 * d:g} mm", ", ".join(f"{current:g} A" for current in i)][: 1 + len(i)]
+        ranges = " and ".join(spans) + (" (or all of them reversed)" if self.mirrored else "")
+        raise DomainError(
+            f"Distance and current must lie in {ranges}, where the model was fitted; instead received "
+            f"{' and '.join(point)}. Sweep and fit a wider range."
+        )
 
 
 @dataclass(frozen=True)

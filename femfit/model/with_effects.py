@@ -1,7 +1,15 @@
-"""A model with added effects: the base's parts, as the effects change them."""
+"""A model with added effects: the base's parts, as the effects change them.
+
+What magnets and currents make together is of the first degree in them where nothing saturates, so that a remanence and
+numbers of turns scale what a pickup coil sees as they scale W' (:mod:`femfit.effects.circuit`). Other effects on the
+magnetics are not followed to such a sensor; its value is then refused, and the model without it is as good as before.
+
+An effect on a recorded channel says which distance and current body and winding have where these were recorded; a
+sensor of a model reads what is recorded, so that it undoes the same effects.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import prod
 from typing import TYPE_CHECKING
 
@@ -11,20 +19,23 @@ from casadi import SX
 
 from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, slope
+from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
-from femfit.effects.catalogue import OF_THE_WHOLE, source_scales
+from femfit.effects.catalogue import OF_THE_WHOLE, SEPARATOR, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
-from femfit.effects.effect import AddedEffect, Coenergy, Effect
-from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of
+from femfit.effects.effect import AddedEffect, Coenergy
+from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of, true_setting
 from femfit.model.decay import Complex, complex_array
 from femfit.model.eddy_currents import EddyCurrents, Patterns
-from femfit.model.hall import HallField
+from femfit.model.hall import HallField, PickupSensor, SensedField
 from femfit.model.magnetics import Magnetics
-from femfit.model.sensed_effects import pickups_with_effects
 from femfit.model.several_magnetics import CoenergyTensor
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
+
+SCALING = ("remanence", "turns")
+"""Effects that scale what makes the field."""
 
 
 def nominal_of(model: "ActuatorModel") -> Nominal:
@@ -151,7 +162,12 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         base,
         circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
         motion=motion,
-        other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
+        other_sensors=tuple(
+            replace(one, flux=_changed(one.flux, f"pickup coil {one.name!r}", effects, base.circuit_names))
+            if isinstance(one, PickupSensor)  # with the flux linkage that effects leave it
+            else one
+            for one in base.other_sensors
+        ),
         eddy=eddy_with_sources(base, effects),
         effects=effects,
         base=base,
@@ -176,24 +192,17 @@ def _require_of_circuits(base: "ActuatorModel", effects: tuple[AddedEffect, ...]
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
             "saturates, it does not stand apart. Take remanence out of the model's effects."
         )
-    unknown = [added.effect.name for added in effects if not _of_circuits(added.effect)]
-    unseen = [one.key for one in base.drawn if one.at_rest and one.key in unknown]
-    if unseen:
-        raise MissingPartError(
-            f"{', '.join(unseen)} changes force and flux linkage as well as impedances, which model {base.name!r} of "
-            "several circuits does not take up. femfit calibrate finds the number and writes the drawing, to be swept."
-        )
+    unknown = []
+    for effect in (added.effect for added in effects):
+        # Several circuits can have effects of their own, the device's, or of the eddy currents alone
+        of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
+        if not (effect.of or effect.name in OF_THE_WHOLE or of_eddies):
+            unknown.append(effect.name)
     if unknown:
         raise MissingPartError(
             f"The effects {', '.join(unknown)} are of a device with one circuit; model {base.name!r} has "
-            f"{len(base.circuits)}. Take them out of its file."
+            f"{len(base.circuits)}. Take them out of its file; a number of the drawing, femfit calibrate finds."
         )
-
-
-def _of_circuits(effect: Effect) -> bool:
-    """Whether an effect is one that several circuits can have: theirs, the device's, or of the eddy currents alone."""
-    of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
-    return bool(effect.of) or effect.name in OF_THE_WHOLE or of_eddies
 
 
 def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> EddyCurrents | None:
@@ -229,3 +238,37 @@ def resistance_of(
     """Resistance in ohm of a circuit at its current, as its own effects change it."""
     own, none = [added for added in effects if added.effect.of in ("", circuit.name)], 0.0 * current
     return circuit_of(own, circuit.resistance_ohm + none, none, current, conditions)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownField(SensedField):
+    """A field that effects change in a way that is not known at this sensor."""
+
+    refusal: str
+
+    def expression(self, distance: SX, currents: SX) -> SX:  # noqa: ARG002
+        """Refused."""
+        raise MissingPartError(self.refusal)
+
+
+def _changed(field: SensedField, what: str, effects: Sequence[AddedEffect], circuits: Sequence[str]) -> SensedField:
+    magnetic = [one.effect.name for one in effects if "magnetics" in one.effect.acts_on]
+    others = [name for name in magnetic if name.partition(SEPARATOR)[0] not in SCALING]
+    if others:
+        named = ", ".join(others)
+        refusal = (
+            f"What the {what} reads must be known under the model's effects; {named} changes the field in a way that "
+            f"is followed to force and flux linkage only. Leave that sensor out, or take {named} out of the model."
+        )
+        return UnknownField(**{one.name: getattr(field, one.name) for one in fields(field)}, refusal=refusal)
+    magnets, *currents = source_scales(effects, circuits)
+    return field.scaled(magnets, currents)
+
+
+def true_setting_of(
+    model: "ActuatorModel", distance: FloatArray, currents: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distance (...) and currents (..., n) that body and windings have where these were recorded, at rest."""
+    if model.conditions is None:
+        return distance, currents
+    return true_setting(model.effects, distance, currents, model.conditions)

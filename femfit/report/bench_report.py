@@ -4,56 +4,50 @@ import shlex
 from collections.abc import Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from femfit import __version__
+from femfit.effects.catalogue import device_effects
 from femfit.effects.effect import AddedEffect
-from femfit.effects.words import titled, titles_of
+from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.add_result import AddResult
-from femfit.identify.allowances import finer_model
 from femfit.identify.compare import Comparison
+from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnosis import Diagnosis, certainty_sentence, verdict_sentence
-from femfit.identify.misfit import ErrorFall, measured_curves
+from femfit.identify.misfit import finer_model, measured_curves
 from femfit.identify.observations import Observations
-from femfit.identify.remainder.result import RemainderResult
+from femfit.identify.remainder import RemainderResult
+from femfit.identify.settings import setting_cells
 from femfit.identify.suggest import Suggestion
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
-from femfit.report.bench_facts import (
-    error_fall,
-    explained,
-    measured_facts,
-    next_facts,
-)
-from femfit.report.explained_figures import remainder_figure
 from femfit.report.misfit_figures import (
     covariate_figure,
     curves_figure,
+    ranking_figure,
     residual_maps_figure,
-    settings_figure,
     worst_first,
 )
 from femfit.report.page import render
-from femfit.report.style import Drawing, svg_uri, write_picture
+from femfit.report.style import NOTHING, Drawing, svg_uri
 from femfit.tables.measurement import Measurement
 
 SHOWN = 6
-"""Most lines of a comparison at the head of its page."""
+"""Most lines of a comparison at the head of its page, and most suggestions in the table."""
 
 SOURCE = "measurement"
 """What was measured is called where only its diagnosis is given."""
-
-DOTS_PER_INCH = 150
-
-PANELS = 3
-"""Most panels of a saved picture."""
 
 SCALAR = (
     "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "velocity_m_s",
     "current_rate_A_s",
 )  # fmt: skip
 """Covariates that a map over distance and current does not show."""
+
+LINES = ("frequency_Hz", "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run")
+"""Covariates that the saved pictures of a comparison show a channel over."""
 
 
 def render_diagnosis(
@@ -72,10 +66,7 @@ def render_diagnosis(
     scale = floor or dict.fromkeys(observations.channels, 1.0)
     effects = diagnosis.explanations[0].effects if diagnosis.explanations else ()
     facts, figures = _curves(diagnosis.model, observations, effects, floor)
-    figures["settings"] = partial(settings_figure, observations)
-    figures["misfit-maps"] = partial(
-        residual_maps_figure, observations, [("", observations.residual)], scale, has_floor
-    )
+    figures["misfit-maps"] = partial(residual_maps_figure, observations, scale, has_floor)
     covariates = [name for name in diagnosis.where.covariates if name in SCALAR] if has_floor else []
     if covariates:
         channel = diagnosis.where.channel
@@ -95,35 +86,36 @@ def render_diagnosis(
         "covariates": covariates,
         "versions": _versions(),
         "hashes": hashes,
-        **measured_facts(diagnosis),
+        **_measured_facts(diagnosis),
     }
     sections = ["curves", "measured", "misfit", "provenance"]
     if diagnosis.decision is not None:
         sections += ["explained", "alternatives"]
-        more, drawn = explained(diagnosis)
+        more, drawn = _explained(diagnosis)
         facts, figures = facts | more, figures | drawn
     if diagnosis.verdict != "nothing_missing":
         sections.append("next")
-        facts |= next_facts(diagnosis, suggestions)
+        nominal = diagnosis.observations.nominal
+        possible = device_effects(nominal.circuits, nominal.drawn)
+        members = dict.fromkeys(name for effect in diagnosis.missing for name in effect.members if name in possible)
+        facts["suggestions"] = suggestions[:SHOWN]
+        facts["experiments"] = [(name, possible[name].experiment) for name in members]
     if effects:
         sections.append("fall")
-        after = observations.value - observations.predict(effects)
         steps = [" + ".join(effect.name for effect in diagnosis.missing)]
         errors = [diagnosis.error_fall.rms_before, diagnosis.error_fall.rms_after]
-        more, drawn = error_fall(observations, after, floor, steps, errors, None)
-        facts |= more | {"quoted_source": shlex.quote(source)}
-        figures |= drawn
+        facts |= _error_fall(floor, steps, errors, None) | {"quoted_source": shlex.quote(source)}
     return titled(_render(facts, sections, figures), titles_of(observations.nominal.drawn))
 
 
 def render_comparison(comparison: Comparison) -> str:
     """The page on a comparison: the answer, measured points on the model's curves, maps of the misfit."""
     observations = comparison.observations
-    floor, scale, has_floor = noise_scale(comparison)
+    floor = {channel.channel: channel.noise_floor for channel in comparison.channels if channel.noise_floor is not None}
+    has_floor = len(floor) == len(comparison.channels)
+    scale = floor if has_floor else dict.fromkeys(observations.channels, 1.0)
     facts, figures = _curves(comparison.model, observations, (), floor)
-    figures["misfit-maps"] = partial(
-        residual_maps_figure, observations, [("", observations.residual)], scale, has_floor
-    )
+    figures["misfit-maps"] = partial(residual_maps_figure, observations, scale, has_floor)
     facts |= {
         "title": f"{comparison.model.name}: the bench and the model",
         "lead": "what was measured beside the model's predictions",
@@ -135,59 +127,25 @@ def render_comparison(comparison: Comparison) -> str:
     return _render(facts, ["curves", "misfit"], figures)
 
 
-def render_added(result: AddResult, hashes: Sequence[tuple[str, str]] = ()) -> str:
+def render_added(result: AddResult) -> str:
     """The page on effects that were added: measured points before and after, and how far the error fell."""
-    observations, effects = result.observations, (*result.base, *result.added)
+    observations, effects = result.observations, result.added
     effects_kept = tuple(added for added in result.model.effects if added.effect.name in result.kept)
     model = with_effects(result.model.without_effects, effects_kept)
     facts, figures = _curves(model, observations, effects, result.floor)
-    after = observations.value - observations.predict(effects)
     errors, steps = [dict(step.rms) for step in result.steps], [step.text for step in result.steps[1:]]
-    more, drawn = error_fall(observations, after, dict(result.floor), steps, errors, result)
-    facts |= more | {
+    facts |= _error_fall(dict(result.floor), steps, errors, result) | {
         "title": f"{result.model.name}: the bench and the model",
         "lead": "the model before and after the refit",
         "summary": [("", line.strip()) for line in str(result).splitlines() if line.strip()],
-        "hashes": hashes,
+        "hashes": (),
         "versions": _versions(),
     }
     sections = ["curves", "fall", "provenance"]
     if isinstance(result, RemainderResult) and result.parts:
         sections.insert(1, "remainder")
-        facts["remainder"] = result.sentences
-        drawn["remainder"] = partial(remainder_figure, result.added[-1], observations)
-    return titled(_render(facts, sections, figures | drawn), titles_of(observations.nominal.drawn))
-
-
-def noise_scale(comparison: Comparison) -> tuple[dict[str, float], dict[str, float], bool]:
-    """Noise of each channel in which it is known, what misfits are drawn in parts of, and whether that is noise."""
-    floor = {channel.channel: channel.noise_floor for channel in comparison.channels if channel.noise_floor is not None}
-    has_floor = len(floor) == len(comparison.channels)
-    return floor, floor if has_floor else dict.fromkeys(comparison.observations.channels, 1.0), has_floor
-
-
-def save_comparison_pictures(comparison: Comparison, directory: Path) -> list[Path]:
-    """Write ``misfit-maps.png`` and ``misfit-CHANNEL-1.png`` and so on."""
-    observations = comparison.observations
-    floor, scale, has_floor = noise_scale(comparison)
-    maps: Drawing = partial(residual_maps_figure, observations, [("", observations.residual)], scale, has_floor)
-    figures = {"misfit-maps": maps}
-    for channel, noise in floor.items():
-        lines = [
-            misfit_map.along[0]
-            for misfit_map in comparison.maps
-            if misfit_map.channel == channel and len(misfit_map.along) == 1
-        ]
-        names = [name for name in lines if name != "mount"]
-        for first in range(0, len(names), PANELS):
-            shown, misfit = names[first : first + PANELS], observations.residual / noise
-            figures[f"misfit-{channel}-{1 + first // PANELS}"] = partial(
-                covariate_figure, observations, misfit, channel, shown
-            )
-    files = [directory / f"{name}.png" for name in figures]
-    for file, draw in zip(files, figures.values(), strict=True):
-        write_picture(draw, file, DOTS_PER_INCH)
-    return files
+        facts["remainder"] = str(result).splitlines()[:1]
+    return titled(_render(facts, sections, figures), titles_of(observations.nominal.drawn))
 
 
 def _render(facts: Mapping[str, Any], sections: Sequence[str], figures: Mapping[str, Drawing]) -> str:
@@ -220,10 +178,55 @@ def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion]) -> list[tu
     if suggestions or diagnosis.own_misfit:
         summary.append(("Next", suggestions[0].text if suggestions else finer_model(diagnosis.model)))
     if diagnosis.missing:
-        summary.append(("Error", f"{_worst(diagnosis.error_fall)}."))
+        fall = diagnosis.error_fall
+        summary.append(("Error", f"{max(fall.channels, key=lambda channel: channel.before_over_noise or 0.0)}."))
     return summary
 
 
-def _worst(fall: ErrorFall) -> str:
-    """The fall of the error in the channel that was worst."""
-    return str(max(fall.channels, key=lambda channel: channel.before_over_noise or 0.0))
+def _measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What was read, of which channels, and how their noise is known."""
+    observations, evidence = diagnosis.observations, diagnosis.campaign
+    recorded_motion = "velocity_m_s" in observations.covariates  # readings are windows of a time series
+    distinct = not recorded_motion and "mount" in observations.given  # whether mounts are told from runs
+    return {
+        "recorded_motion": recorded_motion,
+        "runs": len(np.unique(observations.covariates["run"])),
+        "mounts": len(np.unique(observations.covariates["mount"])) if distinct else 0,
+        "settings": len(np.unique(setting_cells(observations))),
+        "noise": None if evidence is None else evidence.noise,
+        "findings": observations.findings if evidence is None else diagnosis.findings,
+    }
+
+
+def _explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]:
+    """What the verdict names, how it ranks, and what the data could have shown."""
+    nominal = diagnosis.observations.nominal
+    effects = device_effects(nominal.circuits, nominal.drawn)
+    facts = {
+        "named": [(effect, effects.get(effect.name)) for effect in diagnosis.missing],
+        "detectable": [
+            (name, smallest_visible(effects[name], amplitudes, nominal) or NOTHING)
+            for name, amplitudes in diagnosis.detectable.items()
+            if name in effects
+        ],
+        "hidden": [score for score in diagnosis.ranking if score.note],
+    }
+    testable = [score for score in diagnosis.ranking if not score.note]
+    if diagnosis.verdict == "nothing_missing" or not testable or diagnosis.decision is None:
+        return facts, {}
+    named = [effect.name for effect in diagnosis.missing]
+    members = [name for effect in diagnosis.missing for name in effect.members[1:]]
+    return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.excess, named, members)}
+
+
+def _error_fall(
+    floor: Mapping[str, float], steps: Sequence[str], errors: Sequence[Mapping[str, float]], added: AddResult | None
+) -> dict[str, Any]:
+    """Error per channel before, with each step, and the noise floor."""
+    return {
+        "added": added,
+        "level": LEVEL_AFTER,
+        "steps": [f"with {name}" for name in steps],
+        "errors": errors,
+        "floor": floor,
+    }

@@ -1,6 +1,6 @@
 """What several circuits do together: currents that hold, stiffness, force per current, and one line through them.
 
-Maps and curves of a force need one current. The line taken goes through the bias, along the change in which the least
+Curves of a force need one current. The line taken goes through the bias, along the change in which the least
 currents give the most force: the differential drive of a bearing.
 """
 
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.errors import DomainError
-from femfit.core.numerics import FloatArray, IntArray, evenly_spread
+from femfit.core.numerics import FloatArray
 from femfit.core.text import axis_scale
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.report.rating import SweepGrid
-from femfit.report.style import CATEGORIES, INK, MUTED, Figure, label, new_figure, plain, words
+from femfit.report.model_figures import SweepGrid
+from femfit.report.style import CATEGORIES, INK, Figure, label, new_figure, plain
 
-POINTS, CURRENTS, LEVELS = 61, 9, 9
+POINTS, CURRENTS = 61, 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,19 +33,6 @@ class SeveralCircuits:
     held: bool  # Whether the mass is known
     stiffness_N_per_m: FloatArray  # dF/dd less the slope of springs there; NaN where not held
     force_per_A: FloatArray  # dF/di_k there; shape (points, n)
-    inductance_H: FloatArray  # In the field, at the bias; shape (points, n, n)
-
-    @property
-    def coupling(self) -> FloatArray:
-        """Largest |L_jk| / sqrt(L_jj L_kk) of two circuits at each distance."""
-        root = np.sqrt(np.diagonal(self.inductance_H, axis1=1, axis2=2))
-        share = np.abs(self.inductance_H) / (root[:, :, None] * root[:, None, :])
-        return np.asarray((share - np.eye(len(self.names))).max(axis=(1, 2)))
-
-    @property
-    def levels(self) -> IntArray:
-        """Places of a table's distances."""
-        return evenly_spread(len(self.distance_m), LEVELS)
 
     @property
     def line(self) -> list[tuple[str, str]]:
@@ -81,7 +68,6 @@ def several_circuits(model: ActuatorModel) -> SeveralCircuits | None:
         held=held,
         stiffness_N_per_m=slopes.force_gradient - springs,
         force_per_A=slopes.motional_constant,
-        inductance_H=magnetics.inductance(distance, np.broadcast_to(bias, currents.shape)),
     )
 
 
@@ -99,7 +85,7 @@ def _along_the_line(model: ActuatorModel, bias: FloatArray, along: FloatArray, d
     changes = np.linspace(ends[:, 0].max(), ends[:, 1].min(), CURRENTS)
     currents = bias + changes[:, None, None] * along
     force = model.magnetics.force(distance, np.broadcast_to(currents, (CURRENTS, POINTS, len(bias))))
-    return SweepGrid(changes, distance, force, np.zeros_like(force), np.ones_like(force), None)
+    return SweepGrid(changes, distance, force)
 
 
 def at_currents(current: float | Sequence[float], names: Sequence[str], digits: int = 4) -> str:
@@ -120,24 +106,18 @@ def current_ranges(model: ActuatorModel) -> list[str]:
 
 
 def circuits_figure(several: SeveralCircuits) -> Figure:
-    """Draw currents, slopes of the force and inductances over the distance, a colour for each circuit."""
-    figure = new_figure(5.4)
-    (currents, force), (stiffness, inductance) = figure.subplots(2, 2)
+    """Draw currents and slopes of the force over the distance, a colour for each circuit."""
+    figure = new_figure(2.9)
+    currents, force, stiffness = figure.subplots(1, 3)
     x = 1e3 * several.distance_m
     for k, name in enumerate(several.names):
         colour = CATEGORIES[k % len(CATEGORIES)]
-        currents.plot(x, several.holding_A[:, k], color=colour, label=words("circuits", "circuit", name=name))
+        currents.plot(x, several.holding_A[:, k], color=colour, label=name)
         force.plot(x, several.force_per_A[:, k], color=colour)
-        inductance.plot(x, 1e3 * several.inductance_H[:, k, k], color=colour)
-        for second in range(k):
-            pair_label = words("circuits", "mutual", one=several.names[second], other=name)
-            inductance.plot(x, 1e3 * several.inductance_H[:, second, k], "--", color=MUTED, label=pair_label)
     factor, unit = axis_scale(several.stiffness_N_per_m, "N")
     stiffness.plot(x, factor * several.stiffness_N_per_m, color=INK)
     label(currents, "circuits", "distance", "holding" if several.held else "bias")
     label(force, "circuits", "distance", "force")
     label(stiffness, "circuits", "distance", "stiffness", unit=unit)
-    label(inductance, "circuits", "distance", "inductance")
     currents.legend(loc="best")
-    inductance.legend(loc="best")
     return figure

@@ -14,9 +14,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
-from femfit.report.field_cells import FieldSample
+from femfit.report.drawing import COLOURS, HALL_COLOUR, half_sections
 from femfit.report.field_figures import colour_limit, colours_of, flux_levels
-from femfit.report.parts import COLOURS, HALL_COLOUR, half_sections
+from femfit.report.field_sample import FieldSample
 from femfit.report.style import new_figure, style, words
 
 MM = 1e3
@@ -60,9 +60,16 @@ def _draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
         (MM * (np.asarray(corners) + np.array([0.0, shift])), kind)
         for corners, shift, kind in half_sections(actuator, sample.distance_m)
     ]
-    for outline, kind in parts:
-        plotter.add_mesh(_revolved(outline), color=COLOURS[kind], ambient=0.35, diffuse=0.75)
-    lines = _half_plane(sample).contour(flux_levels(sample.flux_Wb).tolist(), scalars="flux")
+    for outline, kind in parts:  # turned about the axis through all but the cut; z points down in the picture
+        closed = np.concatenate([outline, outline[:1]])
+        line = pyvista.lines_from_points(np.stack([closed[:, 0], np.zeros(len(closed)), -closed[:, 1]], axis=1))
+        body = line.extrude_rotate(resolution=SEGMENTS, angle=360.0 - CUT_DEGREES, capping=False)
+        plotter.add_mesh(body.rotate_z(CUT_DEGREES), color=COLOURS[kind], ambient=0.35, diffuse=0.75)
+    r, z = np.meshgrid(MM * sample.radius_m, MM * sample.height_m)
+    half_plane = pyvista.StructuredGrid(r[:, None, :], np.zeros_like(r)[:, None, :], -z[:, None, :])
+    for name, values in (("root_B", np.sqrt(sample.flux_density_T)), ("flux", sample.flux_Wb)):
+        half_plane[name] = values[:, None, :].ravel(order="F")
+    lines = half_plane.contour(flux_levels(sample.flux_Wb).tolist(), scalars="flux")
     faces = [_cut_face(outline, sample) for outline, _ in parts]
     for angle in CUT_PLANES:
         for face in faces:
@@ -74,17 +81,6 @@ def _draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     return _picture(plotter, sample)
 
 
-def _revolved(outline: FloatArray) -> Any:
-    """The outline turned about the axis through all but the cut; z points down in the picture."""
-    import pyvista
-
-    closed = np.concatenate([outline, outline[:1]])
-    points = np.stack([closed[:, 0], np.zeros(len(closed)), -closed[:, 1]], axis=1)
-    line = pyvista.lines_from_points(points)
-    body = line.extrude_rotate(resolution=SEGMENTS, angle=360.0 - CUT_DEGREES, capping=False)
-    return body.rotate_z(CUT_DEGREES)
-
-
 def _cut_face(outline: FloatArray, sample: FieldSample) -> Any:
     """A part's section with |B| at the corners of small triangles."""
     import pyvista
@@ -94,16 +90,6 @@ def _cut_face(outline: FloatArray, sample: FieldSample) -> Any:
     field = RegularGridInterpolator((sample.height_m, sample.radius_m), sample.flux_density_T)
     face["root_B"] = np.sqrt(field(np.stack([-face.points[:, 2], face.points[:, 0]], axis=1) / MM))
     return face
-
-
-def _half_plane(sample: FieldSample) -> Any:
-    import pyvista
-
-    r, z = np.meshgrid(MM * sample.radius_m, MM * sample.height_m)
-    grid = pyvista.StructuredGrid(r[:, None, :], np.zeros_like(r)[:, None, :], -z[:, None, :])
-    for name, values in (("root_B", np.sqrt(sample.flux_density_T)), ("flux", sample.flux_Wb)):
-        grid[name] = values[:, None, :].ravel(order="F")
-    return grid
 
 
 def _picture(plotter: Any, sample: FieldSample) -> Any:

@@ -1,25 +1,117 @@
 """The actuator's full section, drawn to scale with its dimensions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 
 from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.parts import Actuator, Coil, LinearMaterial, NonlinearMaterial, Region
-from femfit.field.layout import part_corners
-from femfit.report.parts import (
-    COLOURS,
-    HALL_COLOUR,
-    full_section,
-    half_sections,
-    kind_of,
-    moving_corners,
-    standing_corners,
-)
-from femfit.report.rating import knee_T
+from femfit.device.materials import BHCurve
+from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region, is_iron
+from femfit.field.layout import fixed_parts, moving_parts, part_corners
 from femfit.report.style import INK, MUTED, Axes, Figure, new_figure, plain, significant, words
+
+Outline = tuple[tuple[float, float], ...]
+
+COLOURS = {
+    "iron, fixed": "#8c96a1",
+    "iron, moving": "#5b6f86",
+    "magnet": "#b0477d",
+    "winding": "#e0a341",
+    "not magnetic": "#dfe3e7",
+}
+"""Distinct in lightness as well as in hue."""
+
+HALL_COLOUR = "#009e73"
+
+
+def kind_of(material: Material, moving: bool) -> str:
+    """The kind of a region."""
+    if material.remanence_T:
+        return "magnet"
+    if is_iron(material):
+        return "iron, moving" if moving else "iron, fixed"
+    return "not magnetic"
+
+
+def half_sections(actuator: Actuator, distance: float) -> list[tuple[Outline, float, str]]:
+    """Corners, shift along z and kind of each part: fixed ones, windings, moving ones."""
+    parts = [(part_corners(r), 0.0, kind_of(r.material, moving=False)) for r in actuator.fixed]
+    parts += [(coil.vertices_m, distance if coil.moves else 0.0, "winding") for coil in actuator.coils]
+    return parts + [(part_corners(r), distance, kind_of(r.material, moving=True)) for r in actuator.moving.regions]
+
+
+def full_section(vertices: Outline, shift: float = 0.0) -> tuple[FloatArray, ...]:
+    """Corners (x, z) of a part in the full section: one outline on the axis, a left and a right one of a ring."""
+    half = np.asarray(vertices, dtype=np.float64) + np.array([0.0, shift])
+    both = shapely.union_all([shapely.Polygon(half), shapely.Polygon(half * np.array([-1.0, 1.0]))])
+    parts = getattr(both, "geoms", [both])
+    return tuple(np.asarray(part.exterior.coords)[:-1] for part in sorted(parts, key=lambda p: float(p.centroid.x)))
+
+
+def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A quantity that is even in r, shape (m, n), on the full section."""
+    return np.concatenate([-radius[:0:-1], radius]), np.concatenate([values[:, :0:-1], values], axis=1)
+
+
+def standing_corners(actuator: Actuator) -> FloatArray:
+    """Corners (r, z) of what stands still in m, shape (n, 2)."""
+    return np.concatenate([np.asarray(part_corners(fixed_part)) for fixed_part in fixed_parts(actuator)])
+
+
+def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
+    """Corners (r, z) of the moving part at a distance in m, shape (n, 2)."""
+    drawn = np.concatenate([np.asarray(part_corners(moving_part)) for moving_part in moving_parts(actuator)])
+    return np.asarray(drawn + np.array([0.0, distance]))
+
+
+KNEE_STEP, KNEE_FIELD = 1.1, 1.5
+"""Knee of a B-H curve (conventional): 10 % more flux density take 50 % more field, as IEC 61869-2 defines a knee."""
+
+USUAL_KNEES = "soft steel about 1.4 T, power ferrite about 0.25 T"
+"""For iron that is drawn without a curve: knees of the library's own curves by the rule above."""
+
+
+def knee_T(material: Material) -> float | None:  # noqa: N802 - the unit
+    """Flux density from which 10 % more takes 50 % more field; None for a material without a B-H curve."""
+    if isinstance(material, LinearMaterial):
+        return None
+    curve = BHCurve(material.flux_density_T, material.field_A_per_m)
+    b = np.linspace(0.05, material.flux_density_T[-1], 2000)
+    field = curve.field(b)
+    beyond = (b >= b[np.argmax(b / field)]) & (curve.field(KNEE_STEP * b) >= KNEE_FIELD * field)
+    return float(b[np.argmax(beyond)]) if beyond.any() else float(b[-1])
+
+
+@dataclass(frozen=True)
+class IronLoad:
+    """Flux density in one iron part beside the knee of its material; None for a material without a B-H curve."""
+
+    part: str
+    material: str
+    flux_density_T: float
+    knee_T: float | None
+
+    @property
+    def margin(self) -> float | None:
+        """How far the knee is above the flux density, as a part of the latter; negative beyond the knee."""
+        if self.knee_T is None:
+            return None
+        return self.knee_T / self.flux_density_T - 1.0 if self.flux_density_T else np.inf
+
+
+def iron_loads(actuator: Actuator, flux_density_T: Mapping[str, float]) -> tuple[IronLoad, ...]:
+    """Each iron part beside its largest flux density: the part nearest to its knee first, then the most loaded."""
+    loads = [
+        IronLoad(region.name, region.material.name, flux_density_T[region.name], knee_T(region.material))
+        for region in actuator.regions
+        if is_iron(region.material) and region.name in flux_density_T
+    ]
+    return tuple(sorted(loads, key=lambda load: (load.knee_T is None, -load.flux_density_T / (load.knee_T or 1.0))))
+
 
 MM = 1e3
 
@@ -82,7 +174,11 @@ def _mark(axes: Axes, actuator: Actuator, distance: float, numbers: Sequence[Num
 def draw_parts(axes: Axes, actuator: Actuator, distance: float) -> None:
     """Draw the parts' full section with a legend, in mm."""
     labels = [_region_label(region, moving=False) for region in actuator.fixed]
-    labels += [_coil_label(coil) for coil in actuator.coils]
+    for coil in actuator.coils:
+        label = words("drawing", "moving_coil" if coil.moves else "coil", turns=plain(coil.turns))
+        if coil.wire_diameter_m is not None:
+            label += f"\n{words('drawing', 'wire', diameter=plain(MM * coil.wire_diameter_m))}"
+        labels.append(label)
     labels += [_region_label(region, moving=True) for region in actuator.moving.regions]
     drawn: set[str] = set()
     for (outline, kind), label in zip(outlines(actuator, distance), labels, strict=True):
@@ -128,12 +224,6 @@ def material_words(region: Region) -> str:
 def _region_label(region: Region, *, moving: bool) -> str:
     kind = words("kinds", kind_of(region.material, moving))
     return f"{kind}: {region.material.name}\n({material_words(region)})"
-
-
-def _coil_label(coil: Coil) -> str:
-    label = words("drawing", "moving_coil" if coil.moves else "coil", turns=plain(coil.turns))
-    wire = coil.wire_diameter_m
-    return label if wire is None else f"{label}\n{words('drawing', 'wire', diameter=plain(MM * wire))}"
 
 
 def _magnetisation(axes: Axes, region: Region, shift: float) -> None:

@@ -1,36 +1,23 @@
 """A solved point as pictures of the full section: mesh, flux lines, |B|, relative permeability.
 
-Colours are drawn on the small triangles of :mod:`femfit.report.field_cells`, sharp at the parts' faces, or, where a
-page needs it quickly, on the regular grid of :mod:`femfit.report.field_cells`; flux lines are contours of 2 pi r A_phi
-on that grid. |B| is coloured by its square root, so that both the air and iron between 0.5 and 2 T keep their shades.
+Colours are those of the regular grid of :mod:`femfit.report.field_sample`, on which flux lines are contours of
+2 pi r A_phi. |B| is coloured by its square root, so that both the air and iron between 0.5 and 2 T keep their shades.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.parts import Actuator, NonlinearMaterial, Region, is_iron
-from femfit.report.drawing import actuator_figure, draw_outlines
-from femfit.report.field_cells import FieldCells, FieldSample, SolvedPoint, field_cells, sample_of, write_vtu
-from femfit.report.parts import COLOURS, half_sections, mirrored
-from femfit.report.style import (
-    BLUE,
-    INK,
-    MUTED,
-    PAPER,
-    Axes,
-    Figure,
-    new_figure,
-    plain,
-    quantity,
-    significant,
-    words,
-    write_picture,
-)
+from femfit.device.materials import BHCurve
+from femfit.device.parts import Actuator, LinearMaterial, is_iron
+from femfit.report.drawing import COLOURS, actuator_figure, draw_outlines, half_sections, mirrored
+from femfit.report.field_sample import FieldSample, SolvedPoint, inside_of, sample_of, write_vtu
+from femfit.report.style import BLUE, INK, MUTED, PAPER, Axes, Figure, new_figure, plain, quantity, words, write_picture
 
 PICTURES = ("geometry", "mesh", "flux-lines", "flux-density", "permeability")
 VTU = "vtu"
@@ -54,19 +41,20 @@ def write_views(
 
     The geometry is drawn with these numbers of its drawing.
     """
-    actuator, sample, cells = point.actuator, sample_of(point), field_cells(point)
-    draw: dict[str, Callable[[], Figure]] = {
-        "geometry": lambda: actuator_figure(actuator, point.distance_m, _title(actuator, sample, "geometry"), numbers),
-        "mesh": lambda: mesh_figure(actuator, sample, cells),
-        "flux-lines": lambda: flux_lines_figure(actuator, sample),
-        "flux-density": lambda: flux_density_figure(actuator, sample, cells),
-        "permeability": lambda: permeability_figure(actuator, sample, cells),
+    actuator, sample = point.actuator, sample_of(point)
+    draw: dict[str, Callable[[str], Figure]] = {
+        "geometry": lambda title: actuator_figure(actuator, point.distance_m, title, numbers),
+        "mesh": lambda title: mesh_figure(point, sample, title),
+        "flux-lines": lambda title: flux_lines_figure(actuator, sample, title),
+        "flux-density": lambda title: field_figure(actuator, sample, title),
+        "permeability": lambda title: permeability_figure(actuator, sample, title),
     }
     for what, path in files:
         if what == VTU:
-            write_vtu(point, cells, path)
+            write_vtu(point, path)
             continue
-        write_picture(draw[what], path, DPI, bbox_inches="tight")
+        title = f"{actuator.name}: {words(what, 'title')}\n{point_title(sample)}"
+        write_picture(partial(draw[what], title), path, DPI, bbox_inches="tight")
     return sample
 
 
@@ -113,41 +101,37 @@ def draw_flux_lines(axes: Axes, sample: FieldSample, **line_style: Any) -> None:
             axes.plot(*np.asarray(line).T, **line_style)
 
 
-def field_figure(actuator: Actuator, sample: FieldSample) -> Figure:
-    """Draw |B| in colours on the regular grid, flux lines and outlines, for a page."""
-    figure, axes = _section(sample)
-    x, density = mirrored(sample.radius_m, sample.flux_density_T)
-    z = sample.height_m
-    image = axes.imshow(
-        density,
-        extent=(MM * x[0], MM * x[-1], MM * z[0], MM * z[-1]),
-        origin="lower",
-        interpolation="bilinear",
-        **colours_of(colour_limit(sample), "cividis"),
-    )
+def field_figure(actuator: Actuator, sample: FieldSample, title: str = "") -> Figure:
+    """Draw |B| in colours, flux lines and outlines, in mm."""
+    figure, axes = _section(sample, title)
+    image = _colour(axes, sample, sample.flux_density_T, colours_of(colour_limit(sample), "cividis"))
     draw_flux_lines(axes, sample, color="white", linewidth=0.55, alpha=0.8)
     draw_outlines(axes, actuator, sample.distance_m, edge="white")
-    axes.set(xlim=(MM * x[0], MM * x[-1]), ylim=(MM * z[-1], MM * z[0]))
-    _bar(axes, image, words("field", "flux_density"), extend="max")
+    limit = colour_limit(sample)
+    bar = figure.colorbar(image, ax=axes, format="{x:g}", extend="max", pad=0.02)
+    bar.set_ticks([limit * share for share in (0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)])
+    bar.set_label(words("field", "flux_density"))
     return figure
 
 
-def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> Figure:
+def mesh_figure(point: SolvedPoint, sample: FieldSample, title: str = "") -> Figure:
     """Draw the finite elements over the parts, in mm."""
-    figure, axes = _section(sample, _title(actuator, sample, "mesh"))
-    _light_parts(axes, actuator, sample)
-    inside = _in_window(cells, cells.elements, sample)
-    r, z = MM * cells.points_m.T
+    import ngsolve as ng
+
+    figure, axes = _section(sample, title)
+    _light_parts(axes, point.actuator, sample)
+    r, z = MM * np.array([vertex.point for vertex in point.mesh.vertices]).T
+    elements = np.array([[vertex.nr for vertex in element.vertices] for element in point.mesh.Elements(ng.VOL)])
     for side in (1.0, -1.0):
-        axes.triplot(side * r, z, cells.elements[inside], color=INK, linewidth=0.35)
-    counts = [f"{count:,}".replace(",", "\u2009") for count in (inside.sum(), len(cells.elements), sample.unknowns)]
-    _note(axes, words("mesh", "note", shown=counts[0], elements=counts[1], unknowns=counts[2]))
+        axes.triplot(side * r, z, elements, color=INK, linewidth=0.35)
+    counts = [f"{count:,}".replace(",", "\u2009") for count in (len(elements), sample.unknowns)]
+    _note(axes, words("mesh", "note", elements=counts[0], unknowns=counts[1]))
     return figure
 
 
-def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> Figure:
+def flux_lines_figure(actuator: Actuator, sample: FieldSample, title: str = "") -> Figure:
     """Draw flux lines over the parts, in mm."""
-    figure, axes = _section(sample, _title(actuator, sample, "flux-lines"))
+    figure, axes = _section(sample, title)
     _light_parts(axes, actuator, sample)
     draw_flux_lines(axes, sample, color=BLUE, linewidth=0.8)
     if flux := line_flux(sample):
@@ -155,62 +139,40 @@ def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> Figure:
     return figure
 
 
-def flux_density_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> Figure:
-    """Draw |B| in colours, sharp at the parts' faces, with flux lines, in mm."""
-    figure, axes = _section(sample, _title(actuator, sample, "flux-density"))
-    magnitude = np.hypot(*cells.flux_density_T.T)
-    inside = _in_window(cells, cells.triangles, sample)
-    shown = _colour(axes, cells, magnitude, inside, **colours_of(colour_limit(sample), "turbo"))
-    draw_flux_lines(axes, sample, color="black", linewidth=0.45, alpha=0.75)
-    draw_outlines(axes, actuator, sample.distance_m, edge=INK)
-    _bar(axes, shown, words("field", "flux_density"), extend="max")
-    largest = [f"{name.replace('_', ' ')} {quantity(b, 'T')}" for name, b in sample.part_flux_density_T.items()]
-    _note(axes, words("flux-density", "note", largest=", ".join(largest)))
-    return figure
-
-
-def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> Figure:
-    """Draw mu_r = B / (mu_0 H) of the soft parts on a logarithmic scale; what is not soft is white."""
+def permeability_figure(actuator: Actuator, sample: FieldSample, title: str = "") -> Figure:
+    """Draw mu_r = B / (mu_0 H) of the soft parts on a logarithmic scale, in mm; what is not soft has no colour."""
     from matplotlib.colors import LogNorm
+    from matplotlib.ticker import LogLocator
 
-    figure, axes = _section(sample, _title(actuator, sample, "permeability"))
-    fixed = len(actuator.fixed)
-    lines, soft = [], np.zeros(len(cells.regions), dtype=np.bool_)
-    for k, region in enumerate(actuator.regions):
-        number = cells.regions.index(f"{'fixed' if k < fixed else 'moving'}:{region.name}")
-        soft[number] = is_iron(region.material)
-        lines.append(_permeability_line(region, cells.relative_permeability[cells.point_region == number]))
-    _light_parts(axes, actuator, sample, 1.22)
-    shown_triangles = soft[cells.triangle_region]
-    if shown_triangles.any():
-        low, high = _range(cells.relative_permeability[soft[cells.point_region]])
-        many = high > 1.01 * low
-        norm = LogNorm(low, high) if many else LogNorm(0.5 * low, 2.0 * high)
-        shown = _colour(axes, cells, cells.relative_permeability, shown_triangles, norm=norm, cmap="viridis")
-        if many:
-            _bar(axes, shown, words("permeability", "bar"), extend="both", logarithmic=True)
+    figure, axes = _section(sample, title)
+    permeability = soft_permeability(actuator, sample)
+    if np.isfinite(permeability).any():
+        low, high = np.nanpercentile(permeability, (1.0, 99.0))  # fields are singular at corners
+        image = _colour(axes, sample, permeability, {"norm": LogNorm(0.9 * low, 1.1 * high), "cmap": "viridis"})
+        bar = figure.colorbar(image, ax=axes, pad=0.02, format="{x:g}")
+        bar.locator = LogLocator(subs=(1.0, 2.0, 5.0))
+        bar.minorticks_off()
+        bar.set_label(words("permeability", "bar"))
     draw_outlines(axes, actuator, sample.distance_m, edge=INK)
-    _note(axes, "\n".join(lines))
     return figure
 
 
-def _permeability_line(region: Region, values: FloatArray) -> str:
-    low, high = _range(values)
-    ends = dict.fromkeys((significant(low), significant(high)) if high > 1.001 * low else (plain(low),))
-    interval = " to ".join(ends)
-    kind = "saturates" if isinstance(region.material, NonlinearMaterial) else "linear"
-    kind = "recoil" if region.material.remanence_T else kind
-    name = region.name.replace("_", " ")
-    return words("permeability", kind, part=name, values=interval, material=region.material.name)
+def soft_permeability(actuator: Actuator, sample: FieldSample) -> FloatArray:
+    """mu_r on the sample's grid; NaN outside of iron and ferrite."""
+    r, z = np.meshgrid(sample.radius_m, sample.height_m)
+    permeability = np.full_like(r, np.nan)
+    for region in actuator.regions:
+        material = region.material
+        here = inside_of(actuator, region, sample.distance_m, r, z)
+        if isinstance(material, LinearMaterial):
+            permeability[here] = material.relative_permeability if is_iron(material) else np.nan
+        else:
+            curve = BHCurve(material.flux_density_T, material.field_A_per_m)
+            permeability[here] = 1.0 / (MU_0 * curve.reluctivity(sample.flux_density_T[here]))
+    return permeability
 
 
-def _range(values: FloatArray) -> tuple[float, float]:
-    """Without the highest and lowest 1 %: fields are singular at corners."""
-    low, high = np.percentile(values, (1.0, 99.0))
-    return float(low), float(high)
-
-
-def _section(sample: FieldSample, title: str = "") -> tuple[Figure, Axes]:
+def _section(sample: FieldSample, title: str) -> tuple[Figure, Axes]:
     """An empty picture of the window with as much height as it needs; z points down, as in the drawing."""
     right, z = MM * sample.radius_m[-1], MM * sample.height_m
     figure = new_figure(float(np.clip(0.9 + 5.0 * np.ptp(z) / (2.0 * right), 3.2, 6.6)), 6.8)
@@ -223,10 +185,6 @@ def _section(sample: FieldSample, title: str = "") -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _title(actuator: Actuator, sample: FieldSample, what: str) -> str:
-    return f"{actuator.name}: {words(what, 'title')}\n{point_title(sample)}"
-
-
 def point_title(sample: FieldSample) -> str:
     """The point and its force in words."""
     force = sample.force_N
@@ -236,7 +194,7 @@ def point_title(sample: FieldSample) -> str:
     return words("point", "title", distance=distance, current=current, force=quantity(force, "N", 4), sense=sense)
 
 
-def _light_parts(axes: Axes, actuator: Actuator, sample: FieldSample, legend: float = 1.01) -> None:
+def _light_parts(axes: Axes, actuator: Actuator, sample: FieldSample) -> None:
     draw_outlines(axes, actuator, sample.distance_m, edge=INK, opacity=LIGHT)
     kinds = {kind for _, _, kind in half_sections(actuator, sample.distance_m)}
     handles = [
@@ -244,59 +202,20 @@ def _light_parts(axes: Axes, actuator: Actuator, sample: FieldSample, legend: fl
         for kind in COLOURS
         if kind in kinds
     ]
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(legend, 1.0), handlelength=1.2)
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=1.2)
 
 
-def _in_window(cells: FieldCells, triangles: Any, sample: FieldSample) -> BoolArray:
-    """Triangles that reach into the picture."""
-    r, z = cells.points_m[:, 0][triangles], cells.points_m[:, 1][triangles]
-    low, high = sample.height_m[0], sample.height_m[-1]
-    return np.asarray(
-        (r.min(axis=1) < sample.radius_m[-1]) & (z.max(axis=1) > low) & (z.min(axis=1) < high), dtype=np.bool_
-    )
-
-
-def _colour(axes: Axes, cells: FieldCells, values: FloatArray, shown: BoolArray, **colours: Any) -> Any:
-    """Values at points in colours on both halves, rasterised."""
-    from matplotlib.tri import Triangulation
-
-    r, z = MM * cells.points_m.T
-    for side in (1.0, -1.0):
-        grid = Triangulation(side * r, z, cells.triangles[shown])
-        drawn = axes.tripcolor(grid, values, shading="gouraud", rasterized=True, **colours)
-    return drawn
-
-
-def _bar(axes: Axes, shown: Any, label: str, *, extend: str, logarithmic: bool = False) -> None:
-    """A colour bar as high as the picture beside it."""
-    from matplotlib.ticker import LogLocator
-
-    place = axes.inset_axes((1.04, 0.0, 0.04, 1.0))
-    figure = axes.get_figure()
-    assert figure is not None  # noqa: S101 - made in _section
-    bar = figure.colorbar(shown, cax=place, format="{x:g}", extend=extend)
-    if logarithmic:
-        low, high = shown.get_clim()
-        bar.locator = LogLocator(subs=(1.0, 2.0, 5.0) if high > 4.0 * low else range(1, 10), numticks=30)
-        bar.minorticks_off()
-    else:
-        limit = shown.get_clim()[1]
-        bar.set_ticks([limit * share for share in (0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)])
-    bar.set_label(label)
+def _colour(axes: Axes, sample: FieldSample, values: FloatArray, colours: dict[str, Any]) -> Any:
+    """Values on the sample's grid in colours on both halves."""
+    x, mirrored_values = mirrored(sample.radius_m, values)
+    z = sample.height_m
+    extent = (MM * x[0], MM * x[-1], MM * z[0], MM * z[-1])
+    image = axes.imshow(mirrored_values, extent=extent, origin="lower", interpolation="bilinear", **colours)
+    axes.set(xlim=extent[:2], ylim=(extent[3], extent[2]))
+    return image
 
 
 def _note(axes: Axes, note: str) -> None:
-    """Words below a picture, broken so that they stay below it."""
-    from textwrap import fill
-
-    axes.annotate(
-        "\n".join(fill(line, 78) for line in note.split("\n")),
-        xy=(0.0, 0.0),
-        xycoords="axes fraction",
-        xytext=(0, -34),
-        textcoords="offset points",
-        va="top",
-        fontsize=8,
-        color=MUTED,
-        backgroundcolor=PAPER,
-    )
+    """Words below a picture."""
+    look: dict[str, Any] = {"va": "top", "fontsize": 8, "color": MUTED, "backgroundcolor": PAPER}
+    axes.annotate(note, (0.0, 0.0), (0, -34), xycoords="axes fraction", textcoords="offset points", **look)

@@ -21,10 +21,9 @@ from femfit.report.style import (
 )
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_facts import FaultRow, SpectrumPair, StepSeries, consistency
 from femfit.simulation.margins import worst_of
 from femfit.simulation.study import ClosedLoopStudy
-from femfit.simulation.summary import LoopSummary
+from femfit.simulation.summary import FaultRow, LoopSummary, SpectrumPair, StepSeries, consistency
 from femfit.simulation.words import sensor_word, sentence
 
 MM = 1e3

@@ -1,21 +1,21 @@
-"""What was measured, and where the model fails: measured points on the model's curves, and maps of the misfit."""
+"""Where the model fails, and what explains it: measured points on its curves, maps of the misfit, effects ranked."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binned_statistic_2d
 
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.text import axis_scale
+from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.misfit import MeasuredCurves
 from femfit.identify.observations import Observations
+from femfit.identify.settings import setting_cells
 from femfit.report.style import (
-    BLUE,
-    CATEGORIES,
     INK,
     MUTED,
+    ORANGE,
     VERMILION,
     WIDTH,
     Axes,
@@ -29,92 +29,29 @@ from femfit.tables.measurement import CHANNEL_WORDS
 
 MM = 1e3
 
-CELLS = 25
-"""Most columns and rows of a map: finer settings are averaged."""
-
 LEAST_LIMIT = 2.0
 """A map's colours span at least so many standard deviations: noise alone should look pale."""
 
 BINS = 12
 
 
-def settings_figure(observations: Observations) -> Figure:
-    """Where and when readings were taken."""
-    rows = observations.covariates
-    warm = [n for n in ("coil_temperature_C", "magnet_temperature_C") if np.isfinite(rows[n].to_numpy()).any()]
-    figure = new_figure(3.0)
-    axes = figure.subplots(1, 2 if warm else 1, squeeze=False)[0]
-    runs = rows["run"].to_numpy(dtype=int)
-    spread = 0.02 * float(np.ptp(rows["distance_m"])) if runs.max() else 0.0
-    for run in range(int(runs.max()) + 1):
-        here = rows[runs == run]
-        shift = spread * (run - 0.5 * runs.max()) / max(runs.max(), 1)  # beside each other, not on top
-        colour, label = CATEGORIES[run % len(CATEGORIES)], f"run {run + 1}" if run < len(CATEGORIES) else None
-        x = MM * (here["distance_m"] + shift)
-        axes[0].plot(x, here["current_A"], ".", markersize=3.0, color=colour, label=label)
-    axes[0].set(xlabel="distance d (mm)", ylabel="current i (A)", title="settings")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", markerscale=3.0)
-    for name, colour in zip(warm, (VERMILION, BLUE), strict=False):
-        axes[1].plot(rows["elapsed"], rows[name], color=colour, label=name.removesuffix("_temperature_C"))
-    if warm:
-        axes[1].set(xlabel="order of the readings", ylabel="temperature (°C)", title="temperatures")
-        figure.legend(*axes[1].get_legend_handles_labels(), loc="outside right lower")
-    return figure
-
-
-def residual_maps_figure(
-    observations: Observations, rows: Sequence[tuple[str, FloatArray]], scale: Mapping[str, float], sigma: bool
-) -> Figure:
-    """Maps of recorded minus predicted over distance and current, a column a channel, a row a titled residual.
-
-    All rows share a channel's colours.
-    """
+def residual_maps_figure(observations: Observations, scale: Mapping[str, float], sigma: bool) -> Figure:
+    """Maps of recorded minus predicted over distance and current, a column a channel, a dot a setting."""
     names = observations.channels
-    figure = new_figure(0.5 + 1.9 * len(rows), width=min(WIDTH, 1.4 + 2.2 * len(names)))
-    panels = figure.subplots(len(rows), len(names), squeeze=False, sharex=True, sharey=True)
-    edges = [_edges(MM * observations.column("distance_m")), _edges(observations.column("current_A"))]
-    for c, name in enumerate(names):
+    figure = new_figure(2.4, width=min(WIDTH, 1.4 + 2.2 * len(names)))
+    panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    for ax, name in zip(panels, names, strict=True):
         here = observations.of(name)
-        maps = [_cell_means(observations, residual / scale.get(name, np.nan), here, edges) for _, residual in rows]
-        finite = np.concatenate([np.abs(m[np.isfinite(m)]) for m in maps])
-        limit = float(np.quantile(finite, 0.98)) if finite.size else 1.0
-        limit = max(limit, LEAST_LIMIT) if sigma else max(limit, 1e-300)
-        for (title, _), values, ax in zip(rows, maps, panels[:, c], strict=True):
-            image = ax.pcolormesh(edges[0], edges[1], values.T, cmap="RdBu_r", vmin=-limit, vmax=limit, rasterized=True)
-            ax.grid(visible=False)
-            ax.set_title(f"{CHANNEL_WORDS[name]}{', ' + title if title else ''}", fontsize=8.5)
-        panels[-1, c].set_xlabel("distance d (mm)")
-        bar = figure.colorbar(image, ax=list(panels[:, c]), location="bottom", pad=0.02, aspect=18)
-        bar.ax.tick_params(labelsize=8)
-        bar.set_label("in noise σ" if sigma else f"in {name.rpartition('_')[2]}", fontsize=8.5)
-    for ax in panels[:, 0]:
-        ax.set_ylabel("current i (A)")
+        columns = {"d": MM * observations.column("distance_m"), "i": observations.column("current_A")}
+        readings = pd.DataFrame({**columns, "residual": observations.residual / scale.get(name, np.nan)})[here]
+        d, i, mean = readings.groupby(setting_cells(observations)[here]).mean().to_numpy().T
+        limit = max(float(np.nanquantile(np.abs(mean), 0.98)), LEAST_LIMIT if sigma else 1e-300)
+        dots = ax.scatter(d, i, 14.0, mean, cmap="RdBu_r", vmin=-limit, vmax=limit, edgecolors=MUTED, linewidths=0.2)
+        ax.set(title=CHANNEL_WORDS[name], xlabel=words("curves", "distance_m"))
+        bar = figure.colorbar(dots, ax=ax, location="bottom", pad=0.02, aspect=18)
+        bar.set_label("in noise σ" if sigma else f"in {name.rpartition('_')[2]}")
+    panels[0].set_ylabel(words("curves", "current_A"))
     return figure
-
-
-def _edges(values: FloatArray) -> FloatArray:
-    """Borders between the levels of a setting, or of equal cells where there are many levels."""
-    levels = np.unique(np.round(values, 6))
-    gaps = np.diff(levels)
-    if len(levels) > 1:  # levels that a stage met a little beside each other are one
-        keep = np.concatenate([[True], gaps > 0.02 * np.ptp(levels) / min(len(levels), CELLS)])
-        levels = levels[keep]
-    if len(levels) > CELLS:
-        return np.linspace(levels[0], levels[-1], CELLS + 1)
-    if len(levels) == 1:
-        half = 0.05 * max(abs(float(levels[0])), 1e-3)
-        return np.array([levels[0] - half, levels[0] + half])
-    middle = 0.5 * (levels[1:] + levels[:-1])
-    return np.concatenate([[2 * levels[0] - middle[0]], middle, [2 * levels[-1] - middle[-1]]])
-
-
-def _cell_means(
-    observations: Observations, values: FloatArray, here: BoolArray, edges: Sequence[FloatArray]
-) -> FloatArray:
-    """Mean of each cell, shape (columns, rows); NaN where nothing was read."""
-    columns = (MM * observations.column("distance_m")[here], observations.column("current_A")[here])
-    x, y = (np.clip(column, e[0], e[-1]) for column, e in zip(columns, edges, strict=True))
-    return np.asarray(binned_statistic_2d(x, y, values[here], bins=list(edges)).statistic)
 
 
 def covariate_figure(observations: Observations, residual: FloatArray, channel: str, names: Sequence[str]) -> Figure:
@@ -126,34 +63,9 @@ def covariate_figure(observations: Observations, residual: FloatArray, channel: 
         x = observations.column(name)[here]
         _binned(ax, x, residual[here])
         ax.axhline(0.0, color=MUTED, linewidth=0.8)
-        ax.set_xlabel(COVARIATE_LABELS.get(name, name))
-        if name in {"branch", "run"}:
-            levels = np.unique(x)
-            ax.set_xticks(levels, [_level(name, value) for value in levels])
+        ax.set_xlabel(words("covariates", name))
     panels[0].set_ylabel(f"{CHANNEL_WORDS[channel]}:\nrecorded − predicted (σ)")
     return figure
-
-
-COVARIATE_LABELS = {
-    "coil_temperature_C": "coil temperature (°C)",
-    "magnet_temperature_C": "magnet temperature (°C)",
-    "order": "order within the run",
-    "elapsed": "order of the readings",
-    "branch": "branch of the current",
-    "run": "run",
-    "velocity_m_s": "speed of the distance (m/s)",
-    "current_rate_A_s": "rate of the current (A/s)",
-    "distance_m": "distance (m)",
-    "current_A": "current (A)",
-    "frequency_Hz": "frequency (Hz)",
-}
-"""What axes call the columns of a campaign."""
-
-
-def _level(name: str, value: float) -> str:
-    if name == "run":
-        return str(int(value) + 1)
-    return {1.0: "rising", -1.0: "falling"}.get(float(value), "unknown")
 
 
 def _binned(ax: Axes, x: FloatArray, y: FloatArray) -> None:
@@ -222,3 +134,35 @@ def worst_first(curves: Sequence[MeasuredCurves]) -> list[MeasuredCurves]:
         return round(-float(np.sqrt(np.mean(curve.misfit_before**2))) / size, 9)
 
     return sorted(curves, key=badness)
+
+
+SHOWN = 12
+"""Most effects of a ranking that are drawn."""
+
+
+def ranking_figure(
+    ranking: Sequence[ScoredEffect], excess: float, named: Sequence[str], members: Sequence[str]
+) -> Figure:
+    """Share of the structured misfit that each effect explains by itself; a dot for that on runs left out."""
+    shown = list(ranking)[:SHOWN]
+    figure = new_figure(0.9 + 0.24 * len(shown))
+    axes = figure.subplots()
+    y = np.arange(len(shown))
+    share = [100.0 * min(max(s.chi2_fall - s.degrees_of_freedom, 0.0) / max(excess, 1e-12), 1.0) for s in shown]
+    colours = [VERMILION if s.name in named else ORANGE if s.name in members else "#b8c0c8" for s in shown]
+    axes.barh(y, share, color=colours, height=0.7)
+    for k, s in enumerate(shown):
+        if np.isfinite(s.explained_share):
+            axes.plot(100.0 * float(np.clip(s.explained_share, 0.0, 1.0)), k, "o", color=INK, markersize=4.5)
+    axes.set_yticks(y, [s.name for s in shown])
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.set(xlim=(0.0, 104.0), xlabel="structured misfit explained, each effect alone (%)")
+    if any(np.isfinite(s.explained_share) for s in shown):
+        axes.plot([], [], "o", color=INK, markersize=4.5, label="on runs left out")
+    for colour, label in ((VERMILION, "named"), (ORANGE, "not told from it")):
+        if colour in colours:
+            axes.barh([0], [0], color=colour, label=label)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right")
+    return figure

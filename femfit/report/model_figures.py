@@ -1,18 +1,131 @@
-"""How a model fits: laws ranked, maps of the misfit, the sensor's characteristic."""
+"""The model as figures: force over stroke and current, laws ranked, maps of the misfit, the sensor's characteristic."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.audit.carried import COLD_C, WARM_C
 from femfit.core.numerics import FloatArray
+from femfit.core.text import axis_scale
+from femfit.device.mechanics import Mechanics
+from femfit.device.parts import copper_growth
 from femfit.fit.constants import TARGET
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
+from femfit.heat.find_temperatures import Temperatures
 from femfit.model.actuator_model import ActuatorModel
-from femfit.report.style import BLUE, INK, MUTED, VERMILION, Figure, label, new_figure, ordered_colours, words
+from femfit.report.style import (
+    BLUE,
+    INK,
+    MUTED,
+    ORANGE,
+    VERMILION,
+    Figure,
+    label,
+    new_figure,
+    ordered_colours,
+    plain,
+    significant,
+    words,
+)
 
 MM = 1e3
 POINTS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Supplied:
+    """The force over the distances that the body can have, with the supply's voltage at a coil of some temperature."""
+
+    temperature_C: float
+    voltage_V: float
+    current_A: float
+    drawn_A: float  # The current within the model's validity domain that the force is taken at
+    distance_m: FloatArray  # Shape (n,)
+    force_N: FloatArray
+
+    @property
+    def limited(self) -> bool:
+        """Whether the model ends below this current."""
+        return abs(self.current_A - self.drawn_A) > 1e-6 * abs(self.current_A)
+
+
+def at_supply(model: ActuatorModel, heat: Temperatures | None = None) -> tuple[Supplied, ...]:
+    """The force with a cold and a warm coil, as warm as the supply makes it where that may last.
+
+    Empty where the model has no circuit, or several.
+    """
+    circuit, box = model.circuit, model.validity
+    if circuit is None:
+        return ()
+    warm_C = float(heat.windings_C[0]) if heat is not None and heat.lasts else WARM_C
+    distance = np.linspace(*model.travel_m, POINTS)
+
+    def supplied(voltage: float, celsius: float) -> Supplied:
+        current = voltage / (circuit.resistance_ohm * float(copper_growth(celsius)))
+        drawn = float(np.clip(current, box.current_min_A, box.current_max_A))
+        force = np.asarray(model.force(distance, np.full_like(distance, drawn)))
+        return Supplied(celsius, voltage, current, drawn, distance, force)
+
+    ends = (circuit.voltage_max_V, circuit.voltage_min_V)
+    # Where a supply is the same in both directions, the direction that attracts more
+    warm = max((supplied(end, warm_C) for end in ends), key=lambda feed: (abs(feed.voltage_V), float(feed.force_N[0])))
+    return supplied(warm.voltage_V, COLD_C), warm
+
+
+def stroke_figure(feeds: Sequence[Supplied], motion: Mechanics | None) -> Figure:
+    """Draw force over the stroke at the supply's voltage, and what it has to overcome."""
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    factor, unit = axis_scale(np.concatenate([feed.force_N for feed in feeds]), "N")
+    for feed, colour in zip(feeds, (BLUE, VERMILION), strict=True):
+        facts = {"voltage": plain(feed.voltage_V, 3), "temperature": plain(feed.temperature_C, 3)}
+        text = words("stroke", "feed", current=significant(feed.current_A), **facts)
+        if feed.limited:
+            text += words("stroke", "limited", drawn=significant(feed.drawn_A))
+        axes.plot(MM * feed.distance_m, factor * feed.force_N, color=colour, label=text)
+    distance = feeds[0].distance_m
+    if motion is not None and np.any(against := motion.static_force(distance)):
+        text = words("stroke", "static" if motion.springs or motion.load_N else "weight")
+        axes.plot(MM * distance, factor * against, color=ORANGE, linewidth=1.0, dashes=(5, 3), label=text)
+    label(axes, "stroke", "distance", "force", unit=unit)
+    axes.legend(loc="best")
+    return figure
+
+
+@dataclass(frozen=True, eq=False)
+class SweepGrid:
+    """A full grid of m currents and n distances, force of shape (m, n)."""
+
+    currents: FloatArray
+    distances: FloatArray
+    force: FloatArray
+
+
+def sweep_grid(rows: FitRows) -> SweepGrid | None:
+    """Arrange rows on their grid."""
+    shape = (len(rows.currents), len(rows.distances))
+    if len(rows.force) != shape[0] * shape[1]:
+        return None
+    order = np.lexsort((rows.distance, rows.current))
+    return SweepGrid(rows.currents, rows.distances, rows.force[order].reshape(shape))
+
+
+def force_curves_figure(grid: SweepGrid, weight: float | None, legend: str = "legend") -> Figure:
+    """Draw force over distance, a curve for each current; ``legend`` names the words for what the current is."""
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    factor, unit = axis_scale(grid.force, "N")
+    for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
+        text = words("force-curves", "current", current=f"{current:.3g}")
+        axes.plot(MM * grid.distances, factor * force, color=colour, label=text)
+    if weight is not None:
+        text = words("force-curves", "weight")
+        axes.axhline(factor * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label=text)
+    label(axes, "force-curves", "distance", "force", unit=unit)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", title=words("force-curves", legend))
+    return figure
 
 
 def ranking_figure(ranking: Ranking) -> Figure:

@@ -16,17 +16,17 @@ import numpy as np
 from femfit import __version__
 from femfit.core.errors import DomainError, RunDirectoryError
 from femfit.core.files import write_text
-from femfit.core.numerics import GRAVITY, BoolArray
+from femfit.core.numerics import GRAVITY
 from femfit.core.text import counted
 from femfit.device.parts import Actuator
 from femfit.estimate.holding import holding_current
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
-from femfit.heat.result import Temperatures
+from femfit.heat.find_temperatures import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.circuits import SeveralCircuits, at_currents, several_circuits
-from femfit.report.field_cells import FieldSample
-from femfit.report.rating import Rating, SweepGrid, rate, sweep_grid
+from femfit.report.field_sample import FieldSample
+from femfit.report.model_figures import Supplied, SweepGrid, at_supply, sweep_grid
 from femfit.report.style import NOTHING, formula_markup, p_value, percent, plain, quantity, significant, words
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.study import ClosedLoopStudy
@@ -79,7 +79,6 @@ def _environment() -> "Environment":
         "version": __version__,
         "style": (templates / "report.css").read_text(encoding="utf-8"),
         "script": (templates / "report.js").read_text(encoding="utf-8"),
-        "unfinished": "",
     }
     return environment
 
@@ -116,11 +115,7 @@ class ReportContent:
     # The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged
     field: FieldSample | None = None
     strongest: FieldSample | None = None
-    # Whether the loop is still to come: ``femfit run`` writes the page again when it is there
-    unfinished: bool = False
-    # Steps of the run and their time; files and their SHA-256
-    timings_s: tuple[tuple[str, float], ...] = ()
-    hashes: tuple[tuple[str, str], ...] = ()
+    hashes: tuple[tuple[str, str], ...] = ()  # Files and their SHA-256
 
     @cached_property
     def rows(self) -> FitRows | None:
@@ -135,27 +130,17 @@ class ReportContent:
     @cached_property
     def grid(self) -> SweepGrid | None:
         """The sweep over its current and distance; several circuits have no such grid."""
-        return None if self.rows is None or self.several is not None else sweep_grid(self.rows)
+        return None if self.rows is None or self.rows.several else sweep_grid(self.rows)
 
     @cached_property
-    def rating(self) -> Rating | None:
-        """What coil and supply allow; None without a circuit, and for several."""
-        return rate(self.model, self.actuator, self.grid, self.heat)
+    def feeds(self) -> tuple[Supplied, ...]:
+        """The force with a cold and a warm coil at the supply; empty without a circuit, and for several."""
+        return at_supply(self.model, self.heat)
 
     @cached_property
     def together(self) -> SeveralCircuits | None:
         """What several circuits do together; None for one."""
         return several_circuits(self.model)
-
-    @property
-    def several(self) -> FitRows | None:
-        """The same, where there are several circuits."""
-        return self.rows if self.rows is not None and self.rows.several else None
-
-    @property
-    def idle(self) -> BoolArray:
-        """Which of the sweep's rows have no current in any circuit."""
-        return np.zeros(0, dtype=np.bool_) if self.rows is None else self.rows.idle
 
     @property
     def weight(self) -> float | None:

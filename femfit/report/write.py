@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError
 from femfit.core.files import PAGE, path_of, require_outputs
-from femfit.device.summary import actuator_from_record
+from femfit.device.load import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
 from femfit.heat.find_temperatures import temperatures_at_supply
@@ -25,18 +25,9 @@ from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
 if TYPE_CHECKING:
     from femfit.device.parts import Actuator
-    from femfit.report.field_cells import FieldSample
+    from femfit.report.field_sample import FieldSample
 
 MODEL_FILE = "model.json"
-
-_INSTEAD = {
-    "LoopSummary": " Print it; femfit run writes a loop into the report of its run.",
-    "CoilIntegral": " Print it; femfit bench makes a bench table of it, and a diagnosis of that has a report.",
-    "Actuator": " Sweep it first, and pass the sweep: femfit.run_sweep(actuator, directory).",
-    "BenchTable": " Pass what femfit.compare(model, data) or femfit.diagnose(model, data) returns.",
-    "TimeSeries": " Pass what femfit.compare(model, data) or femfit.diagnose(model, data) returns.",
-}
-"""What to pass in place of what has no report."""
 
 
 def write_report(result: Any, path: str | Path) -> Path:
@@ -73,20 +64,23 @@ def _page(result: Any) -> str:
         return render_added(result)
     if isinstance(result, Diagnosis):
         return render_diagnosis(result)
-    content = result if isinstance(result, ReportContent) else _content(result)
-    if not isinstance(result, ReportContent):
-        content = replace(
-            content,
-            motion=motion_at_supply(content.model),
-            heat=(None if content.actuator is None else temperatures_at_supply(content.actuator, content.model)),
-        )
+    if isinstance(result, ReportContent):
+        return render_report(result, draw_figures(result))
+    content = _content(result)
+    heat = None if content.actuator is None else temperatures_at_supply(content.actuator)
+    content = replace(content, motion=motion_at_supply(content.model), heat=heat)
     return render_report(content, draw_figures(content))
 
 
 def _content(result: Any) -> ReportContent:
     if isinstance(result, str | Path):
         place = Path(result)
-        return _run_content(place) if place.is_dir() else ReportContent(read_model(place), hashes=hashes([place]))
+        if not place.is_dir():
+            return ReportContent(read_model(place), hashes=hashes([place]))
+        table, file = read_sweep_table(place), place / MODEL_FILE
+        model = read_model(file) if file.is_file() else None
+        present = [f for f in (place / "sweep.parquet", file) if f.is_file()]
+        return _table_content(table, model, hashes(present))
     if isinstance(result, ActuatorModel):
         return ReportContent(result)
     if isinstance(result, FitResult):
@@ -95,16 +89,8 @@ def _content(result: Any) -> ReportContent:
         return _table_content(result, None, ())
     raise FemfitError(
         "A report can be written on a run directory, a model, a sweep, a fit, a comparison, a diagnosis or added "
-        f"effects; instead received {type(result).__name__}.{_INSTEAD.get(type(result).__name__, '')}"
+        f"effects; instead received {type(result).__name__}."
     )
-
-
-def _run_content(directory: Path) -> ReportContent:
-    table = read_sweep_table(directory)
-    file = directory / MODEL_FILE
-    model = read_model(file) if file.is_file() else None
-    present = [f for f in (directory / "sweep.parquet", file) if f.is_file()]
-    return _table_content(table, model, hashes(present))
 
 
 def _table_content(
@@ -122,7 +108,7 @@ def _table_content(
 
 def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
     """The content with the field solved at the points that a report shows."""
-    from femfit.report.field_cells import sample_field
+    from femfit.report.field_sample import sample_field
 
     rows = content.rows
     assert rows is not None  # noqa: S101 - a drawing comes with its sweep

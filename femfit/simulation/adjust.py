@@ -1,4 +1,4 @@
-"""A design with gains of one's own: single ones, a bandwidth, or the poles of the loop.
+"""A design with gains of one's own: single ones, or a bandwidth.
 
 Which controller a loop has where none is asked for: the one whose linear loop is farthest from instability.
 
@@ -7,7 +7,7 @@ with their filter, delays and drivers the one with the largest margins at its wo
 noise takes too much of the commands' room.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from femfit.core.errors import DomainError, FilterError
 from femfit.simulation.controllers import Controller, ControllerName, design_backstepping
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName
 from femfit.simulation.margins import Margins, worst_of
-from femfit.simulation.state_feedback import placed, regulator
+from femfit.simulation.state_feedback import regulator
 from femfit.simulation.tune import design_pid
 
 
@@ -26,7 +26,6 @@ def adjusted(
     *,
     gains: Mapping[str, float] | None = None,
     bandwidth_rad_s: float | None = None,
-    poles_rad_s: Sequence[complex] | None = None,
 ) -> LoopDesign:
     """The design with another controller of this name; as it is where nothing is given.
 
@@ -37,26 +36,18 @@ def adjusted(
         distance, velocity, integral, and current or current_NAME of state feedback.
     bandwidth_rad_s : float or None
         The poles' radius for which the controller is designed.
-    poles_rad_s : sequence of complex or None
-        Of state feedback with one command: for distance, velocity, current and integral.
 
     Raises
     ------
     DomainError
-        If a gain is unknown, a bandwidth is not above zero, or poles are given to another controller.
+        If a gain is unknown or a bandwidth is not above zero.
     """
-    if poles_rad_s is None and bandwidth_rad_s is None and not gains:
+    if bandwidth_rad_s is None and not gains:
         return design
     bench = design.bench("exact")
     point, plant = bench.points[bench.middle], bench.plants[bench.middle]
-    if poles_rad_s is not None:
-        if name != "state-feedback":
-            raise DomainError(
-                f"Poles are given for state feedback; instead received them for {name}. Give a bandwidth."
-            )
-        controller: Controller = placed(design.model, point, plant, poles_rad_s, design.latency)
-    elif bandwidth_rad_s is None:
-        controller = design.controller(name)
+    if bandwidth_rad_s is None:
+        controller: Controller = design.controller(name)
     elif not 0.0 < bandwidth_rad_s < np.pi / design.model.sample_time_s:
         raise DomainError(
             f"A bandwidth must be > 0 rad/s and below half of the sampling, {np.pi / design.model.sample_time_s:.4g} "

@@ -42,7 +42,6 @@ def close_loop(
     rng: int | np.random.Generator = 1,
     gains: Mapping[str, float] | None = None,
     bandwidth_rad_s: float | None = None,
-    poles_rad_s: Sequence[complex] | None = None,
     latency: int = 0,
     noise: Mapping[str, float] | float | None = None,
     faulty: str | None = None,
@@ -64,8 +63,8 @@ def close_loop(
         What controller and filter believe, or its file.
     controller : str or None
         ``pid``, ``state-feedback`` (a linear-quadratic regulator with an integral) or ``backstepping``. Where None: the
-        one whose linear loop keeps the largest margin of those that hold all runs, or the PID where gains, a bandwidth
-        or poles are given.
+        one whose linear loop keeps the largest margin of those that hold all runs, or the PID where gains or a
+        bandwidth are given.
     estimator : str
         ``ukf`` or ``ekf``, with a 4 to estimate the first sensor's bias too, or ``direct``, which inverts the first
         sensor's characteristic.
@@ -77,7 +76,7 @@ def close_loop(
         Of one run; where None one second a target, or less where the samples are short (2000 of them, and a step).
     plant : ActuatorModel, str, Path or None
         What truly moves and is truly sensed, where that is another model.
-    gains, bandwidth_rad_s, poles_rad_s : optional
+    gains, bandwidth_rad_s : optional
         The controller's, in place of the designed ones: :func:`femfit.simulation.adjust.adjusted`.
     latency : int
         Samples from a reading to the command that it leads to.
@@ -127,14 +126,20 @@ def close_loop(
     random = random_generator(rng)
     believed, truth = model_of(model), None if plant is None else model_of(plant)
     if targets_m is not None:
-        believed = replace(believed, reference_distances_m=_distances(targets_m))
+        try:
+            distances = tuple(float(d) for d in targets_m)
+        except (TypeError, ValueError) as error:
+            raise DomainError(
+                f"targets_m must be a list of distances in m; instead received {quoted(targets_m)}. Give [0.02], say."
+            ) from error
+        believed = replace(believed, reference_distances_m=distances)
     design = design_loop(believed, noise, sensors=sensors, latency=latency)
-    own_gains = bool(gains) or bandwidth_rad_s is not None or poles_rad_s is not None
+    own_gains = bool(gains) or bandwidth_rad_s is not None
     choice = None if controller or own_gains else choose(design, estimator)
     taken: ControllerName = controller or "pid"
     if choice:
         taken = next(iter(choice))
-    design = adjusted(design, taken, gains=gains, bandwidth_rad_s=bandwidth_rad_s, poles_rad_s=poles_rad_s)
+    design = adjusted(design, taken, gains=gains, bandwidth_rad_s=bandwidth_rad_s)
     experiment = Experiment(
         controller=taken,
         observer=estimator,
@@ -176,15 +181,6 @@ def _first_that_holds(
     return replace(run_loops(design, experiment, random, **options), choice=Choice(choice))
 
 
-def _distances(targets_m: Iterable[float]) -> tuple[float, ...]:
-    try:
-        return tuple(float(d) for d in targets_m)
-    except (TypeError, ValueError) as error:
-        raise DomainError(
-            f"targets_m must be a list of distances in m; instead received {quoted(targets_m)}. Give [0.02], say."
-        ) from error
-
-
 def run_loops(
     design: LoopDesign,
     experiment: Experiment,
@@ -205,7 +201,7 @@ def run_loops(
         Whether it is found out why runs are lost, by trials.
     """
     steps = max(1, round(duration_s / design.model.sample_time_s))
-    supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
+    supported = design.steps(SUPPORT_TIME_CONSTANTS)
     loop = LoopRuns(design, experiment, deepcopy(random), runs, steps, steps, supported, plant, progress)
     too_long = DomainError(
         f"The memory does not suffice for {counted(runs, 'run')} of {duration_s:g} s, "

@@ -45,10 +45,7 @@ Trans. Automat. Contr. 26 (1981) 4: noise at the plant's input gives it back, an
 
 NEARLY = 0.9
 """Conventional: part of the best that is as good as it: of the margins that gains or a filter give, the first is taken
-that keeps so much; what raises margins by less is not told."""
-
-LESS_NOISE = 0.1
-"""Conventional: factor on the sensors' noise by which it is tried whether the noise is what makes a loop thin."""
+that keeps so much."""
 
 SETTLING_PART = 0.35
 """Conventional: rate at which a loop's slowest motion must decay over the body's own; an integral that is slower would

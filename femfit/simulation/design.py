@@ -128,18 +128,16 @@ class LoopDesign:
         if isinstance(made, str) or name in self.given:
             return made if isinstance(made, str) else ""
         if name not in self._reasons:
-            self._reasons[name] = "" if self._is_stable(name) else self._what_stands_against(name)
+            self._reasons[name] = ""
+            if not self._is_stable(name):  # advise other controllers and a shorter latency only where they are stable
+                rivals = [rival for rival in FED_BACK if rival != name and self._is_stable(rival)]
+                without_latency = bool(self.latency) and not replace(self, latency=0, given={}).why_no(name)
+                self._reasons[name] = sentence("loop", "none_stable", self, name, rivals, without_latency)
         return self._reasons[name]
 
     def _is_stable(self, name: ControllerName) -> bool:
         made = self._made(name)
         return not isinstance(made, str) and self._filtered.growth(made) < 0.0
-
-    def _what_stands_against(self, name: ControllerName) -> str:
-        """Other controllers and a shorter latency are advised only where they are stable."""
-        rivals = [rival for rival in FED_BACK if rival != name and self._is_stable(rival)]
-        without_latency = bool(self.latency) and not replace(self, latency=0, given={}).why_no(name)
-        return sentence("loop", "none_stable", self, name, rivals, without_latency)
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:
@@ -217,7 +215,7 @@ class LoopDesign:
             base, voltage_V=tuple(volts.tolist()) if len(volts) > 1 else float(volts[0]), hall_V=hall, sensors=white
         )
 
-    def observer(self, name: ObserverName, distance_deviation_m: float = FIRST_DEVIATION_M) -> Filter | DirectObserver:
+    def observer(self, name: ObserverName) -> Filter | DirectObserver:
         """The observer of this name: a filter for the sensors, or the direct measurement by the first of them.
 
         The filters whose names end in 4 estimate the first sensor's bias as a state more.
@@ -231,7 +229,7 @@ class LoopDesign:
             biases=self.sensors[:1] if name.endswith("4") else (),
             noise=self.filter_noise,
             distance=self.targets_m[0],
-            first_deviation_m=distance_deviation_m,
+            first_deviation_m=FIRST_DEVIATION_M,
             commanded=True,
         )
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.estimate.constants import FIRST_DEVIATION_M
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import ControllerName, SplitController
@@ -23,7 +22,7 @@ from femfit.simulation.observers import SplitObserver, distance_inverse
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.sensor import SensorErrors
-from femfit.simulation.targets import Reference, reference_steps, stack_references
+from femfit.simulation.targets import reference_steps, stack_references
 
 _ERRORS = ("noise_scale", "offset", "drift_per_s", "stuck_after_s", "dropout_probability")
 
@@ -43,14 +42,7 @@ class Experiment:
     stuck_after_s: float = np.inf
     dropout_probability: float = 0.0
     noise_scale: float = 1.0  # Noise of all sensors over the design's
-    # Distance that the observer starts with; None: the true one. The filter is told of so large an error.
-    believed_m: float | None = None
     start_error_m: float = 0.0  # How far the body truly starts from the first reference distance
-
-    @property
-    def first_belief_m(self) -> float:
-        """Distance that the observer starts with."""
-        return self.targets_m[0] if self.believed_m is None else self.believed_m
 
     def __post_init__(self) -> None:
         for name, value, lawful, needed in (
@@ -97,8 +89,12 @@ def run_experiments(
     def each(values: Sequence[float]) -> FloatArray:
         return np.repeat(np.asarray(values, dtype=np.float64), runs)
 
-    every = dict.fromkeys(e.targets_m for e in experiments)
-    paths = {targets: _path(design, targets, path_steps or steps).at(slice(0, steps)) for targets in every}
+    paths = {}
+    for targets in dict.fromkeys(e.targets_m for e in experiments):
+        path = reference_steps(targets, path_steps or steps, model.sample_time_s, design.reference_rate_rad_s)
+        # The current that a linear controller adds to its own
+        currents = currents_for_acceleration(model, path.distance, path.acceleration, path.velocity)
+        paths[targets] = replace(path, currents=currents).at(slice(0, steps))
     scale = each([e.force_scale for e in experiments])
     loop = ClosedLoop(
         plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),
@@ -123,7 +119,6 @@ def run_experiments(
     starts = np.array([operating_point(truth, e.targets_m[0]).state for e in experiments])
     beliefs = starts.copy()
     starts[:, 0] += [e.start_error_m for e in experiments]
-    beliefs[:, 0] = [e.first_belief_m for e in experiments]
     result = run_loop(
         loop,
         np.repeat(starts, runs, axis=0),
@@ -134,13 +129,6 @@ def run_experiments(
     return tuple(result.part(slice(k * runs, (k + 1) * runs)) for k in range(len(experiments)))
 
 
-def _path(design: LoopDesign, targets_m: tuple[float, ...], steps: int) -> Reference:
-    """The reference of an experiment, with the current that a linear controller adds to its own."""
-    path = reference_steps(targets_m, steps, design.model.sample_time_s, design.reference_rate_rad_s)
-    currents = currents_for_acceleration(design.model, path.distance, path.acceleration, path.velocity)
-    return replace(path, currents=currents)
-
-
 def _rows(mask: Iterable[bool], runs: int) -> IntArray:
     return np.flatnonzero(np.repeat(list(mask), runs))
 
@@ -149,11 +137,8 @@ def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int)
     """One observer for all experiments that can share it; None where the state is known exactly."""
     if any(e.observer == "exact" for e in experiments):
         return None
-    kinds = [(cast("ObserverName", e.observer), abs(e.first_belief_m - e.targets_m[0])) for e in experiments]
-    parts = [
-        (_rows((each == kind for each in kinds), runs), design.observer(kind[0], kind[1] or FIRST_DEVIATION_M))
-        for kind in dict.fromkeys(kinds)
-    ]
+    kinds = [cast("ObserverName", e.observer) for e in experiments]
+    parts = [(_rows((each == kind for each in kinds), runs), design.observer(kind)) for kind in dict.fromkeys(kinds)]
     return SplitObserver(tuple(parts), 2 + len(design.model.circuits))
 
 

@@ -162,11 +162,11 @@ def linear_filter(
     rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
     commands = point.commands if n > 1 else point.commands[0]
     A = process.state_jacobian(rest[None], np.array([commands]))[0]
-
-    def moved(inputs: FloatArray) -> FloatArray:
-        return process.transition(np.tile(rest, (len(inputs), 1)), inputs if n > 1 else inputs[:, 0])
-
-    B = differences(moved, point.commands, _command_scale(model, point))
+    B = differences(
+        lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs if n > 1 else inputs[:, 0]),
+        point.commands,
+        _command_scale(model, point),
+    )
     C = np.stack([process.output_jacobian(rest[None], output)[0] for output in process.outputs])
     # As in the bound: a sensor that is read at every p-th sample tells as much as one of p times the variance
     R = np.diag([output.variance * output.period for output in process.outputs])
@@ -179,12 +179,12 @@ def _linear_direct(
     """Jacobians of a step of the direct measurement in state, commands and first reading."""
     n, rest = len(point.commands), point.state
     reading = observer.inverse.reading(rest[None, 0], model.currents_of(rest[None]))
-
-    def moved(points: FloatArray) -> FloatArray:
-        return observer.step(observer.start(points[:, : 2 + n]), points[:, 2 + n : -1], points[:, -1:]).mean
-
     scales = state_scale(model)[: 2 + n], _command_scale(model, point), np.maximum(np.abs(reading), 1e-3)
-    slopes = differences(moved, np.concatenate([rest, point.commands, reading]), np.concatenate(scales))
+    slopes = differences(
+        lambda x: observer.step(observer.start(x[:, : 2 + n]), x[:, 2 + n : -1], x[:, -1:]).mean,
+        np.concatenate([rest, point.commands, reading]),
+        np.concatenate(scales),
+    )
     return slopes[:, : 2 + n], slopes[:, 2 + n : -1], slopes[:, -1:]
 
 
@@ -195,13 +195,13 @@ def linear_controller(
     n, states = len(point.commands), 2 + len(point.commands)
     still = np.zeros(1)
     reference = Reference(np.array([point.distance_m]), still, still, point.currents_A[None])
-
-    def step(both: FloatArray) -> FloatArray:
-        return np.concatenate(controller.command(both[:, states:], both[:, :states], reference), axis=1)
-
     rest, scale = np.zeros(states + controller.words), np.full(states + controller.words, 1e-2)
     rest[:states], scale[:states] = point.state, state_scale(model)[:states]
-    slopes = differences(step, rest, scale)
+    slopes = differences(
+        lambda both: np.concatenate(controller.command(both[:, states:], both[:, :states], reference), axis=1),
+        rest,
+        scale,
+    )
     by_estimate = np.zeros((len(slopes), estimated))
     by_estimate[:, :states] = slopes[:, :states]
     return slopes[n:, states:], by_estimate[n:], slopes[:n, states:], by_estimate[:n]

@@ -3,7 +3,6 @@
 What the drawing's own supply does to a body at rest: it switches there and back, or answers a step.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -19,8 +18,8 @@ from femfit.model.json_file import model_of
 from femfit.simulation.events import Stretch, Walk
 from femfit.simulation.feed import CONDUCTING, Feed, Winding
 from femfit.simulation.open_result import OpenLoop, balance
+from femfit.simulation.operating_point import rest_distance, sensor_columns
 from femfit.simulation.profile import Command, Constant, Interpolation, Profile, beyond_limits, commanded
-from femfit.simulation.rest import rest_distance, sensor_columns
 from femfit.simulation.switching import switchings
 from femfit.simulation.system import ENERGIES, Side, System
 
@@ -95,7 +94,10 @@ def simulate(
         model = replace(model, motion=mechanics)
     model.require_motion()
     profiles = commanded(model, drive, voltage_V, current_A, interpolation)
-    duration = _duration(duration_s, profiles)
+    last = max((float(profile.time_s[-1]) for profile in profiles), default=0.0)
+    duration = duration_s if duration_s is not None else last if last > 0.0 else DURATION_S
+    if not 0.0 < duration < np.inf:
+        raise UsageError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
     model.require_dynamics()
     driven = zip(model.circuits, profiles, strict=True)
     windings = tuple(Winding(circuit, profile.kind == "current") for circuit, profile in driven)
@@ -130,14 +132,6 @@ def simulate(
         extrapolated=outside == "extrapolate" and bool(walk.left_domain),
         notes=notes,
     )
-
-
-def _duration(asked_s: float | None, profiles: Sequence[Profile]) -> float:
-    last = max((float(profile.time_s[-1]) for profile in profiles), default=0.0)
-    duration = asked_s if asked_s is not None else last if last > 0.0 else DURATION_S
-    if not 0.0 < duration < np.inf:
-        raise UsageError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
-    return duration
 
 
 def _start(system: System, start: float) -> tuple[Side | None, float]:

@@ -1,4 +1,4 @@
-"""Where the body is at rest, and the linear model around it.
+"""Where the body is at rest, without a command and under one, and the linear model around it.
 
 At rest F(d, i) = F_0(d), the weight with springs and load, and U_k = R_k i_k. Around that point, with
 x = (distance, velocity, i_1 .. i_n) and the viscous friction c,
@@ -16,13 +16,17 @@ C. F. Van Loan, IEEE Trans. Automat. Contr. 23 (1978) 395, for the matrix expone
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import brentq
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, commands_currents, held_limits
+from femfit.model.hall import PickupSensor
+from femfit.model.sensors import predict_sensor, reading_of, sensors_of
 from femfit.simulation.constants import USABLE_PART
 
 
@@ -169,3 +173,73 @@ def feedback_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) ->
     """K of u = -K x that minimises sum x^T Q x + u^T R u, of shape (m, n)."""
     X = solve_riccati(A, B, Q, R)
     return np.asarray(np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A))
+
+
+PLACES = 401
+"""Conventional: places of the travel between which a change of sign of the force is looked for."""
+
+ROUNDING = 1e-9
+"""Numerical: part of the largest force by which forces that balance may miss zero."""
+
+
+def rest_distance(model: ActuatorModel) -> float:
+    """The far stop if the body is pressed to it, else a stable equilibrium, else the near stop.
+
+    Of several equilibria the one that is farthest away. Where there is neither a stop nor an equilibrium, the model's
+    first reference distance, or the middle of its validity domain.
+    """
+    motion, box = model.require_motion(), model.validity
+    near, far = motion.near_stop, motion.far_stop
+    low = box.distance_min_m if near is None else near.distance_m
+    high = box.distance_max_m if far is None else far.distance_m
+
+    def acting(distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        places_m = np.asarray(distance, dtype=np.float64)
+        idle = np.zeros((*places_m.shape, len(model.circuits)))
+        return motion.static_force(places_m), -model.magnetics.state(places_m, idle).force
+
+    places = np.linspace(low, high, PLACES)
+    static, magnetic = acting(places)
+    forces = static + magnetic
+    rounding = ROUNDING * float((np.abs(static) + np.abs(magnetic)).max())
+    if far is not None and forces[-1] >= -motion.coulomb_N - rounding:
+        return far.distance_m
+    stable = np.flatnonzero((forces[:-1] > 0.0) & (forces[1:] <= 0.0))
+    if len(stable):
+        return float(brentq(lambda place: float(sum(acting(place))), places[stable[-1]], places[stable[-1] + 1]))
+    if near is not None:
+        return near.distance_m
+    if far is not None:
+        return far.distance_m
+    if model.reference_distances_m:
+        return model.reference_distances_m[0]
+    return 0.5 * (box.distance_min_m + box.distance_max_m)
+
+
+def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -> dict[str, FloatArray]:
+    """Readings by their columns, cut to their range and as late as drawn; before the first of them, that one.
+
+    A pickup coil reads the mean over the step before. A sensor without a column of a record is left out, such as one of
+    two position sensors in volts.
+
+    Parameters
+    ----------
+    time : array, shape (steps,)
+        In s.
+    states : array, shape (steps, n)
+        As in :mod:`femfit.model.dynamics`.
+    """
+    columns = {}
+    for name, sensor in sensors_of(model).items():
+        reading = reading_of(model, name)
+        if reading.column is None:
+            continue
+        if isinstance(sensor, PickupSensor):
+            flux = sensor.flux.field(states[:, 0], model.currents_of(states))
+            steps = np.diff(time)
+            values = np.concatenate([[0.0], np.diff(flux) / np.where(steps > 0.0, steps, np.inf)])
+        else:
+            values = predict_sensor(model, sensor, states, time)
+        late = np.interp(time - reading.delay_s, time, values)
+        columns[reading.column] = np.clip(late, reading.low, reading.high)
+    return columns

@@ -149,7 +149,10 @@ def sense(
         raise UsageError("sense needs at least one run, and one of drive and voltage_V at most.")
     circuit, sensors = model.require_circuit(), names_or_kinds(model, sensors)
     built = kalman_filter(model, sensors=sensors)
-    step, base = model.sample_time_s, _base(model, drive, circuit.voltage_max_V if voltage_V is None else voltage_V)
+    step, volts = model.sample_time_s, circuit.voltage_max_V if voltage_V is None else voltage_V
+    base = Profile("voltage", np.array([0.0, REST_S, REST_S + ON_S]), np.array([0.0, volts, volts]))
+    if drive is not None:
+        (base,) = commanded(model, drive, None, None, "held")
     end, command = float(base.time_s[-1]), _with_test(base, circuit, step, test_voltage_V, test_frequency_Hz)
     motion = simulate(model, drive=command, duration_s=end, sample_time_s=step)
     table = motion.table
@@ -170,13 +173,6 @@ def sense(
         claimed_m=claimed,
         bound_m=np.sqrt(bound_along(free, states, volts)[:, 0, 0]),
     )
-
-
-def _base(model: ActuatorModel, drive: Profile | str | Path | None, volts: float) -> Profile:
-    if drive is not None:
-        (profile,) = commanded(model, drive, None, None, "held")
-        return profile
-    return Profile("voltage", np.array([0.0, REST_S, REST_S + ON_S]), np.array([0.0, volts, volts]))
 
 
 def _with_test(base: Profile, circuit: Circuit, step: float, amplitude: float, frequency: float | None) -> Profile:

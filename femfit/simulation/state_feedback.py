@@ -15,12 +15,11 @@ K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997
 R. Hooke and T. A. Jeeves, J. ACM 8 (1961) 212.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
@@ -132,56 +131,9 @@ def regulator(
     Q = np.zeros_like(A)
     Q[0, 0] = weight
     Q[-1, -1] = weight * (INTEGRAL_PART * bandwidth_rad_s) ** 2
-    return _of_gain(model, point, feedback_gain(A, B, Q, np.diag(1.0 / span**2)), latency)
-
-
-def placed(
-    model: ActuatorModel,
-    point: OperatingPoint,
-    plant: LinearPlant,
-    poles_rad_s: Sequence[complex],
-    latency: int = 0,
-) -> StateFeedback:
-    """One command's gains that put the poles of plant and integral where they are given, by Ackermann's formula.
-
-    Commands that are on their way stay poles at zero.
-
-    Raises
-    ------
-    DomainError
-        If there are several commands, not as many poles as states, or a complex pole without its conjugate.
-    """
-    A, B = augmented(model, point, plant, latency)
-    size, n = B.shape
-    wanted = np.exp(np.asarray(poles_rad_s, dtype=complex) * model.sample_time_s)
-    if n != 1:
-        raise DomainError(
-            f"Poles are placed for one circuit; instead received a model of {n}. Give a bandwidth for the regulator."
-        )
-    if len(wanted) != size - latency or np.any(np.abs(wanted) >= 1.0):
-        raise DomainError(
-            f"State feedback of one circuit has {size - latency} poles (distance, velocity, current, integral), all "
-            f"with negative real parts in rad/s; instead received {len(wanted)}: "
-            f"{', '.join(f'{pole:g}' for pole in poles_rad_s)}. Give --pole-rad-s {size - latency} times, as -40."
-        )
-    coefficients = np.poly(np.concatenate([wanted, np.zeros(latency)]))
-    if np.abs(coefficients.imag).max() > _NO_CONJUGATE * np.abs(coefficients).max():
-        raise DomainError(
-            "Complex poles must be given with their conjugates, since a motion that swings has both; instead received "
-            f"{', '.join(f'{pole:g}' for pole in poles_rad_s)} rad/s. Give -100-50j beside -100+50j, say."
-        )
-    reach = np.stack([np.linalg.matrix_power(A, k) @ B[:, 0] for k in range(size)], axis=1)
-    polynomial = np.zeros_like(A)
-    for coefficient in coefficients.real:
-        polynomial = polynomial @ A + coefficient * np.eye(size)
-    gain = np.linalg.solve(reach.T, np.eye(size)[-1]) @ polynomial
-    return _of_gain(model, point, gain[None], latency)
-
-
-def _of_gain(model: ActuatorModel, point: OperatingPoint, gain: FloatArray, latency: int) -> StateFeedback:
-    n = len(point.commands)
-    order = 2 + n
-    pending = gain[:, order : order + n * latency]
+    gain = feedback_gain(A, B, Q, np.diag(1.0 / span**2))
+    order = 2 + len(point.commands)
+    pending = gain[:, order : order + len(point.commands) * latency]
     return StateFeedback(model, gain[:, :order], gain[:, -1], pending, point.direction)
 
 

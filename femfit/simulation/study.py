@@ -7,8 +7,7 @@ the noise.
 - *Holds* are at rest, at the smallest and the largest reference distance: the loop is closed once the filter has
   settled on the supported body, and the statistics start four time constants of the slowest loop that a design allows
   later. Direct and filtered distance come from the same readings; no filter passes 1/sqrt(2 lambda t_s).
-- *Faults* are holds with something wrong: an offset of the first sensor, a wrong force law, a wrong first estimate, no
-  filter.
+- *Faults* are holds with something wrong: an offset of the first sensor, a wrong force law, no filter.
 """
 
 import math
@@ -23,13 +22,14 @@ from femfit.core.errors import DomainError
 from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
-from femfit.estimate.noise import noise_ratio_bound
+from femfit.estimate.noise import unstable_pole
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import SETTLING_PART, SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopProgress, LoopResult, Show, stage
-from femfit.simulation.loop_facts import (
+from femfit.simulation.sensor import amplitude_spectrum, span_of
+from femfit.simulation.summary import (
     FaultRow,
     HoldRow,
     SpectrumPair,
@@ -39,7 +39,6 @@ from femfit.simulation.loop_facts import (
     design_data,
     judged_loop,
 )
-from femfit.simulation.sensor import amplitude_spectrum, span_of
 from femfit.simulation.words import sentence
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
@@ -51,7 +50,7 @@ slowest motion that a design allows 2 % of the release is left. Conventional: th
 RUNS = 16
 """Conventional: repeats of a hold; an rms over ten time constants of each is known to 6 %."""
 
-STEP_RUNS, ACQUISITION_RUNS = 8, 8
+STEP_RUNS, BARE_RUNS = 8, 8
 
 OFFSET_SHARE, FORCE_ERROR = 0.004, 0.01
 """Conventional: offset of the first sensor over its range (20 mV of 5 V), and error of the force."""
@@ -67,7 +66,6 @@ class ClosedLoopStudy(Printed):
     steps: tuple[StepRow, ...]
     holds: tuple[HoldRow, ...]
     faults: tuple[FaultRow, ...]
-    acquisition: tuple[FaultRow, ...]  # Filters started at the wrong end of the range
     series: tuple[StepSeries, ...]  # One run of the reference steps a controller
     spectra: tuple[SpectrumPair, ...]  # At the smallest reference distance, of the controllers that held
     # Why nothing is compared with the direct measurement, whose rms is then NaN; empty where it is
@@ -81,15 +79,14 @@ class ClosedLoopStudy(Printed):
             sentence("study", "held", self, missing),
             sentence("study", "steps", self),
             sentence("study", "rest", self, consistency(self.holds)),
-            sentence("study", "faults", design, "With a fault", self.faults),
-            sentence("study", "faults", design, "Filter started at the wrong end of the range", self.acquisition),
+            sentence("study", "faults", design, self.faults),
             sentence("study", "design", self, judged),
         ]
         return "\n\n".join(sections)
 
     def data(self) -> dict[str, Any]:
         """The numbers without time series and spectra, ready for JSON; what does not exist is null."""
-        tables = ("steps", "holds", "faults", "acquisition")
+        tables = ("steps", "holds", "faults")
         return {
             "model": self.design.model.name,
             "seed": self.seed,
@@ -126,14 +123,11 @@ def closed_loop_study(
     near, far = _ends(design)
     bare = [Experiment(name, "direct", (d,)) for name, d in product(design.controllers, (near, far))]
     bare = [] if design.why_no_direct else bare
-    first = design.controllers[0]
-    astray = [
-        Experiment(first, name, (true,), believed_m=believed)
-        for name in FILTERS
-        for true, believed in ((near, far), (far, near))
-    ]
-    without_filter = _fault_rows(design, seed, bare, _window(design), stage(progress, "loops without a filter"))
-    beginning = slice(0, design.steps(WINDOW))
+    # Apart from the other faults: a batch ends as soon as all of its runs are lost
+    window, show = _window(design), stage(progress, "loops without a filter")
+    options: dict[str, Any] = {"windows": (window,), "recorded": 0, "show": show}
+    results = _run(design, bare, seed, BARE_RUNS, window.stop, **options) if bare else {}
+    without_filter = tuple(_fault_row(e, r) for e, r in results.items())
     return ClosedLoopStudy(
         design=design,
         seed=seed,
@@ -141,7 +135,6 @@ def closed_loop_study(
         steps=steps,
         holds=holds,
         faults=(*without_filter, *faults),
-        acquisition=_fault_rows(design, seed, astray, beginning, stage(progress, "filters started wrong")),
         series=series,
         spectra=spectra,
         no_direct=design.why_no_direct,
@@ -213,15 +206,6 @@ def _holds(
     return tuple(holds), faults, tuple(spectra)
 
 
-def _fault_rows(
-    design: LoopDesign, seed: int, experiments: Sequence[Experiment], window: slice, show: Show | None
-) -> tuple[FaultRow, ...]:
-    """Apart from the other faults: a batch ends as soon as all of its runs are lost."""
-    options: dict[str, Any] = {"windows": (window,), "recorded": 0, "show": show}
-    results = _run(design, experiments, seed, ACQUISITION_RUNS, window.stop, **options) if experiments else {}
-    return tuple(_fault_row(e, r) for e, r in results.items())
-
-
 def _direct(design: LoopDesign, result: LoopResult) -> FloatArray:
     """The direct measurement, or NaN where there is none."""
     if design.why_no_direct:
@@ -234,6 +218,10 @@ def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, di
     truth = result.series.distance_m[_window(design)]
     direct_rms, filtered_rms = _rms((direct - truth)[:, held]), _rms(result.windows[0].estimate_rms_m[held])
     quality, band = result.windows[0].consistency(held)
+    try:  # the best ratio that a filter reaches, 1 / sqrt(2 lambda t_s)
+        bound = float(1.0 / np.sqrt(2.0 * unstable_pole(design.model, distance) * design.model.sample_time_s))
+    except DomainError:  # the body is stable
+        bound = float("nan")
     return HoldRow(
         controller=experiment.controller,
         filter=experiment.observer,
@@ -241,20 +229,12 @@ def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, di
         direct_rms_m=direct_rms,
         filtered_rms_m=filtered_rms,
         ratio=direct_rms / filtered_rms,
-        bound=_bound(design, distance),
+        bound=bound,
         normalised_innovation_squared=quality,
         innovation_band=band,
         held=int(held.sum()),
         runs=len(held),
     )
-
-
-def _bound(design: LoopDesign, distance: float) -> float:
-    """1/sqrt(2 lambda t_s); NaN where the body is stable."""
-    try:
-        return noise_ratio_bound(design.model, distance)
-    except DomainError:
-        return float("nan")
 
 
 def _fault_row(experiment: Experiment, result: LoopResult, undisturbed: LoopResult | None = None) -> FaultRow:

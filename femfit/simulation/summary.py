@@ -3,15 +3,18 @@
 Recorded runs of a loop as a table: one row a sample, up to the sample at which a run was lost.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from femfit.core.errors import DomainError, FilterError
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed, remembered
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand
@@ -19,11 +22,153 @@ from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome, LoopResult
-from femfit.simulation.loop_facts import JudgedLoop, design_data, judged_loop
-from femfit.simulation.margins import Margins
+from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.open_result import write_table
 from femfit.simulation.why_lost import Cause
 from femfit.simulation.words import sentence
+
+SEEN = 2.0
+"""Derived: standard errors beyond which a mean is more than chance, 95 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepSeries:
+    """One recorded run over reference steps."""
+
+    controller: str
+    observer: str
+    time_s: FloatArray
+    reference_m: FloatArray
+    true_m: FloatArray
+    direct_m: FloatArray
+    estimated_m: FloatArray
+    voltage_V: FloatArray
+    current_A: FloatArray
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """How well one measurement follows the true distance over the reference steps."""
+
+    controller: str
+    measurement: str  # ``direct`` or the filter that feeds the loop
+    rms_m: float  # Over the runs that were held; NaN if none was
+    held: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class HoldRow:
+    """Direct against filtered noise at rest."""
+
+    controller: str
+    filter: str
+    distance_m: float
+    direct_rms_m: float
+    filtered_rms_m: float
+    # Direct over filtered rms, and 1/sqrt(2 lambda t_s), which no filter of white noise passes
+    ratio: float
+    bound: float
+    normalised_innovation_squared: float
+    innovation_band: ConsistencyBand  # 95 % for the mean of the normalised innovations squared
+    held: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class FaultRow:
+    """How the runs of one experiment ended, with the means of those that were held."""
+
+    experiment: Experiment
+    runs: int
+    outcomes: Mapping[str, int]  # Number of runs by the name of their :class:`~femfit.simulation.loop.LoopOutcome`
+    last_loss_s: float | None  # When the last of the lost runs was lost
+    # Estimated minus true distance, and true distance minus reference; NaN if no run was held
+    estimate_rms_m: float
+    estimate_bias_m: float
+    position_bias_m: float
+    # How far the body moved against the loop without the fault on the same noise, and the standard error of that; NaN
+    # without such a loop, or if fewer than two runs were held in both
+    position_shift_m: float
+    shift_error_m: float
+
+    @property
+    def held(self) -> int:
+        """Number of runs that were held."""
+        return self.outcomes.get("HELD", 0)
+
+    @property
+    def moved(self) -> bool:
+        """Whether the shift is more than chance."""
+        return abs(self.position_shift_m) > SEEN * self.shift_error_m
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumPair:
+    """Amplitudes of direct and filtered distance at rest, so that a sine of amplitude a shows a peak of height a."""
+
+    controller: str
+    frequency_Hz: FloatArray
+    direct_m: FloatArray
+    filtered_m: FloatArray
+
+
+@dataclass(frozen=True)
+class JudgedLoop:
+    """A linear loop at its worst point of rest."""
+
+    controller: ControllerName
+    observer: str
+    margins: Margins | None  # None where there are none
+    refusal: str = ""  # Why there are none
+
+
+def judged_loop(design: LoopDesign, name: ControllerName, observer: str) -> JudgedLoop:
+    """The margins of a loop, or why there are none."""
+    try:
+        return JudgedLoop(name, observer, worst_of(design.margins(name, observer)))  # type: ignore[arg-type]
+    except (DomainError, FilterError) as error:
+        return JudgedLoop(name, observer, None, str(error))
+
+
+def consistency(holds: Sequence[HoldRow]) -> dict[str, int]:
+    """How many filters' predictions are as wrong as they expect: inside of their 95 % band, below and above it."""
+    judged = [row for row in holds if isfinite(row.normalised_innovation_squared)]
+    below = sum(row.normalised_innovation_squared < row.innovation_band.lower for row in judged)
+    above = sum(row.normalised_innovation_squared > row.innovation_band.upper for row in judged)
+    return {"inside": len(judged) - below - above, "below": below, "above": above}
+
+
+_OF_BACKSTEPPING = {
+    "position_gain_1_s2": "position_gain",
+    "velocity_gain_1_s": "velocity_gain",
+    "current_gain_ohm": "current_gain_ohm",
+}
+_OF_POINT = ("distance_m", "currents_A", "commands", "unstable_pole_rad_s", "coil_pole_rad_s")
+
+
+def design_data(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]] = ()) -> dict[str, Any]:
+    """Reference, gains, margins and operating points, ready for JSON."""
+    backstepping = design.controller("backstepping")
+    pid, feedback = (None if design.why_no(name) else design.controller(name) for name in ("pid", "state-feedback"))
+    margins = {loop: worst_of(design.margins(*loop)) for loop in loops}  # type: ignore[arg-type]
+    return {
+        "sensors": list(design.sensors),
+        "noise": dict(design.noise),
+        "latency_samples": design.latency,
+        "targets_m": list(design.targets_m),
+        "reference_rate_rad_s": design.reference_rate_rad_s,
+        "backstepping": {key: getattr(backstepping, name) for key, name in _OF_BACKSTEPPING.items()},
+        "pid": pid and {**pid.parts, **{name: json_ready(getattr(pid, name)) for name in ("filter_pole", "gains")}},
+        "no_pid": design.why_no("pid"),
+        "state_feedback": feedback and {name: getattr(feedback, name).tolist() for name in ("gains", "integral")},
+        "no_state_feedback": design.why_no("state-feedback"),
+        "margins": [
+            {"controller": name, "observer": observer, **json_ready(asdict(worst))}
+            for (name, observer), worst in margins.items()
+        ],
+        "points": [{name: np.array(getattr(point, name)).tolist() for name in _OF_POINT} for point in design.points],
+    }
 
 
 def series_table(design: LoopDesign, result: LoopResult) -> pd.DataFrame:

@@ -40,7 +40,13 @@ def command_before(profiles: Sequence[Profile], time: float, after: float = 0.0)
 def _before(profile: Profile, time: float, after: float) -> float:
     if profile.interpolation == "linear":
         return max((turn for turn in (0.0, *profile.turns_s.tolist()) if turn <= time), default=0.0)
-    begins, levels, same = _stretches(profile.time_s, profile.value)
+    # Where each level that is held begins, the levels, and how near two are that count as one
+    same = SAME_LEVEL * float(profile.value.max() - profile.value.min())
+    begins, levels = [0.0], [float(profile.value[0])]
+    for moment, level in zip(profile.time_s.tolist(), profile.value.tolist(), strict=True):
+        if abs(level - levels[-1]) > same:
+            begins.append(moment)
+            levels.append(level)
     last = max((k for k, begin in enumerate(begins) if begin <= time), default=0)
     lengths: list[float] = np.diff([*begins[: last + 1], time]).tolist()
 
@@ -54,17 +60,6 @@ def _before(profile: Profile, time: float, after: float) -> float:
             break
         first = k - 2
     return min((begin for begin in begins[first : last + 1] if begin >= after), default=begins[last])
-
-
-def _stretches(time: FloatArray, value: FloatArray) -> tuple[list[float], list[float], float]:
-    """Where each level of a command that is held begins, the levels, and how near two are that count as one."""
-    same = SAME_LEVEL * float(value.max() - value.min())
-    begins, levels = [0.0], [float(value[0])]
-    for moment, level in zip(time.tolist(), value.tolist(), strict=True):
-        if abs(level - levels[-1]) > same:
-            begins.append(moment)
-            levels.append(level)
-    return begins, levels, same
 
 
 Kind = Literal["pull_in", "drop_out", "to_near", "to_far"]
@@ -172,14 +167,12 @@ def step_response(time: FloatArray, distance: FloatArray) -> StepResponse | None
     settled = outside[-1] + 1
     if time[settled] > (1.0 - LAST) * time[-1]:
         return None
-    # Linear between the samples on either side of a level
-    first, last = (float(np.interp(0.0, *_crossing(time, way, level))) for level in (0.1, 0.9))
+    crossings = []
+    for level in (0.1, 0.9):  # linear between the samples on either side
+        after = int(np.argmax(way >= level))
+        pair = slice(after - 1, after + 1)
+        crossings.append(float(np.interp(0.0, way[pair] - level, time[pair])))
+    rise = crossings[1] - crossings[0]
     excess = float(way.max() - 1.0)
     overshoot = excess if excess > 1e-6 else 0.0
-    return StepResponse(float(distance[0]), float(distance[-1]), last - first, overshoot, float(time[settled]))
-
-
-def _crossing(time: FloatArray, way: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
-    after = int(np.argmax(way >= level))
-    pair = slice(after - 1, after + 1)
-    return way[pair] - level, time[pair]
+    return StepResponse(float(distance[0]), float(distance[-1]), rise, overshoot, float(time[settled]))

@@ -45,16 +45,13 @@ def damping(stop: Stop, mass: float) -> float:
     low, high = -0.5 * math.pi, 10.0  # a - pi/2 below zero, b above
     for _ in range(200):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _log_restitution(middle) > wanted else (low, middle)
+        if abs(middle) < 1e-8:
+            logarithm = -2.0
+        else:  # falling throughout
+            logarithm = 2.0 * middle / (math.tan(-middle) if middle < 0.0 else -math.tanh(middle))
+        low, high = (middle, high) if logarithm > wanted else (low, middle)
     ratio = math.cos(low) if low < 0.0 else math.cosh(low)
     return 2.0 * ratio * math.sqrt(stop.stiffness_N_per_m * mass)
-
-
-def _log_restitution(angle: float) -> float:
-    """Of a - pi/2 < 0, or of b >= 0; falling throughout."""
-    if abs(angle) < 1e-8:
-        return -2.0
-    return 2.0 * angle / math.tan(-angle) if angle < 0.0 else -2.0 * angle / math.tanh(angle)
 
 
 Side = Literal["near", "far"]

@@ -2,8 +2,8 @@
 
 from math import degrees, isfinite
 
+from femfit.core.results import Words, constants_of
 from femfit.core.text import quoted
-from femfit.core.words import Words, constants_of
 from femfit.model.sensors import HALL
 from femfit.simulation import constants
 

@@ -7,7 +7,7 @@ NaN. Its sidecar, ``NAME.toml`` or ``NAME.json`` beside it, says ``sample_rate_H
 A stretch of a coil record: what a search coil, a Hall probe and a current sensor read. numpy only.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,15 +17,13 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from femfit.core.errors import TableError
-from femfit.core.files import path_of
+from femfit.core.files import finite_number, path_of, read_settings
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, recognise
-from femfit.tables.files import finite_number, read_settings
-from femfit.tables.measurement_sidecar import Words
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
 from femfit.tables.raw_table import RawTable, check_width, decode, decoding, typed_numbers
-from femfit.tables.reading import Wants, read_raw_table
+from femfit.tables.reading import Wants, Words, read_raw_table
 from femfit.tables.table_file import is_container
 from femfit.tables.text_table import find_layout, text_lines
 
@@ -44,16 +42,6 @@ class CoilBlock:
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "CoilBlock":
         return CoilBlock(**{name: column[rows] for name, column in vars(self).items() if column is not None})
-
-
-def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
-    """Consecutive coil blocks as one."""
-    stretches = list(blocks)
-    present = {
-        name: [values for block in stretches if (values := getattr(block, name)) is not None]
-        for name in ("time", "voltage", "hall", "current")
-    }
-    return CoilBlock(**{name: np.concatenate(values) for name, values in present.items() if values})
 
 
 BLOCK_ROWS = 2**18
@@ -231,7 +219,7 @@ def _text_layout(path: Path) -> tuple[list[str], dict[str, Any]]:
         content = content[: max(content.rfind(b"\n"), 0) + 1] or content
         content += b"\x00" * (len(content) % 2 and b"\x00" in content[:64])  # the other half of a UTF-16 line end
     text, encoding = decode(content, str(path))
-    lines = text_lines(text, str(path))
+    lines = text_lines(text)
     if not lines:
         raise TableError(f"{path} is empty; it needs a line of column names and rows of numbers.")
     lines, layout = find_layout(lines, str(path))
@@ -258,12 +246,7 @@ def _raw_layout(path: Path) -> dict[str, Any]:
         raise TableError(
             f"{path} needs a sidecar {path.stem}.toml or {path.stem}.json beside it, with sample_rate_Hz and columns."
         )
-    data, *second = (read_settings(side, 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]') for side in sides)
-    if second and second[0] != data:
-        raise TableError(
-            f"{path} has two sidecars that differ, {sides[0].name} and {sides[1].name}. Delete the one that does not "
-            "belong to it."
-        )
+    data = read_settings(sides[0], 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]')
     columns, rate, start = data.get("columns"), finite_number(data.get("sample_rate_Hz")), data.get("start_s", 0.0)
     named = isinstance(columns, list) and len(columns) > 0 and all(isinstance(name, str) for name in columns)
     if not (rate is not None and 0 < rate <= _HIGHEST_RATE_HZ and isinstance(columns, list) and named):

@@ -7,13 +7,12 @@ A header is the column's name (``distance_m``), or its stem or another name for 
 import shlex
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import ABSOLUTE_ZERO_C, GRAVITY, FloatArray
+from femfit.core.numerics import GRAVITY, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.text import quoted
 from femfit.tables.findings import finding
@@ -57,20 +56,17 @@ def match_columns(
     *,
     guess: bool = False,
     optional: Collection[str] = (),
-) -> tuple[dict[int, UsedColumn], dict[str, list[int]], list[Finding]]:
+) -> tuple[dict[int, UsedColumn], list[Finding]]:
     """Find columns among headers.
 
     The user's ``columns`` say which header is which column where its name does not say it, and ``units``, by header or
-    column, its unit or a number that multiplies it to SI; a unit alone (to itself) where only one column can be meant.
-    With ``guess`` a name may also stand inside a header: ``Fz, total``. An optional column is left out, not refused,
-    where several headers may be it.
+    column, its unit or a number that multiplies it to SI. With ``guess`` a name may also stand inside a header:
+    ``Fz, total``. An optional column is left out, not refused, where several headers may be it.
 
     Returns
     -------
     used : dict of int to UsedColumn
         By place in the file, in the file's order.
-    rivals : dict of str to list of int
-        Column to the places that it might have as well.
     findings : list of Finding
         What was left to the user, and what is not used.
     """
@@ -82,10 +78,13 @@ def match_columns(
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
             )
-    texts = _settled_units(headers, source, names, header_columns, units, guess=guess)
+    texts: dict[str, str] = {}
+    for key, value in (units or {}).items():
+        matching = [header for header in headers if header.strip() == key.strip()]
+        matching = matching or [header for header in headers if same_header(key, header)]
+        texts |= dict.fromkeys(matching or [key], str(value))
     chosen = {name: headers.index(header) for header, name in header_columns.items()}
     findings: list[Finding] = []
-    rivals: dict[str, list[int]] = {}
     undecided: set[int] = set()
     scores = {
         name: [_score(header, name, texts.get(header, None if guess else texts.get(name)), guess) for header in headers]
@@ -104,12 +103,11 @@ def match_columns(
                 )
             if len(top) == 1 or name not in optional:
                 chosen[name] = top[0]
-        rivals[name] = [k for k in free if k != chosen.get(name)]
-        if rivals[name] and name not in header_columns.values():
+        rivals = [k for k in free if k != chosen.get(name)]
+        if rivals and name not in header_columns.values():
             taken = f"{quoted(headers[chosen[name]])} was taken" if name in chosen else "none was taken"
-            listed = listing(headers[k] for k in rivals[name])
-            findings.append(finding("choice", column=name, headers=listed, taken=taken))
-            undecided |= set(rivals[name])
+            findings.append(finding("choice", column=name, headers=listing(headers[k] for k in rivals), taken=taken))
+            undecided |= set(rivals)
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
         unit = texts.get(name, texts.get(headers[k]))
@@ -117,8 +115,8 @@ def match_columns(
     if not guess:
         for key in texts.keys() - {column.name for column in used.values()}:
             find_header(key, headers, source, "--unit")
-    unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
-    return used, rivals, findings + _unused(unused, [name for name in names if name not in chosen])
+    unused = [header for k, header in enumerate(headers) if header.strip() and k not in {*used, *undecided}]
+    return used, findings + _unused(unused, [name for name in names if name not in chosen])
 
 
 def recognise(
@@ -130,7 +128,7 @@ def recognise(
 ) -> tuple[list[UsedColumn], list[Finding]]:
     """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
     headers = list(headers)
-    used, _, findings = match_columns(headers, source, names, columns, units)
+    used, findings = match_columns(headers, source, names, columns, units)
     conversions = []
     for column in used.values():
         if column.header.strip() != column.name:
@@ -160,41 +158,6 @@ def used_column(
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
 
 
-def _settled_units(
-    headers: Sequence[str],
-    source: str,
-    names: Sequence[str],
-    columns: Mapping[str, str],
-    units: Mapping[str, str | float] | None,
-    *,
-    guess: bool = False,
-) -> dict[str, str]:
-    """Return units by header or column; a unit that stands alone goes to the one column that it can be of."""
-    result: dict[str, str] = {}
-    for key, value in (units or {}).items():
-        unit = str(value)
-        kinds = [name for name in names if unit_factor(unit, column_unit(name)[1]) is not None]
-        headed = [header for header in headers if header.strip() == key.strip()]
-        headed = headed or [header for header in headers if same_header(key, header)]
-        if key != unit or not kinds or headed:
-            result |= dict.fromkeys(headed or [key], unit)
-            continue
-        meant = {header: name for key, name in columns.items() for header in headers if same_header(key, header)}
-        candidates = [
-            header
-            for header in headers
-            if meant.get(header, kinds[0]) in kinds
-            and (header in meant or any(_score(header, name, unit, guess) for name in kinds))
-        ]
-        if len(candidates) != 1:
-            raise TableError(
-                f"The unit {unit} must belong to one column of {source}; it may be that of "
-                f"{listing(candidates) or 'none'}. Say which with --unit HEADER={unit}."
-            )
-        result[candidates[0]] = unit
-    return result
-
-
 def _score(header: str, name: str, override: str | None, guess: bool) -> int:
     """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
     if header.strip() == name:
@@ -208,27 +171,13 @@ def _score(header: str, name: str, override: str | None, guess: bool) -> int:
 
 
 def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
-    """What each of the other headers may be among the columns that are still free."""
-    findings, unknown = [], []
-    for header in headers:
-        if header.startswith(SIMULATED):
-            unknown.append(header)
-            continue
-        parsed = parse_header(header)
-        bare = replace(parsed, unit=None)
-        meant = next((name for name in free if parsed.unit and match_score(bare, name, guess=False)), None)
-        if meant:
-            unit = quoted(parsed.unit)
-            findings.append(finding("unused-column unit", column=meant, header=quoted(header), unit=unit))
-        elif near := get_close_matches(header.strip()[:100], free, n=1, cutoff=0.75):
-            findings.append(finding("unused-column near", column=near[0], header=quoted(header)))
-        else:
-            unknown.append(header)
-    if unknown:
-        options = [column_option(header, name) for header, name in likely_columns(unknown, free).items()]
-        remedy = f"Where one is meant, say {' '.join(options)}." if options else ""
-        findings.append(finding("unused-column", headers=listing(unknown, 20), options=remedy))
-    return findings
+    """The other headers, with what each may be among the columns that are still free."""
+    if not headers:
+        return []
+    likely = likely_columns([header for header in headers if not header.startswith(SIMULATED)], free)
+    options = " ".join(column_option(header, name) for header, name in likely.items())
+    remedy = f"Where one is meant, say {options}." if options else ""
+    return [finding("unused-column", headers=listing(headers, 20), options=remedy)]
 
 
 def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:
@@ -238,22 +187,10 @@ def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFra
     for column in used:
         values[column.name], remarks = _values(raw, column)
         findings += remarks
-        if column.name.endswith("_temperature_C"):
-            _require_possible(raw, column, values[column.name])
     if raw.ragged:
         lines = {"lines": len(raw.ragged), "numbers": listing(raw.ragged)}
         findings.append(finding("cells ragged", source=raw.source, **lines))
     return pd.DataFrame(values), findings
-
-
-def _require_possible(raw: RawTable, column: UsedColumn, values: FloatArray) -> None:
-    cold = np.flatnonzero(values < ABSOLUTE_ZERO_C)
-    if len(cold):
-        raise TableError(
-            f"Column {quoted(column.header)!r} of {raw.source} must be a temperature above absolute zero, "
-            f"{ABSOLUTE_ZERO_C:g} °C; line {raw.lines[cold[0]]} holds {values[cold[0]]:g} °C. Leave a cell empty where "
-            "no temperature was read."
-        )
 
 
 def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding]]:
@@ -283,23 +220,16 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     return values * column.factor, [finding("cells words", size=float(len(bad)), column=column.name, **facts)]
 
 
-_READ_BY_SHELLS = frozenset('"$`\\!%')
-"""Characters that a shell acts on within double quotes, which all shells know."""
-
-
 def column_option(header: str, name: str) -> str:
     """The option that says what a column is, quoted for a shell where it must be.
 
     Examples
     --------
     >>> print(column_option("CH1 voltage (V)", "voltage_V"), column_option("Kraft", "force_N"))
-    --column "CH1 voltage (V)=voltage_V" --column Kraft=force_N
+    --column 'CH1 voltage (V)=voltage_V' --column Kraft=force_N
     """
     fit = quoted(header.strip()) == header.strip()  # neither long nor with control characters
-    text = f"{header.strip() if fit else 'HEADER'}={name}"
-    if shlex.quote(text) == text:
-        return f"--column {text}"
-    return f"--column {shlex.quote(text)}" if _READ_BY_SHELLS.intersection(text) else f'--column "{text}"'
+    return "--column " + shlex.quote(f"{header.strip() if fit else 'HEADER'}={name}")
 
 
 def remedy_for_columns(unused: Sequence[str], needed: Sequence[str]) -> str:

@@ -17,17 +17,15 @@ from femfit.core.files import path_of
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import counted, quoted
-from femfit.device.load import read_actuator
-from femfit.device.summary import sweep_manifest_entry
+from femfit.device.load import read_actuator, sweep_manifest_entry
 from femfit.tables.columns import UsedColumn
 from femfit.tables.findings import finding
+from femfit.tables.foreign_checks import check_noise, check_reciprocity
 from femfit.tables.foreign_forms import SWEEP, ImportOptions, is_matrix, listed, long_points
 from femfit.tables.foreign_grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
-from femfit.tables.foreign_noise import check_noise, compare_forces
-from femfit.tables.foreign_reciprocity import check_reciprocity, flux_from_inductance
 from femfit.tables.header import STEP_NAMES, names_of
-from femfit.tables.measurement_sidecar import Words
 from femfit.tables.raw_table import RawTable, file_content
+from femfit.tables.reading import Words
 from femfit.tables.sweep_table import SweepTable
 from femfit.tables.table_file import SUFFIXES, parse_table
 from femfit.tables.units import column_unit, unit_factor
@@ -65,9 +63,7 @@ class ImportedTable(SweepTable):
 
     def __str__(self) -> str:
         lines = [super().__str__()]
-        lines += [f"{name}: read as {dialect}" for name, dialect in list(self.dialects.items())[:3]]
-        if len(self.dialects) > 3:
-            lines.append(f"... and {counted(len(self.dialects) - 3, 'more file')}")
+        lines += [f"{name}: read as {dialect}" for name, dialect in self.dialects.items()]
         for use in self.mapping:
             unit = f"{quoted(use.unit)}{' (assumed)' if use.assumed else ''}"
             lines.append(f"  {use.name} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
@@ -125,11 +121,9 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     steps: tuple[Callable[[pd.DataFrame], tuple[pd.DataFrame, list[Finding]]], ...] = (
         tidy_grid,
         lambda points: settle_force_sign(points, options.force_sign),
-        flux_from_inductance,
         lambda points: (points, check_reciprocity(points)),
         drop_incomplete,
         check_noise,
-        compare_forces,
     )
     for step in steps:
         good, remarks = step(good)
@@ -168,8 +162,10 @@ def _gather(
     for index, (file, content) in enumerate(contents.items()):
         constants = _constants(file, index, len(contents), options)
         dialect = {name: getattr(options, name) for name in ("encoding", "delimiter", "decimal")}
-        wanted = partial(_is_wanted, options, Words(options.columns, options.units, settings=constants))
-        raw = parse_table(content, file.name, table=options.table, wanted=wanted, **dialect)
+        words = Words(options.columns, options.units, settings=constants)
+        raw = parse_table(
+            content, file.name, table=options.table, wanted=partial(_is_wanted, options, words), **dialect
+        )
         raw = replace(raw, headers=options.column_names or raw.headers)
         dialects[file.name] = raw.dialect
         findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]

@@ -94,8 +94,8 @@ def long_points(
 ) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
     """Read one row a point with SI columns, the distance before start and step.
 
-    The constants are the whole file's current (A) or distance (m), used where no column holds it. Further force columns
-    are ``other:<header>``; ``source`` and ``line`` say where a row stands.
+    The constants are the whole file's current (A) or distance (m), used where no column holds it; ``source`` and
+    ``line`` say where a row stands.
     """
     headers, width = raw.headers, raw.numbers.shape[1]
     if not headers:
@@ -110,7 +110,7 @@ def long_points(
             f"({listing(headers, 12)}); give one name a column with --columns."
         )
     optional = [name for name in SWEPT if name not in REQUIRED]
-    matched, rivals, findings = match_columns(
+    matched, findings = match_columns(
         headers, raw.source, SWEPT, options.columns, options.units, guess=True, optional=optional
     )
     findings = [remark for remark in findings if remark.column not in options.without]
@@ -125,10 +125,7 @@ def long_points(
             data[name] = np.full(len(raw.lines), value, dtype=np.float64)
             uses[name] = UsedColumn(f"{value:g} for the whole file", name, 1.0, column_unit(name)[1])
     SWEEP.require(data, headers, raw.source, matched.values())
-    points = pd.DataFrame(data)
-    for k in rivals["force_N"]:
-        points[f"other:{headers[k]}"] = raw.numbers[:, k] * uses["force_N"].factor
-    return points.assign(source=raw.source, line=raw.lines), uses, findings
+    return pd.DataFrame(data).assign(source=raw.source, line=raw.lines), uses, findings
 
 
 def in_steps(column: UsedColumn, source: str, options: ImportOptions) -> UsedColumn:
@@ -150,8 +147,6 @@ _LABEL = re.compile(
 )
 _LONGEST_CORNER = 200
 _LABEL_WORDS = frozenset(name for axis in REQUIRED for name in names_of(axis))
-_EVEN = 0.02
-"""Spread of the steps of positions over their mean up to which the corner is one of them."""
 
 
 def axis_labels(cells: tuple[str, ...], decimal: str) -> tuple[FloatArray, str | None] | None:
@@ -178,8 +173,7 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
     """Tell whether a table is a matrix with axes.
 
     It is one if the header row holds an axis, or, without headers, if it has both axes and a corner that is empty or
-    text. A zero in the corner is one only where the first row cannot be a row of data: a list of positions 0, 1, 2 ...
-    with forces beside them looks alike.
+    text: a number there may be one more position above a list of them.
     """
     if options.form != "auto":
         return options.form == "matrix"
@@ -188,11 +182,8 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
         return False
     if headers:
         return axis_labels(headers[1:], raw.decimal) is not None
-    if values.shape[0] < 3 or not (_monotone(values[0, 1:]) and _monotone(values[1:, 0])):
-        return False
-    if np.isnan(values[0, 0]):
-        return True
-    return bool(values[0, 0] == 0 and not _goes_on(values[:, 0]) and _is_axis(values[0, 1:]))
+    axes = values.shape[0] >= 3 and _monotone(values[0, 1:]) and _monotone(values[1:, 0])
+    return bool(axes and np.isnan(values[0, 0]))
 
 
 def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptions, list[Finding]]:
@@ -200,12 +191,11 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
     headers, numbers, lines = raw.headers, raw.numbers, list(raw.lines)
     labels = axis_labels(headers[1:], raw.decimal) if len(headers) == numbers.shape[1] else None
     if labels is not None:
-        (across, label_unit), corner, named = labels, headers[0], True
+        (across, label_unit), corner = labels, headers[0]
     elif min(numbers.shape) < 2:
         raise TableError(f"{raw.source} as a matrix needs at least two rows and two columns; it is {numbers.shape}.")
     else:
         across, label_unit, corner = numbers[0, 1:], None, raw.texts[0][0]
-        named = bool(corner) and not looks_numeric(corner)
         numbers, lines = numbers[1:], lines[1:]
     corner, down = corner[:_LONGEST_CORNER], numbers[:, 0]
     if not _monotone(down) or not _monotone(across):
@@ -230,20 +220,10 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
         lines=np.repeat(lines, len(across)).tolist(),
     )
     columns_of = {place: name for name, place in places.items()}
-    findings = [finding("matrix", source=raw.source, down=_word(rows), across=_word(columns), why=why)]
-    if not named and (not _is_axis(across) or (raw.numbers[0, 0] != 0 and _goes_on(raw.numbers[:, 0]))):
-        shown = ", ".join(f"{value:g}" for value in across[:3])
-        findings.append(finding("matrix-axis", shown=shown, axis=_word(columns)))
+    findings = [
+        finding("matrix", source=raw.source, down=column_unit(rows)[0], across=column_unit(columns)[0], why=why)
+    ]
     return points, replace(options, columns=columns_of, units=units | dict(options.units)), findings
-
-
-def _word(column: str) -> str:
-    return column_unit(column)[0]
-
-
-def _goes_on(column: FloatArray) -> bool:
-    """Whether the corner is one more number of the first column, so that the first row is a row like the others."""
-    return _monotone(column) and bool(np.ptp(np.diff(column)) <= _EVEN * abs(np.diff(column).mean()))
 
 
 def _first_column(
@@ -272,11 +252,3 @@ def _axis_of(unit: str) -> str | None:
 def _monotone(axis: FloatArray) -> bool:
     steps = np.diff(axis)
     return bool(len(axis) > 1 and np.isfinite(axis).all() and ((steps > 0).all() or (steps < 0).all()))
-
-
-def _is_axis(axis: FloatArray) -> bool:
-    """Whether numbers are such as people set: of at most four digits, or even between two such numbers."""
-    short = np.array([float(f"{value:.4g}") == float(f"{value:.9g}") for value in axis])
-    steps = np.diff(axis)
-    even = float(np.ptp(steps)) <= 1e-4 * abs(float(steps.mean()))
-    return bool(short.all() or (even and short[0] and short[-1]))

@@ -87,22 +87,12 @@ def tidy_grid(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
         distance_m=snap_axis(points["distance_m"].to_numpy(dtype=float)),
     )
     points, findings = _merge_duplicates(points)
-    ordered = points.sort_values(["current_A", "distance_m"], kind="stable")
-    if not (_is_sorted(points, "current_A", "distance_m") or _is_sorted(points, "distance_m", "current_A")):
-        findings.append(finding("order foreign"))
-    points = ordered.reset_index(drop=True)
+    points = points.sort_values(["current_A", "distance_m"], kind="stable").reset_index(drop=True)
     currents, distances = np.unique(points["current_A"]), np.unique(points["distance_m"])
     for key, axis in (("one-current", currents), ("one-distance", distances)):
         if len(axis) == 1:
             findings.append(finding(key, size=1.0, level=axis[0]))
     return points, findings + _holes(points, currents, distances)
-
-
-def _is_sorted(points: pd.DataFrame, outer: str, inner: str) -> bool:
-    """Whether the rows run through the grid one line after the other, either way."""
-    lines = (points[outer].diff().fillna(0) != 0).cumsum()
-    steps = points.groupby(lines)[inner].diff().dropna()
-    return bool(lines.nunique() == points[outer].nunique() and ((steps > 0).all() or (steps < 0).all()))
 
 
 def _merge_duplicates(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:

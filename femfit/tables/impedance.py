@@ -5,7 +5,7 @@ series or in parallel, or an inductance with its quality Q = X / R or dissipatio
 column carries the circuit's name, all others open, or the names of two: the voltage of one over the other's current.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import amount, quoted
-from femfit.tables.circuit_columns import OF_CIRCUITS, column_of, parts_of
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn
 from femfit.tables.findings import finding
-from femfit.tables.header import parse_header
+from femfit.tables.header import OF_CIRCUITS, column_of, parse_header, parts_of
 from femfit.tables.reading import Wants
 from femfit.tables.units import suspicion
 
@@ -68,13 +67,19 @@ def in_series(
     rows: pd.DataFrame, used: Sequence[UsedColumn], source: str, lines: Sequence[int]
 ) -> tuple[pd.DataFrame, list[Finding]]:
     """The rows with each circuit's :data:`SERIES` in place of other forms, and what was converted or set aside."""
-    findings = [*_phase_in_radians(rows, used)]
+    findings = []
+    for name in (column.name for column in used if parts_of(column.name)[0] == "phase_deg" and column.assumed):
+        largest = float(np.nanmax(np.abs(rows[name].to_numpy()), initial=0.0))
+        if 0.0 < largest <= np.pi / 2.0:
+            findings.append(suspicion(name, "rad", f"it goes up to {largest:.3g}"))
     carried = {parts_of(str(name))[1] for name in rows if parts_of(str(name))[0] not in _ALL}
     if not any(is_current(str(name)) for name in rows):
         rows = rows.assign(current_A=0.0)
         findings.append(finding("no-bias", column="current_A"))
-    rows, direct = _without_direct_current(rows, used)
-    findings += direct
+    resistance = next((column.header for column in used if column.name == "resistance_ohm"), "")
+    if parse_header(resistance).name in _DIRECT:  # at direct current, which is no part of an impedance
+        rows = rows.drop(columns="resistance_ohm")
+        findings.append(finding("unused-column direct", header=quoted(resistance)))
 
     def require(wrong: np.ndarray, what: str, column: str, remedy: str) -> None:
         if wrong.any():
@@ -135,21 +140,6 @@ def _one_in_series(
         return series, findings
     inductive, resonance = without_capacitive(series, frequency, source, column_of("inductance_H", circuit))
     return inductive, [*findings, *resonance]
-
-
-def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:
-    """The rows without a resistance at direct current, which is no part of an impedance."""
-    header = next((column.header for column in used if column.name == "resistance_ohm"), "")
-    if parse_header(header).name not in _DIRECT:
-        return rows, []
-    return rows.drop(columns="resistance_ohm"), [finding("unused-column direct", header=quoted(header))]
-
-
-def _phase_in_radians(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> Iterator[Finding]:
-    for name in (column.name for column in used if parts_of(column.name)[0] == "phase_deg" and column.assumed):
-        largest = float(np.nanmax(np.abs(rows[name].to_numpy()), initial=0.0))
-        if 0.0 < largest <= np.pi / 2.0:
-            yield suspicion(name, "rad", f"it goes up to {largest:.3g}")
 
 
 def without_capacitive(

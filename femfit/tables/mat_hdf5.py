@@ -5,8 +5,7 @@ HDF5 files: groups of data sets, compound data sets, units as attributes.
 From nested names, such as structs and groups, to tables: the vectors of one length that stand together.
 
 A struct of vectors is a table; a vector with its name or unit beside it is a column; an array of structs with one
-number a field is a table with one row a struct; a matrix takes the names that a list beside it has, or, over two
-vectors of its lengths, is a grid with one row a point.
+number a field is a table with one row a struct; a matrix takes the names that a list beside it has.
 
 A table by its name in a file that may hold several.
 
@@ -76,7 +75,11 @@ def _value(node: Any, file: Any, h5py: Any) -> Any:
     """A node of a v7.3 file as SciPy simplifies one of v7: dict, list of dict, text, number or array."""
     if isinstance(node, h5py.Group):
         fields = {name: _value(child, file, h5py) for name, child in node.items()}
-        lists = [node[name] for name in fields if isinstance(node[name], h5py.Dataset) and _is_cell(node[name], h5py)]
+        lists = [
+            node[name]
+            for name in fields
+            if isinstance(node[name], h5py.Dataset) and h5py.check_ref_dtype(node[name].dtype)
+        ]
         arrays = [cells for cells in lists if "MATLAB_class" not in cells.attrs]
         if fields and len(arrays) == len(fields):  # a struct array: one list of references a field
             count = len(np.ravel(arrays[0]))
@@ -87,17 +90,13 @@ def _value(node: Any, file: Any, h5py: Any) -> Any:
         return "" if kind == b"char" else np.zeros(0)
     if kind == b"char":
         return "".join(map(chr, np.ravel(node[()].T)))
-    if _is_cell(node, h5py):
+    if h5py.check_ref_dtype(node.dtype) is not None:
         return _cells(
             [_value(file[reference], file, h5py) for reference in np.ravel(node[()].T, order="C")], node.shape
         )
     values = node.asstr()[()] if h5py.check_string_dtype(node.dtype) else node[()]
     array = np.squeeze(np.asarray(values).T)
     return array.item() if array.ndim == 0 else array
-
-
-def _is_cell(node: Any, h5py: Any) -> bool:
-    return h5py.check_ref_dtype(node.dtype) is not None
 
 
 def _cells(values: list[Any], shape: tuple[int, ...]) -> Any:
@@ -141,19 +140,12 @@ class NamedTable:
 
     name: str
     raw: RawTable
-    wider: RawTable | None = None  # The same with the columns of the groups around it, such as one common clock
 
 
-def table_of_columns(name: str, columns: Columns, source: str, kind: str, outer: Columns | None = None) -> NamedTable:
-    """Return columns of one length as a table; those of the groups around it count where a name is free."""
-    around = {header: column for header, column in (outer or {}).items() if header not in columns}
-    wider = raw_table_of(_frame({**around, **columns}), source, kind) if around else None
-    return NamedTable(name, raw_table_of(_frame(columns), source, kind), wider)
-
-
-def _frame(columns: Columns) -> pd.DataFrame:
-    native = {name: np.asarray(column, column.dtype.newbyteorder("=")) for name, column in columns.items()}
-    return pd.DataFrame(native)
+def table_of_columns(name: str, columns: Columns, source: str, kind: str) -> NamedTable:
+    """Return columns of one length as a table."""
+    native = {header: np.asarray(column, column.dtype.newbyteorder("=")) for header, column in columns.items()}
+    return NamedTable(name, raw_table_of(pd.DataFrame(native), source, kind))
 
 
 def require_library(module: str, package: str, source: str) -> None:
@@ -177,10 +169,12 @@ _NAMES, _UNITS = ("label", "name"), ("unit", "units")
 def nested_tables(
     tree: Tree, source: str, kind: str, separator: str = ".", path: str = "", outer: Columns | None = None
 ) -> list[NamedTable]:
-    """Find the tables of a tree of names, whose leaves are arrays, texts and numbers."""
+    """Find the tables of a tree of names, whose leaves are arrays, texts and numbers.
+
+    A vector that stands alone above groups, such as one common clock, belongs to each of their tables of its length.
+    """
     vectors, below = _sorted(tree)
     lengths = Counter(len(vector) for vector in vectors.values())
-    around = {**(outer or {}), **vectors}
     tables = []
     for length in lengths:
         columns = {name: vector for name, vector in vectors.items() if len(vector) == length}
@@ -188,7 +182,8 @@ def nested_tables(
             continue  # a list of names
         beside = {name: vector for name, vector in (outer or {}).items() if len(vector) == length}
         name = (path or TOP) + (f" ({length} rows)" if len(lengths) > 1 else "")
-        tables.append(table_of_columns(name, columns, source, kind, beside))
+        tables.append(table_of_columns(name, {**beside, **columns}, source, kind))
+    around = {**(outer or {}), **(vectors if len(vectors) == 1 else {})}
     for name, branch in below.items():
         tables += nested_tables(branch, source, kind, separator, f"{path}{separator}{name}" if path else name, around)
     return tables
@@ -206,7 +201,10 @@ def _sorted(tree: Tree) -> tuple[dict[str, NDArray[Any]], dict[str, Tree]]:
         elif isinstance(value, np.ndarray) and value.dtype.names:
             below[name] = {field: value[field].ravel() for field in value.dtype.names}
         elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2:
-            below[name] = _with_first_row(name, value)
+            count, named = value.shape[1], all(isinstance(cell, str) for cell in value[0])
+            headers = [str(cell) for cell in value[0]] if named else [f"{name} column {k + 1}" for k in range(count)]
+            cells = value[1:] if named else value
+            below[name] = {header: _typed(cells[:, k]) for k, header in enumerate(headers)}
         elif _is_column(value):
             vectors[name] = value
         elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == object:
@@ -257,14 +255,6 @@ def _is_column(value: object) -> bool:
     )
 
 
-def _with_first_row(name: str, cells: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Columns of a cell array whose first row holds their names."""
-    named = all(isinstance(cell, str) for cell in cells[0])
-    names = [str(cell) for cell in cells[0]] if named else [f"{name} column {k + 1}" for k in range(cells.shape[1])]
-    body = cells[1:] if named else cells
-    return {header: _typed(body[:, k]) for k, header in enumerate(names)}
-
-
 def _typed(cells: NDArray[Any]) -> NDArray[Any]:
     """Cells as numbers, if all are; an empty cell is a missing number."""
     values = [np.nan if np.size(cell) == 0 else cell for cell in cells]
@@ -274,24 +264,11 @@ def _typed(cells: NDArray[Any]) -> NDArray[Any]:
 
 
 def _of_matrices(matrices: Mapping[str, NDArray[Any]], vectors: Mapping[str, NDArray[Any]]) -> dict[str, Tree]:
-    """The matrices of one shape as tables: named by a list beside them, as a grid over two vectors, or by number."""
+    """The matrices as tables: named by a list of as many names beside them, or by number."""
     result: dict[str, Tree] = {}
-    numbers = {name: vector for name, vector in vectors.items() if vector.dtype.kind in "iuf"}
     texts = [vector for vector in vectors.values() if vector.dtype.kind not in _NUMBERS]
     for name, matrix in matrices.items():
-        alike = {header: values for header, values in matrices.items() if values.shape == matrix.shape}
-        rows, columns = matrix.shape
-        headed = [(names, lines) for lines in (matrix.T, matrix) for names in texts if len(names) == len(lines)]
-        alone = [pair for pair in headed if sum(len(names) == len(pair[0]) for names in texts) == 1]
-        down, along = ([(key, axis) for key, axis in numbers.items() if len(axis) == length] for length in matrix.shape)
-        axes: Columns = {}
-        if rows != columns and len(down) == len(along) == 1:
-            axes = {down[0][0]: np.repeat(down[0][1], columns), along[0][0]: np.tile(along[0][1], rows)}
-        if alone:
-            names, lines = alone[0]
-            result[name] = dict(zip(map(str, names), lines, strict=True))
-        elif axes or len(alike) > 1:
-            result["+".join(alike)] = {**axes, **{header: values.ravel() for header, values in alike.items()}}
-        else:
-            result[name] = {f"{name} column {k + 1}": matrix[:, k] for k in range(columns)}
+        names = next((names for names in texts if len(names) == matrix.shape[1]), None)
+        numbered = [f"{name} column {k + 1}" for k in range(matrix.shape[1])]
+        result[name] = dict(zip(numbered if names is None else map(str, names), matrix.T, strict=True))
     return result

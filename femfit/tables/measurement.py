@@ -13,7 +13,7 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed, listing
-from femfit.tables.circuit_columns import parts_of
+from femfit.tables.header import parts_of
 from femfit.tables.units import CHANNELS as REGISTRY
 
 CHANNELS = tuple(name for name, channel in REGISTRY.items() if channel.bench == "reading")
@@ -135,6 +135,33 @@ class TimeSeries(_Measured):
 
     kind: ClassVar[str] = "samples"
     known_channels: ClassVar[tuple[str, ...]] = SERIES_CHANNELS
+
+
+@dataclass(frozen=True, eq=False)
+class FieldScan:
+    """Readings of an axial field beside an actuator, each array of shape (n,), in SI."""
+
+    distance: FloatArray
+    current: FloatArray
+    radius: FloatArray
+    height: FloatArray
+    field: FloatArray
+    findings: tuple[Finding, ...] = ()
+    source: str = "scan"
+
+
+@dataclass(frozen=True, eq=False)
+class InductanceTable:
+    """Measured inductances, each array of shape (n,), in SI.
+
+    An inductance is flux linkage over current, as a step from zero to that current shows it.
+    """
+
+    distance: FloatArray
+    current: FloatArray
+    inductance: FloatArray
+    findings: tuple[Finding, ...] = ()
+    source: str = "inductances"
 
 
 Measurement = BenchTable | TimeSeries

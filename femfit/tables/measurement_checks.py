@@ -11,8 +11,8 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import counted
-from femfit.tables.circuit_columns import parts_of
 from femfit.tables.findings import finding
+from femfit.tables.header import parts_of
 from femfit.tables.measurement import CHANNELS, BenchTable
 from femfit.tables.outliers import isolated_outliers
 from femfit.tables.time_series_checks import NORMAL_MEDIAN, equal_stretches
@@ -60,9 +60,6 @@ _FEW = 0.02
 """Assumed: steps back in a file, over its rows, up to which a clock was reset; more are a file sorted by something
 else."""
 
-_JUMP = 50.0
-"""Assumed: usual steps from which a gap in the order is told."""
-
 
 def checked(table: BenchTable) -> BenchTable:
     """Set aside what cannot be right in a table, and suspect its units from the sizes of its numbers."""
@@ -93,7 +90,11 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
         lone = readable[isolated_outliers(residual[readable], places, run, expected, _step(values[readable]))]
         if not len(lone):
             continue
-        shown = "; ".join(_row(rows, int(k), name) for k in lone[:3]) + ("; and so on" if len(lone) > 3 else "")
+        shown = "; ".join(
+            f"{values[k]:.5g} at {1e3 * rows['distance_m'][k]:.4g} mm and {rows['current_A'][k]:.4g} A "
+            f"(run {rows['run'][k]:g}, order {rows['order'][k]:g})"
+            for k in lone[:3].tolist()
+        ) + ("; and so on" if len(lone) > 3 else "")
         findings.append(finding("outliers", size=float(len(lone)), column=name, readings=len(lone), shown=shown))
         values[lone] = np.nan
         rows = rows.assign(**{name: values})
@@ -231,12 +232,6 @@ def _step(values: FloatArray) -> float:
     return float(np.quantile(np.diff(levels), 0.1)) if 1 < len(levels) < 0.9 * len(values) else 0.0
 
 
-def _row(rows: pd.DataFrame, k: int, name: str) -> str:
-    row = rows.iloc[k]
-    where = f"{1e3 * row['distance_m']:.4g} mm and {row['current_A']:.4g} A"
-    return f"{row[name]:.5g} at {where} (run {row['run']:g}, order {row['order']:g})"
-
-
 def in_measuring_order(rows: pd.DataFrame, has_run: bool) -> tuple[pd.DataFrame, list[Finding]]:
     """Put rows of one run together, in the order of measuring: a believable one, else that of the file.
 
@@ -274,13 +269,7 @@ def _clock(order: FloatArray, run: float) -> tuple[list[Finding], bool]:
     if twice or (not numbered and 0 < len(back) <= max(1.0, _FEW * len(order))):
         what = f"goes back {counted(len(back), 'time')}" if len(back) else f"holds {counted(twice, 'number')} twice"
         return [finding("order reset", column="order", run=run, fault=what)], False
-    steps = np.diff(np.sort(order))
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    jumps = np.flatnonzero(steps > _JUMP * usual)
-    if usual == 0.0 or not len(jumps):
-        return [], True
-    after, size = float(np.sort(order)[jumps[0]]), float(steps[jumps].max())
-    return [finding("order jumps", column="order", step=size, after=after, run=run, usual=usual)], True
+    return [], True
 
 
 def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Finding]]:
@@ -291,7 +280,9 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
     current = rows["current_A"].to_numpy()
     still = STILL_CURRENT * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0
     branch, turns, could_turn = np.zeros(len(rows)), 0, 0
-    for place in _stretches(rows):
+    keys = rows[["run", "distance_m"]].to_numpy()
+    breaks = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1)) + 1
+    for place in np.split(np.arange(len(rows)), breaks):  # rows that follow each other in one run at one distance
         steps = np.diff(current[place])
         moved = np.flatnonzero(np.abs(steps) > still)
         if not len(moved):
@@ -307,10 +298,3 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
     if min(rising, falling, could_turn) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
         return None, []
     return branch, [finding("branch-assumed", column="branch")]
-
-
-def _stretches(rows: pd.DataFrame) -> list[IntArray]:
-    """Places of rows that follow each other in one run at one distance."""
-    keys = rows[["run", "distance_m"]].to_numpy()
-    breaks = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1)) + 1
-    return np.split(np.arange(len(rows)), breaks)

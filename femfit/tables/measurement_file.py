@@ -1,4 +1,7 @@
-"""Measured files of any kind, with an optional sidecar, to checked bench tables and time series."""
+"""Measured files of any kind, with an optional sidecar, to checked bench tables and time series.
+
+Beside them two small tables, each a record of columns: a probe scan of the field, and inductances at clamped distances.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
+from femfit.core.numerics import BoolArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
-from femfit.tables.circuit_columns import OF_CIRCUITS, parts_of
 from femfit.tables.columns import BENCH_COLUMNS, column_option, match_column
 from femfit.tables.findings import finding
-from femfit.tables.header import parse_header
+from femfit.tables.header import OF_CIRCUITS, parse_header, parts_of
 from femfit.tables.impedance import IMPEDANCES, in_series
 from femfit.tables.measurement import (
     CHANNELS,
@@ -24,15 +27,17 @@ from femfit.tables.measurement import (
     SERIES_COLUMNS,
     SETTINGS,
     BenchTable,
+    FieldScan,
+    InductanceTable,
     Measurement,
     TimeSeries,
 )
 from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
-from femfit.tables.measurement_sidecar import Words, declared_noise, words_of
 from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import RawTable
-from femfit.tables.reading import Wants, read_columns, read_raw_table
-from femfit.tables.time_series_checks import check_clock, check_readings, spread_stamps
+from femfit.tables.reading import Wants, Words, declared_noise, read_columns, read_raw_table, words_of
+from femfit.tables.table_file import SUFFIXES
+from femfit.tables.time_series_checks import check_clock, check_readings
 from femfit.tables.units import suspected_by_size, unit_factor
 
 BENCH = Wants(
@@ -155,7 +160,12 @@ def _bench_table(raw: RawTable, path: Path, words: Words, planned: bool = False)
     BENCH.require(filled, raw.headers, raw.source, table.used, table.findings)
     with_noise = (*CHANNELS, "distance_m", "current_A", IMPEDANCE_SHARE, *of_circuits)
     noise, unused = declared_noise(words, (*with_noise, *(OF_RUNS + name for name in channels)), table.used)
-    full = _complete_bench(rows, of_circuits)
+    # Without a column no current flows: right for a pair of magnets, and refused beside a model with a circuit
+    absent = {**SETTINGS, "current_A": np.nan if of_circuits else 0.0}
+    full = pd.DataFrame({name: rows.get(name, missing) for name, missing in absent.items()}, index=rows.index)
+    full = full.assign(**{name: rows.get(name, np.nan) for name in channels}).astype(np.float64)
+    run = full["run"].fillna(full["run"].ffill().fillna(1.0))
+    full = full.assign(run=run, branch=np.sign(full["branch"].fillna(0.0)))
     copies: list[Finding] = []
     if not planned:
         full, copies = without_copies(full, filled)
@@ -175,28 +185,22 @@ def _bench_table(raw: RawTable, path: Path, words: Words, planned: bool = False)
     return bench if planned else checked(bench)
 
 
-def _complete_bench(rows: pd.DataFrame, of_circuits: Sequence[str]) -> pd.DataFrame:
-    """Every column of a bench table, in the order of the file, and after them those of several circuits."""
-    # Without a column no current flows: right for a pair of magnets, and refused beside a model with a circuit.
-    absent = {**SETTINGS, "current_A": np.nan if of_circuits else 0.0}
-    full = pd.DataFrame({name: rows.get(name, missing) for name, missing in absent.items()}, index=rows.index)
-    full = full.assign(**{name: rows.get(name, np.nan) for name in (*CHANNELS, *of_circuits)}).astype(np.float64)
-    return full.assign(
-        run=full["run"].fillna(full["run"].ffill().fillna(1.0)), branch=np.sign(full["branch"].fillna(0.0))
-    )
-
-
 def _time_series(raw: RawTable, path: Path, words: Words) -> TimeSeries:
     table, names = read_columns(raw, SERIES, words), SERIES.columns(raw.headers, words)
     filled = tuple(name for name in names if name in table.rows and bool(table.rows[name].notna().any()))
     SERIES.require(filled, raw.headers, raw.source, table.used, table.findings)
     noise, unused = declared_noise(words, names[names.index(SERIES_CHANNELS[0]) :], table.used)
-    rows, lost = _complete_series(table.rows, names)
+    rows = pd.DataFrame({name: table.rows.get(name, np.nan) for name in names}, index=table.rows.index)
+    rows = rows.astype(np.float64)
+    rows["run"] = rows["run"].ffill().fillna(1.0)
+    timed = rows["time_s"].notna()
+    rows, lost = rows[timed], int((~timed).sum())
+    order = np.argsort(pd.factorize(rows["run"])[0], kind="stable")  # rows of one run together
+    rows = rows.iloc[order].reset_index(drop=True)
     untimed = [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
-    rows, coarse = spread_stamps(rows, path.name)
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings, clipped = check_readings(rows)
-    remarks = (*table.findings, *untimed, *coarse, *clock, *readings, *suspected_by_size(rows))
+    remarks = (*table.findings, *untimed, *clock, *readings, *suspected_by_size(rows))
     return TimeSeries(
         rows=rows,
         given=tuple(name for name in filled if name in clipped or rows[name].notna().any()),
@@ -208,11 +212,67 @@ def _time_series(raw: RawTable, path: Path, words: Words) -> TimeSeries:
     )
 
 
-def _complete_series(rows: pd.DataFrame, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
-    """Every column of a time series, rows of one run together; and how many rows had no time."""
-    full = pd.DataFrame({name: rows.get(name, np.nan) for name in names}, index=rows.index).astype(np.float64)
-    full["run"] = full["run"].ffill().fillna(1.0)
-    timed = full["time_s"].notna()
-    full = full[timed]
-    order = np.argsort(pd.factorize(full["run"])[0], kind="stable")
-    return full.iloc[order].reset_index(drop=True), int((~timed).sum())
+PLACE = ("r_m", "z_m")
+"""Of a probe, in the drawing's coordinates."""
+
+_SCAN = Wants("probe scan", ("distance_m", "current_A", *PLACE, "field_T"), needs=("distance_m", *PLACE, "field_T"))
+_COLUMNS = ("distance_m", "current_A", "inductance_H")
+_INDUCTANCES = Wants("inductance table", _COLUMNS, needs=_COLUMNS, renamed=True)
+
+_OF_SWEEPS = ("force_N", "flux_linkage_Wb")
+"""Columns of a table that is fitted by its forces."""
+
+
+def read_field_scan(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
+    table: str | None = None,
+) -> FieldScan:
+    """Read a probe scan: ``distance_mm, current_A, r_mm, z_mm, field_mT`` or other units of the same columns.
+
+    Without a column ``current_A`` no current flows. Rows in which a number is missing are left out.
+    """
+    path, words = Path(path), Words(columns or {}, units or {}, table)
+    raw = read_raw_table(path, words=words)
+    # A bench calls its distance z as well; beside a probe's radius z is the probe's.
+    places = {header: f"{name}_m" for header in raw.headers if (name := parse_header(header).name) in {"r", "z"}}
+    scan = read_columns(raw, _SCAN, replace(words, columns={**places, **words.columns}))
+    rows = scan.rows.assign(current_A=scan.rows.get("current_A", 0.0))
+    arrays = [rows[name].to_numpy(dtype=np.float64) for name in _SCAN.names]
+    usable, findings = _usable(np.isfinite(np.sum(arrays, axis=0)), path, "distance, place and field")
+    distance, current, radius, height, field = (column[usable] for column in arrays)
+    return FieldScan(distance, current, radius, height, field, (*scan.findings, *findings), path.name)
+
+
+def is_inductance_table(path: Path) -> bool:
+    """Tell whether a file holds inductances and no forces; False for a directory, and where there is no such file."""
+    if not path.is_file() or path.suffix not in SUFFIXES:
+        return False
+    try:
+        headers = read_raw_table(path, kinds=(_INDUCTANCES,)).headers
+    except TableError:
+        return False
+    names = {column.name for header in headers if (column := match_column(header, (*_COLUMNS, *_OF_SWEEPS)))}
+    return "inductance_H" in names and names.isdisjoint(_OF_SWEEPS)
+
+
+def read_inductance_table(
+    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str | float] | None = None
+) -> InductanceTable:
+    """Read measured inductances: ``distance_m, current_A, inductance_H``, in these or other units."""
+    words = Words(columns or {}, units or {})
+    table = read_columns(read_raw_table(path, kinds=(_INDUCTANCES,), words=words), _INDUCTANCES, words)
+    d, i, inductance = (table.rows[name].to_numpy() for name in _COLUMNS)
+    good = np.isfinite(d + i + inductance) & (d >= 0.0) & (i != 0.0) & (inductance > 0.0)
+    usable, findings = _usable(good, path, "distance >= 0, current and inductance > 0")
+    return InductanceTable(d[usable], i[usable], inductance[usable], (*table.findings, *findings), path.name)
+
+
+def _usable(good: BoolArray, path: Path, needed: str) -> tuple[BoolArray, Sequence[Finding]]:
+    """The rows that have what is needed, and how many were left out."""
+    if not good.any():
+        raise TableError(f"{path} has no row with {needed} in it.")
+    lost = int((~good).sum())
+    return good, [finding("cells without", size=float(lost), rows=lost, columns=needed)] if lost else []

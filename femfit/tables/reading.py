@@ -1,21 +1,175 @@
-"""The one reader of measured tables: which columns a kind of table wants, and what a file has of them in SI."""
+"""The one reader of measured tables: which columns a kind of table wants, and what a file has of them in SI.
+
+What a user says of a table, in the call or in a ``.toml`` beside the file, its sidecar.
+"""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from femfit.core.errors import TableError
+from femfit.core.files import finite_number, read_settings
 from femfit.core.results import Finding, listing
-from femfit.core.text import amount, counted
-from femfit.tables.circuit_columns import circuit_columns, parts_of
-from femfit.tables.columns import UsedColumn, column_values, match_columns, recognise, remedy_for_columns
+from femfit.core.sweep_columns import is_current
+from femfit.core.text import amount, counted, quoted
+from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, recognise, remedy_for_columns
 from femfit.tables.findings import finding
-from femfit.tables.measurement_sidecar import NO_WORDS, Words
+from femfit.tables.header import circuit_columns, parts_of, same_header
+from femfit.tables.measurement import OF_RUNS, SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.table_file import parse_table
+
+_EXAMPLE = "force_N = 2e-4"
+_TABLES: Mapping[str, tuple[tuple[type, ...], str]] = {
+    "columns": ((str,), '"Kanal 3" = "force_N"'),
+    "units": ((str, int, float), '"Kanal 3" = "gf", or "channel 1" = 2.5'),
+    "noise": ((object,), _EXAMPLE),
+    "noise.run": ((object,), _EXAMPLE),
+}
+"""Tables of a sidecar: the types of their values, and an example."""
+
+_OF_DRAWINGS = frozenset({"schema", "sweep"})
+"""Keys that an actuator file has and a sidecar does not."""
+
+
+@dataclass(frozen=True)
+class Words:
+    """How a table is to be read, and what is known of it beside its readings."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)  # Header to the column that it is
+    units: Mapping[str, str | float] = field(default_factory=dict)  # Header or column to its unit, or factor to SI
+    table: str | None = None  # Which of a file's tables
+    noise: Mapping[str, float] = field(default_factory=dict)  # As the caller declares it
+    settings: Mapping[str, float] = field(default_factory=dict)  # What was the same in every row, in SI
+    sidecar: Path | None = None
+    noted: Mapping[str, Any] = field(default_factory=dict)  # What else the sidecar says, the noise among it
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """What the sidecar says of the test object, and its notes."""
+        return {key: str(self.noted.get(key, "")) for key in ("test_object", "notes")}
+
+
+NO_WORDS = Words()
+
+
+def words_of(
+    measurement: Path,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
+    table: str | None = None,
+    noise: Mapping[str, float] | None = None,
+    settings: Mapping[str, float] | None = None,
+) -> Words:
+    """Return what the caller says of a table, before what ``NAME.csv.toml`` or else ``NAME.toml`` beside it says."""
+    file, data = _sidecar(measurement)
+    tables = {key: _table(data, key, file) for key in ("columns", "units")}
+    if not isinstance(data.get("table", ""), str):
+        raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(data["table"])}.')
+    return Words(
+        tables["columns"] | dict(columns or {}),
+        tables["units"] | dict(units or {}),
+        table if table is not None else data.get("table"),
+        noise or {},
+        constant_settings(data.get("settings", {}), str(file)) | constant_settings(settings or {}, "the options"),
+        file,
+        {key: value for key, value in data.items() if key not in {*tables, "table", "settings"}},
+    )
+
+
+def _sidecar(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
+    """The sidecar and what is in it; a drawing of the same name is none."""
+    if not measurement.is_file():  # a directory such as . has no name
+        return None, {}
+    for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
+        if file.is_file() and file != measurement:
+            data = read_settings(file, _EXAMPLE)
+            if not _OF_DRAWINGS.intersection(data):
+                return file, data
+    return None, {}
+
+
+def _table(data: Mapping[str, Any], key: str, file: Path | None) -> dict[str, Any]:
+    """A table of a sidecar, empty where there is none."""
+    kinds, example = _TABLES[key]
+    value = data.get(key.rpartition(".")[2], {})
+    if not isinstance(value, dict) or not all(isinstance(meant, kinds) for meant in value.values()):
+        raise TableError(f"[{key}] of {file} must hold lines like {example}; instead received {quoted(value)}.")
+    return value
+
+
+def constant_settings(settings: object, where: str) -> dict[str, float]:
+    """Column to value in SI of what a sidecar or an option says: ``distance_mm = 2.0``."""
+    if not isinstance(settings, Mapping):
+        raise TableError(
+            f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(settings)}."
+        )
+    result, of_circuits = {}, filter(is_current, circuit_columns(map(str, settings), fewest=1))
+    names = (*SETTINGS, *of_circuits)
+    for key, value in settings.items():
+        column, number = match_column(str(key), names), finite_number(value)
+        if column is None or column.assumed or number is None:
+            raise TableError(
+                f"A setting in {where} must be like distance_mm = 2.0, one of {', '.join(SETTINGS)} in any unit, and a "
+                f"number; instead received {quoted(f'{key} = {value}')}."
+            )
+        result[column.name] = column.factor * number
+    return result
+
+
+def declared_noise(
+    words: Words, channels: Sequence[str], used: Sequence[UsedColumn]
+) -> tuple[dict[str, float], list[Finding]]:
+    """The standard deviation of each channel that one is declared of, in the channel's unit.
+
+    In a sidecar it stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
+    header of its column, whose unit it then has; that of what all readings of a run share under ``[noise.run]``, or as
+    ``run.force_N``. What the caller declares counts in its place.
+    """
+    listed = _table(words.noted, "noise", words.sidecar)
+    of_runs = {OF_RUNS + key: value for key, value in _table(listed, "noise.run", words.sidecar).items()}
+    listed = {key: value for key, value in listed.items() if key != OF_RUNS.rstrip(".")} | of_runs
+    loose = {key: value for key, value in words.noted.items() if key not in {"noise", *words.texts, *listed}}
+    findings, noise = [], {}
+    beside, called = str(words.sidecar), "the declared noise"
+    for where, entries in ((beside, loose | listed), (called, words.noise)):
+        for key, value in entries.items():
+            # What nobody calls noise may be a table of another kind of file, a drawing's [hall] say
+            unsure = where == beside and key not in listed
+            foreign = unsure and isinstance(value, dict)
+            column = None if foreign else _channel(key, channels, used)
+            sigma = finite_number(value)
+            if column is not None and (sigma is None or sigma <= 0.0):
+                raise TableError(
+                    f"The noise {quoted(key)} in {where} must be a standard deviation > 0 in the unit of its name, for "
+                    f"example 2e-4; instead received {quoted(value)}."
+                )
+            if column is not None and sigma is not None:
+                noise[column.name] = sigma * column.factor
+            elif unsure and (foreign or not get_close_matches(key[:100], channels, n=1)):
+                facts = {"key": quoted(key), "file": Path(where).name, "channels": ", ".join(channels)}
+                findings.append(finding("unused-setting", **facts))
+            else:
+                raise TableError(
+                    f"{quoted(key)!r} in {where} is no channel of this kind of file, so that its noise would be lost. "
+                    f"The channels are {', '.join(channels)}."
+                )
+    return noise, findings
+
+
+def _channel(key: str, channels: Sequence[str], used: Sequence[UsedColumn]) -> UsedColumn | None:
+    """The channel that a key means: by its name, with another unit, or by the header of its column."""
+    if key.startswith(OF_RUNS):
+        of_runs = [name.removeprefix(OF_RUNS) for name in channels if name.startswith(OF_RUNS)]
+        channel = _channel(key.removeprefix(OF_RUNS), of_runs, used) if of_runs else None
+        return replace(channel, name=OF_RUNS + channel.name) if channel else None
+    headed = (column for column in used if column.name in channels and same_header(key, column.header))
+    return match_column(key, channels) if key in channels else next(headed, match_column(key, channels))
 
 
 @dataclass(frozen=True)
@@ -40,7 +194,7 @@ class Wants:
         """Whether a table has what is needed, as its columns are recognised and named by the user."""
         names = self.columns(raw.headers, words)
         try:
-            used, _, _ = match_columns(
+            used, _ = match_columns(
                 raw.headers, raw.source, names, words.columns, words.units, guess=self.guess, optional=names
             )
         except TableError:  # it lacks a column that the user named

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from femfit.core.files import replacing, write_json
+from femfit.core.files import read_arrays, read_settings, reading, replacing, write_arrays, write_json
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import is_flux
 from femfit.core.text import amount
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.tables.files import read_arrays, read_settings, reading, write_arrays
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,6 +55,7 @@ class Signatures(Printed):
     def __str__(self) -> str:
         """What matters most first: rms change of each channel by one standard deviation of each number."""
         channels = self.channels
+        words = {name: name.rpartition("_")[0].replace("_", " ") for name in channels} | {"hall_T": "Hall field"}
         sizes = {
             number: [number.tolerance * float(np.sqrt(np.nanmean(self.of(number)[name] ** 2))) for name in channels]
             for number in self.numbers
@@ -65,13 +65,9 @@ class Signatures(Printed):
         ranked = sorted(self.numbers, key=lambda number: -max(np.array(sizes[number]) / largest))
         return "\n".join(
             f"{number.title} +- {amount(number.tolerance, number.unit)}: "
-            + ", ".join(f"{_words(name)} {amount(v, name)}" for name, v in zip(channels, sizes[number], strict=True))
+            + ", ".join(f"{words[name]} {amount(v, name)}" for name, v in zip(channels, sizes[number], strict=True))
             for number in ranked
         )
-
-
-def _words(column: str) -> str:
-    return "Hall field" if column == "hall_T" else column.rpartition("_")[0].replace("_", " ")
 
 
 def write_signatures(signatures: Signatures | None, directory: Path) -> None:

@@ -1,9 +1,11 @@
 """The sweep table: one row a solved point, as Parquet and CSV beside a manifest.
 
-Written by the sweep and by the importer of FEMM tables, read by the fit; both kinds look the same.
+Written by the sweep and by the importer of FEMM tables, read by the fit; both kinds look the same. Of a parameter
+sweep's table one variant is chosen, with what its model needs beside the rows.
 """
 
-from collections.abc import Iterable, Mapping
+import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,13 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.files import path_of, replacing, write_json
+from femfit.core.files import path_of, read_settings, replacing, write_json
+from femfit.core.numerics import BoolArray
 from femfit.core.results import Printed, listing
-from femfit.core.sweep_columns import is_current
+from femfit.core.sweep_columns import VARIANT, is_current
 from femfit.core.text import counted, quoted
-from femfit.tables.eddy_table import NAME as EDDY_NAME
 from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
-from femfit.tables.files import read_settings
 from femfit.tables.signatures import (
     ImpedanceSlopes,
     Signatures,
@@ -37,8 +38,12 @@ KINDS = ("sweep", "import")
 """Kinds of manifest; what such a table holds was checked when it was made."""
 
 
-SAME_DISTANCE = 1e-9
-"""Numerical: relative difference of a distance that was written as text and read again."""
+SAME = 1e-6
+"""Values of a variant's parameter that agree to this part are the same: nobody types a drawn sample's sixteen digits.
+Chosen."""
+
+SHOWN = 6
+"""Values that a message shows."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,45 +182,8 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(rows[["distance_m"]])
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
-    eddy = read_eddy(file.parent)
-    if eddy is not None:
-        _require_of_this_sweep(eddy, rows, manifest, file)
-    return SweepTable(rows, manifest, read_signatures(file.parent), eddy, read_slopes(file.parent))
-
-
-def _require_of_this_sweep(eddy: EddyTable, rows: "pd.DataFrame", manifest: Mapping[str, Any], file: Path) -> None:
-    """Refuse eddy currents of another sweep: of other circuits, or at distances that this one does not have."""
-    remedy = f"Sweep the drawing again, or remove {file.with_name(EDDY_NAME)} for a model without eddy currents."
-    circuits = _circuits(rows, manifest, eddy.circuits)
-    if eddy.circuits != circuits:
-        raise TableError(
-            f"{EDDY_NAME} beside {file} must be of its circuits ({listing(circuits) or 'none'}); it is of "
-            f"{listing(eddy.circuits) or 'none'}, from another sweep. {remedy}"
-        )
-    swept = rows["distance_m"].to_numpy(dtype=float)
-    unknown = [
-        distance for distance in eddy.distances_m if not np.isclose(distance, swept, rtol=SAME_DISTANCE, atol=0.0).any()
-    ]
-    if unknown:
-        raise TableError(
-            f"{EDDY_NAME} beside {file} must be at its distances ({_in_mm(np.unique(swept))}); it has "
-            f"{_in_mm(unknown)} as well, from another sweep. {remedy}"
-        )
-
-
-def _circuits(rows: "pd.DataFrame", manifest: Mapping[str, Any], single: tuple[str, ...]) -> tuple[str, ...]:
-    """The circuits of a table; one current column names none, and without a manifest it is `single`."""
-    columns = current_names(rows)
-    if len(columns) > 1:
-        return tuple(column.removeprefix("current_").removesuffix("_A") for column in columns)
-    drawn = manifest.get("actuator", {}).get("circuits")
-    if not isinstance(drawn, list):
-        return single[:1]
-    return tuple(str(circuit.get("name")) for circuit in drawn if isinstance(circuit, dict))
-
-
-def _in_mm(distances: Iterable[float]) -> str:
-    return f"{listing((f'{1e3 * distance:.6g}' for distance in distances), 10)} mm"
+    folder = file.parent
+    return SweepTable(rows, manifest, read_signatures(folder), read_eddy(folder), read_slopes(folder))
 
 
 def _table_file(path: Path) -> Path:
@@ -255,3 +223,72 @@ def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
             raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
     if not swept and (usable["distance_m"] <= 0).any():
         raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")
+
+
+def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> SweepTable:
+    """Return the rows of one variant as a sweep table of their own, with the variant's actuator.
+
+    ``where`` has values by the column of the parameter, or of ``variant``, text for a material; it is empty for a table
+    without parameters.
+    """
+    names = [str(name) for name in table.rows.columns]
+    axes = names[names.index(VARIANT) :] if VARIANT in names else []
+    rows = table.rows
+    for name, value in where.items():
+        rows = _narrowed(rows, name, value, axes)
+    if not axes:
+        return table
+    variants = rows[axes].drop_duplicates()
+    if len(variants) > 1:
+        varying = "; ".join(f"{name} {_values(variants[name])}" for name in axes if len(set(variants[name])) > 1)
+        raise TableError(
+            f"One actuator's rows are needed; the table holds {len(variants)} variants ({varying}). Choose "
+            f"one with --where {VARIANT}={variants[VARIANT].iloc[0]}, or by its parameters, for example "
+            f"--where {axes[-1]}={_shown(variants[axes[-1]].iloc[0])}; repeat --where for more of them."
+        )
+    chosen = {name: variants[name].tolist()[0] for name in axes}
+    return SweepTable(rows.drop(columns=axes).reset_index(drop=True), _manifest(table.manifest, chosen))
+
+
+def _narrowed(rows: "pd.DataFrame", name: str, value: float | str, axes: list[str]) -> "pd.DataFrame":
+    if name not in axes:
+        near = difflib.get_close_matches(name, axes, n=1, cutoff=0.4)
+        axes_text = f"its parameters are {', '.join(axes)}" if axes else "it has none: leave --where out"
+        raise TableError(
+            f"{name!r} is no parameter of the table; {axes_text}." + (f" Did you mean {near[0]!r}?" if near else "")
+        )
+    matching: pd.DataFrame = rows[_same(rows[name], value)]
+    if matching.empty:
+        raise TableError(
+            f"No row has {name} = {_shown(value)} with what else was chosen; {name} {_values(rows[name])} there. "
+            "Choose one of these."
+        )
+    return matching
+
+
+def _same(column: "pd.Series[Any]", value: float | str) -> BoolArray:
+    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
+
+    if not is_numeric_dtype(column):
+        return np.array([str(cell) == _shown(value) for cell in column])
+    if isinstance(value, str):
+        return np.zeros(len(column), dtype=np.bool_)
+    return np.asarray(np.isclose(column.to_numpy(dtype=float), value, rtol=SAME, atol=0.0))
+
+
+def _shown(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def _values(column: "pd.Series[Any]") -> str:
+    values = sorted(set(column))
+    shown = ", ".join(_shown(value) for value in values[:SHOWN])
+    return f"is {shown}" if len(values) <= SHOWN else f"is {shown}, ... {_shown(values[-1])}"
+
+
+def _manifest(manifest: Mapping[str, Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
+    general = {name: value for name, value in manifest.items() if name not in {"variants", "parameters"}}
+    for entry in manifest.get("variants", ()):
+        if entry.get(VARIANT) == chosen[VARIANT]:
+            general |= {name: value for name, value in entry.items() if name in general}
+    return general | {"variant": dict(chosen)}

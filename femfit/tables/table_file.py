@@ -89,34 +89,28 @@ def is_container(path: Path) -> bool:
     return head.startswith(b"PK\x03\x04") or container_kind(head, path.name) is not None
 
 
-def _reader(kind: str) -> Reader:
-    """The reader of a kind of file; its libraries load when it is used."""
-    from femfit.tables import containers  # noqa: PLC0415
+def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: Wanted | None) -> RawTable:
+    """The table of a file that is asked for, or the only one that has what is needed."""
+    from femfit.tables import containers  # noqa: PLC0415  its libraries load when it is used
 
     readers: dict[str, Reader] = {
         "XLSX": containers.read_xlsx,
         "TDMS": containers.read_tdms,
         "WAV": containers.read_wav,
     }
-    return readers.get(kind, partial(containers.read_apart, kind))
-
-
-def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: Wanted | None) -> RawTable:
-    """The table of a file that is asked for, or the only one that has what is needed."""
-    reader = _reader(kind)
+    reader = readers.get(kind, partial(containers.read_apart, kind))
     with decoding(source, kind), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a file's styles, titles or index, which no number depends on
         tables, remark = reader(content, source)
     if table is not None:
-        return _named(tables, table, source, wanted)
+        return _named(tables, table, source)
     if not tables:
         raise TableError(f"{source} holds no table: no columns of numbers of one length. {remark}".rstrip())
     if len(tables) == 1:
-        return _whole(tables[0], wanted)
+        return tables[0].raw
     suitable = [candidate for candidate in tables if wanted is None or wanted(candidate.raw)]
-    suitable = suitable or [candidate for candidate in tables if wanted and wanted(_whole(candidate, wanted))]
     if len(suitable) == 1:
-        raw = _whole(suitable[0], wanted)
+        raw = suitable[0].raw
         passed_over = listing(candidate.name for candidate in tables if candidate is not suitable[0])
         note = f"of {len(tables)} tables {quoted(suitable[0].name)!r} was taken, not {passed_over}"
         return replace(raw, notes=(*raw.notes, note))
@@ -129,7 +123,7 @@ def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: W
     raise TableError(_no_table(tables, source, remark))
 
 
-def _named(tables: Sequence[NamedTable], name: str, source: str, wanted: Wanted | None) -> RawTable:
+def _named(tables: Sequence[NamedTable], name: str, source: str) -> RawTable:
     """The table of a name, or of a name's end."""
     exact = [candidate for candidate in tables if candidate.name == name]
     loose = [candidate for candidate in tables if candidate.name.casefold().endswith(name.strip().casefold())]
@@ -140,14 +134,7 @@ def _named(tables: Sequence[NamedTable], name: str, source: str, wanted: Wanted 
             f"{listing(candidate.name for candidate in tables) or 'none'}. "
             "Give one of these names with --table."
         )
-    return _whole(matches[0], wanted)
-
-
-def _whole(table: NamedTable, wanted: Wanted | None) -> RawTable:
-    """A table, with the columns around it where only they make it what is needed."""
-    if table.wider is None or wanted is None or wanted(table.raw):
-        return table.raw
-    return table.wider
+    return matches[0].raw
 
 
 def _no_table(tables: Sequence[NamedTable], source: str, remark: str) -> str:

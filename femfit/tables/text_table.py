@@ -4,7 +4,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -12,7 +12,6 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.results import listing
-from femfit.core.text import quoted
 from femfit.tables.header import match_score, parse_header
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
 from femfit.tables.raw_table import RawTable, check_width, decode
@@ -29,8 +28,6 @@ _DECIDING_ROWS = 5000
 
 _MOST_WORDS = 60
 """Words of a line that may be a header whose names hold blanks."""
-
-_LONGEST_LINE = 2**17
 
 _SUMMARY_WORDS = """
 mean means average avg mittel mittelwert durchschnitt sum summe total min max minimum maximum sd std stdev stddev
@@ -72,7 +69,7 @@ def parse_text(
 ) -> RawTable:
     """Read a text table; each argument overrides what is found out."""
     text, encoding = decode(content, source, encoding)
-    lines = text_lines(text, source)
+    lines = text_lines(text)
     if all(line.comment for line in lines):
         raise TableError(f"{source} is empty; it needs a header line and rows of numbers.")
     lines, layout = find_layout(lines, source, delimiter)
@@ -80,7 +77,13 @@ def parse_text(
     ragged = tuple(line.number for line in body if len(line.cells) != layout.width)
     blank = ("",) * layout.width  # in place of cells that may be shifted, and stand in wrong columns
     rows = [line.cells if len(line.cells) == layout.width else blank for line in body]
-    decimal = decimal or find_decimal(_deciding(rows, layout), source, open_decimal)
+    if not decimal:
+        cells = set(itertools.chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
+        if any("," in cell for cell in cells):
+            marked = [cell for cell in cells if "," in cell or "." in cell]
+        else:
+            marked = [cell for cell in cells if cell.count(".") > 1]
+        decimal = find_decimal(filter(looks_numeric, marked), source, open_decimal)
     texts = list(zip(*rows, strict=True)) if rows else [()] * layout.width
     return RawTable(
         source=source,
@@ -120,23 +123,10 @@ def _is_no_reading(cells: Sequence[str], width: int) -> bool:
     return (bool(words) and words[0].casefold() in _SUMMARIES) or (len(cells) != width and not _is_data(cells))
 
 
-def _deciding(rows: Sequence[Sequence[str]], layout: Layout) -> set[str]:
-    """Cells that may say which mark is the decimal one."""
-    cells = set(itertools.chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
-    if any("," in cell for cell in cells):
-        return {cell for cell in cells if ("," in cell or "." in cell) and looks_numeric(cell)}
-    return {cell for cell in cells if cell.count(".") > 1 and looks_numeric(cell)}
-
-
-def text_lines(text: str, source: str) -> list[Line]:
+def text_lines(text: str) -> list[Line]:
     """Split a text into its lines, without the empty ones."""
     lines = []
     for number, line in enumerate(text.splitlines(), start=1):
-        if len(line) > _LONGEST_LINE:
-            raise TableError(
-                f"Line {number} of {source} has {len(line)} characters; a table's line has at most {_LONGEST_LINE}. "
-                "Check that the file is a text table."
-            )
         if line.strip():
             mark = _COMMENT.match(line) if line.lstrip()[0] in "#%/!-" else None
             lines.append(Line(number, line[mark.end() :] if mark else line, mark is not None))
@@ -156,37 +146,16 @@ def find_layout(lines: list[Line], source: str, delimiter: str | None = None) ->
     """Find delimiter, width, headers and first row of data."""
     sample = [line.text for line in lines if not line.comment][:_SAMPLE]
     delimiter = delimiter or _find_delimiter(sample)
-    if _ends_each_line(sample, delimiter):
-        lines = [line._replace(text=line.text.rstrip(" ").removesuffix(delimiter)) for line in lines]
     lines = [line._replace(cells=tuple(split(line.text, delimiter))) for line in lines]
     rows = [line.cells for line in lines if not line.comment][:_SAMPLE]
     check_width(max(map(len, rows)), source)
     widths = Counter(len(cells) for cells in rows if _is_data(cells))
     if not widths:
-        return lines, _only_names(lines, source, delimiter)
-    return lines, _find_header(lines, widths.most_common(1)[0][0], delimiter)
-
-
-def _only_names(lines: list[Line], source: str, delimiter: str) -> Layout:
-    """The layout of a table whose line of names has no rows below it."""
-    candidates = [(split(line.text, mark), mark) for line in lines for mark in dict.fromkeys((delimiter, *_DELIMITERS))]
-    names, mark = max(candidates[:_SAMPLE], key=lambda candidate: sum(map(_is_known, candidate[0])))
-    if sum(map(_is_known, names)) < 2:
         raise TableError(
             f"{source} holds no rows of at least two numbers (read with {_DELIMITER_NAMES.get(delimiter, delimiter)}); "
             "it needs one row a reading below one line of column names. Check the file and its delimiter."
         )
-    return Layout(mark, len(names), tuple(names), lines[-1].number + 1)
-
-
-def _ends_each_line(sample: list[str], delimiter: str) -> bool:
-    """Whether most lines end with a delimiter that closes the line, and does not stand before an empty last cell."""
-    ended = [text.rstrip(" ").endswith(delimiter) for text in sample]
-    if 2 * sum(ended) <= len(sample):
-        return False
-    usual = Counter(len(split(text, delimiter)) for text, end in zip(sample, ended, strict=True) if end)
-    width = usual.most_common(1)[0][0]
-    return not any(len(split(text, delimiter)) == width for text, end in zip(sample, ended, strict=True) if not end)
+    return lines, _find_header(lines, widths.most_common(1)[0][0], delimiter)
 
 
 def _find_delimiter(sample: list[str]) -> str:
@@ -233,27 +202,12 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
             )
             used |= {line.number}
         elif cells is not None and line is below[0][0] and len(set(headers)) < width and sum(map(bool, cells)) > 1:
-            headers = _two_lines(headers, cells)
+            # A group's name stands over the first of its columns or over each
+            groups: Iterator[str] = itertools.accumulate(headers, lambda group, name: name or group)
+            names = zip(groups, cells, headers, strict=True)
+            headers = tuple(f"{group} {name}".strip() if name else heading for group, name, heading in names)
             used |= {line.number}
-    damaged = [line for line, _ in below if line.number not in used and _is_row(line)]
-    notes = [f"line {line.number} was left out, a row that cannot be read ({quoted(line.text)})" for line in damaged]
-    passed = _passed_over(above, used | {line.number for line in damaged})
-    return Layout(delimiter, width, headers, start, used, (*notes, *passed))
-
-
-def _is_row(line: Line) -> bool:
-    """Whether a line below the headers is a row of readings that is damaged: some of its cells begin with a number."""
-    return not line.comment and any(re.match(r"[-+]?[.,]?\d", cell) for cell in line.cells)
-
-
-def _two_lines(groups: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of two lines, where a group's name stands over the first of its columns or over each."""
-    headers: list[str] = []
-    group = ""
-    for above, below in zip(groups, names, strict=True):
-        group = above or group
-        headers.append(f"{group} {below}".strip() if below else above)
-    return tuple(headers)
+    return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
 
 
 def _first_row(lines: list[Line], width: int) -> int:
@@ -317,19 +271,8 @@ def _header_cells(line: Line, delimiter: str, width: int) -> tuple[str, ...] | N
             joined[-1] += f" {word}"
         else:
             joined.append(word)
-    while len(joined) > width:
-        pairs = [_known(f"{a} {b}") - max(_known(a), _known(b)) for a, b in itertools.pairwise(joined)]
-        if max(pairs) <= 0:
-            return None
-        index = pairs.index(max(pairs))
-        joined[index : index + 2] = [f"{joined[index]} {joined[index + 1]}"]
     return tuple(joined) if len(joined) == width else None
 
 
-def _known(text: str) -> int:
-    header = parse_header(text)
-    return max(match_score(header, column) for column in CHANNELS)
-
-
 def _is_known(cell: str) -> bool:
-    return bool(cell) and _known(cell) > 0
+    return bool(cell) and any(match_score(parse_header(cell), column) for column in CHANNELS)

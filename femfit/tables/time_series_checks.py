@@ -1,31 +1,24 @@
-"""What may be wrong with a recorded time series: its clock and its sensors. Found and said, never repaired.
-
-Times of a record whose clock gives several rows the same stamp, as one that counts milliseconds does.
-"""
-
-from math import comb
+"""What may be wrong with a recorded time series: its clock and its sensors. Found and said, never repaired."""
 
 import numpy as np
 import pandas as pd
-from numpy.lib.stride_tricks import sliding_window_view
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, counted
-from femfit.tables.circuit_columns import parts_of
 from femfit.tables.findings import finding
+from femfit.tables.header import parts_of
 from femfit.tables.units import CHANNELS, Channel
+
+_SHARE = 0.1
+"""Conventional: part of the steps that stand still from which the stamps are coarse; fewer are single faults."""
 
 _PAUSE = 5.0
 """Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
 
 _LEAST_STUCK, _MUCH_LONGER = 50, 20
 """Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
-
-_NO_SENSOR, _ORDER = 1e-7, 7
-"""Derived: noise over the range of a channel below the step of a converter of 23 bits, which no sensor's is; taken from
-seventh differences, in which a motion of ten samples a radian has fallen to its 1e-7th part."""
 
 NORMAL_MEDIAN = 0.6745
 """Derived: median of the magnitude of a normal number of deviation one."""
@@ -47,6 +40,11 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
             f"The time_s of {source} rises nowhere within a run: {counted(len(rows), 'sample')} from "
             f"{time.min():.6g} s to "
             f"{time.max():.6g} s. Repair the clock, or leave out the column time_s if the rows are readings at rest."
+        )
+    if (step[same] == 0.0).mean() > _SHARE:
+        raise TableError(
+            f"The clock of {source} gives several rows one stamp, {amount(float(np.median(forward)), 's')} apart. "
+            "Record finer stamps, or put times at the fixed rate of the recorder into time_s."
         )
     usual = float(np.quantile(forward, 0.95))
     back, pause = same & (step <= 0.0), same & (step > _PAUSE * usual)
@@ -73,10 +71,10 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
         if not readable.all():
             count = int((~readable).sum())
             findings.append(finding("cells missing", size=count, column=name, cells=count))
-        ended, stuck = _clipped(values), _stuck(values)
-        if (ended | stuck).any() and _is_noiseless(values):
-            findings.append(finding("noiseless", column=name))
-            continue
+        ended, (length, stretch) = _clipped(values), equal_stretches(values)
+        usual = float(np.quantile(length, 0.95)) if len(length) > 1 else 0.0  # nothing moves it at all
+        long = length > max(_LEAST_STUCK, _MUCH_LONGER * usual)
+        stuck = long[stretch] & readable & (values != 0.0)  # a current that is off rests at zero
         if ended.any():
             levels_of[name] = np.where(ended, values, np.nan)
         for faulty, fault in ((stuck & ~ended, "stuck"), (ended, "clipped")):
@@ -119,26 +117,6 @@ def equal_stretches(values: FloatArray, run: FloatArray | None = None) -> tuple[
     return np.bincount(stretch), stretch
 
 
-def _is_noiseless(values: FloatArray) -> bool:
-    """Whether what moves of a channel is finer than any sensor reads it."""
-    length, stretch = equal_stretches(values)
-    moving = sliding_window_view((length < _LEAST_CLIPPED // 2)[stretch], _ORDER + 1).all(axis=-1)
-    differences = np.abs(np.diff(values, _ORDER))[moving]
-    differences = differences[np.isfinite(differences)]
-    if len(differences) < _LEAST_STUCK:
-        return False
-    # Of white noise of one the seventh difference has the variance of a sum of squared binomial coefficients
-    noise = float(np.median(differences)) / (NORMAL_MEDIAN * comb(2 * _ORDER, _ORDER) ** 0.5)
-    return bool(noise < _NO_SENSOR * np.ptp(values[np.isfinite(values)]))
-
-
-def _stuck(values: FloatArray) -> BoolArray:
-    length, stretch = equal_stretches(values)
-    usual = float(np.quantile(length, 0.95)) if len(length) > 1 else 0.0  # nothing moves it at all
-    long = length > max(_LEAST_STUCK, _MUCH_LONGER * usual)
-    return np.asarray(long[stretch] & np.isfinite(values) & (values != 0.0))  # a current that is off rests at zero
-
-
 def _clipped(values: FloatArray) -> BoolArray:
     result = np.zeros(len(values), dtype=bool)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
@@ -153,57 +131,3 @@ def _clipped(values: FloatArray) -> BoolArray:
         if high > low and end != 0.0 and lasting and count >= _LEAST_CLIPPED and count > _PILED * near:
             result |= at_end
     return result
-
-
-_SHARE = 0.1
-"""Conventional: part of the steps that stand still from which the stamps are coarse; fewer are single faults."""
-
-_COARSE_STAMPS_PAUSE = 5.0
-"""Assumed: a step longer than this many stamps is a gap, and what follows is spread by itself."""
-
-_WITHIN = 1.25
-"""Derived: equal steps stray from their stamps by less than one stamp's resolution; a quarter is for the line's fit."""
-
-
-def spread_stamps(rows: pd.DataFrame, source: str) -> tuple[pd.DataFrame, list[Finding]]:
-    """Give the rows of equal stamps times at equal steps, where equal steps lead to these stamps.
-
-    Raises
-    ------
-    TableError
-        If the stamps are coarse and no equal steps lead to them.
-    """
-    time, run = rows["time_s"].to_numpy(copy=True), rows["run"].to_numpy()
-    steps, same = np.diff(time), np.diff(run) == 0.0
-    forward = steps[same & (steps > 0.0)]
-    if not len(forward) or (steps[same] == 0.0).mean() < _SHARE:
-        return rows, []
-    stamp = float(np.median(forward))
-    breaks = np.flatnonzero(~same | (steps < 0.0) | (steps > _COARSE_STAMPS_PAUSE * stamp)) + 1
-    slopes, irregular = [], False
-    for first, last in zip(np.r_[0, breaks], np.r_[breaks, len(time)], strict=True):
-        stamps = time[first:last]
-        if stamps[0] == stamps[-1]:  # too short to tell its step, and no stretch for a filter
-            continue
-        line = _even(stamps, stamp)
-        irregular |= line is None
-        if line is not None:
-            time[first:last] = line
-            slopes.append(line[1] - line[0])
-    shared = 1.0 / (1.0 - float((steps[same] == 0.0).mean()))
-    head = f"The clock of {source} gives {shared:.2g} rows on average one stamp, {amount(stamp, 's')} apart"
-    if irregular or not slopes:
-        raise TableError(
-            f"{head}, and no equal steps lead to these stamps, so that the rows' times cannot be told: record finer "
-            "stamps, or put times at the fixed rate of the recorder into time_s."
-        )
-    step = amount(float(np.median(slopes)), "s")
-    return rows.assign(time_s=time), [finding("coarse-clock", column="time_s", head=head, step=step)]
-
-
-def _even(stamps: FloatArray, stamp: float) -> FloatArray | None:
-    """Times at equal steps, none before its stamp; None where no equal steps give these stamps."""
-    row = np.arange(len(stamps), dtype=np.float64)
-    slope = float(np.polyfit(row, stamps - stamps[0], 1)[0])
-    rest = stamps - slope * row
-    return np.asarray(rest.max() + slope * row) if np.ptp(rest) <= _WITHIN * stamp else None

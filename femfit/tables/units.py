@@ -171,11 +171,6 @@ def suspicion(column: str, unit: str, why: str) -> Finding:
     return finding("suspected-unit", column=column, unit=unit, why=why)
 
 
-def suspicion_of_rows(column: str, unit: str, rows: BoolArray, why: str) -> Finding:
-    """Say that some rows of a column seem to be in another unit than the others."""
-    return finding("suspected-unit rows", size=float(rows.sum()), column=column, rows=len(rows), unit=unit, why=why)
-
-
 def _apart(size: FloatArray, beyond: BoolArray, factor: float) -> bool:
     """Whether impossible sizes are a group of their own: half of a unit's factor or more away from the possible ones.
 
@@ -199,7 +194,9 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
         unit, factor = next(iter(common_factors(name).items()))
         beyond = size > limit.usual
         if beyond.any() and _apart(size, beyond, factor):
-            findings.append(suspicion_of_rows(name, unit, beyond, f"they are up to {size.max():.3g}"))
+            why = f"they are up to {size.max():.3g}"
+            facts = {"column": name, "rows": len(beyond), "unit": unit, "why": why}
+            findings.append(finding("suspected-unit rows", size=float(beyond.sum()), **facts))
         elif len(size) and limit.usual < np.median(size) <= limit.usual / factor:
             findings.append(suspicion(name, unit, f"it is {np.median(size):.3g} in the median"))
         elif solved and len(size) and size.max() > limit.possible:

@@ -21,8 +21,7 @@ from femfit.estimate.process_graph import ProcessGraph
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.plant import Plant
-from femfit.targets.directory import write_directory
-from femfit.targets.estimator import rendered, words_of
+from femfit.targets.estimator import rendered, words_of, write_directory
 
 Real = Literal["double", "float"]
 

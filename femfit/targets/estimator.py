@@ -5,9 +5,11 @@ What the model does is written from its graph, one line an instruction; around i
 """
 
 import re
-from collections.abc import Sequence
+import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from casadi import SX
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from femfit import __version__
-from femfit.core.errors import UsageError
+from femfit.core.errors import RunDirectoryError, UsageError
 from femfit.core.graph import GraphFunction, building
 from femfit.core.sweep_columns import voltage_columns
 from femfit.device.electrics import Drive
@@ -26,10 +28,115 @@ from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import write_model
 from femfit.model.sensors import reading_of
 from femfit.simulation.plant import Plant
-from femfit.targets.directory import write_directory
-from femfit.targets.python_source import python_source
+
+NEW = ".femfit_export.partial"
+"""What an export that was interrupted leaves behind; the next one takes it away."""
+
+
+def write_directory(model: ActuatorModel, directory: Path, texts: Mapping[str, str], mark: str) -> tuple[Path, ...]:
+    """Write files by their names, and the model and the licence beside them; all of them.
+
+    Parameters
+    ----------
+    mark : str
+        The file that shows an earlier export.
+
+    Raises
+    ------
+    RunDirectoryError
+        If the directory is a file, or holds something else.
+    """
+    directory = Path(directory)
+    _require_free(directory, mark)
+    try:
+        licence = distribution("femfit").read_text("licenses/LICENSE")
+    except PackageNotFoundError:
+        licence = None
+    texts = dict(texts) if licence is None else {**texts, "LICENSE": licence}
+    new, absent = directory / NEW, not directory.exists()
+    shutil.rmtree(new, ignore_errors=True)
+    try:
+        new.mkdir(parents=True)  # refused where somebody laid a link in its place
+        for name, text in texts.items():
+            (new / name).write_text(text, encoding="utf-8")
+        write_model(model, new / "model.json")
+        for file in sorted(new.iterdir(), key=lambda file: file.name == mark):  # the mark last
+            file.replace(directory / file.name)
+    except OSError as error:
+        place = str(error.filename or directory).replace(str(new), str(directory))  # a full disk names no file
+        raise OSError(error.errno, error.strerror, place) from error
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+        if absent and directory.exists() and not any(directory.iterdir()):
+            directory.rmdir()
+    return tuple(directory / name for name in (*texts, "model.json"))
+
+
+def _require_free(directory: Path, mark: str) -> None:
+    if not directory.exists():
+        return
+    if not directory.is_dir():
+        raise RunDirectoryError(f"{directory} must be a directory to export to; it is a file. Choose another name.")
+    earlier = any((directory / name).exists() for name in (mark, NEW, "femfit_runtime/__init__.py"))
+    if any(directory.iterdir()) and not earlier:
+        raise RunDirectoryError(
+            f"{directory} must be absent, empty or an earlier export with {mark}; it holds other files. Choose another "
+            "directory."
+        )
+
+
+_FORMS = {
+    "ADD": "{} + {}", "SUB": "{} - {}", "MUL": "{} * {}", "DIV": "{} / {}", "NEG": "-{}", "SQ": "{0} * {0}",
+    "TWICE": "2.0 * {}", "INV": "1.0 / {}", "ASSIGN": "{}", "EXP": "exp({})", "EXPM1": "expm1({})", "LOG": "log({})",
+    "LOG1P": "log1p({})", "SQRT": "sqrt({})", "TANH": "tanh({})", "SIN": "sin({})", "COS": "cos({})", "TAN": "tan({})",
+    "ATAN": "atan({})", "ATAN2": "atan2({}, {})", "SINH": "sinh({})", "COSH": "cosh({})", "ASINH": "asinh({})",
+    "FLOOR": "floor({})", "FABS": "abs({})", "SIGN": "sign({})", "COPYSIGN": "copysign({}, {})", "FMAX": "fmax({}, {})",
+    "FMIN": "fmin({}, {})", "POW": "power({}, {})", "CONSTPOW": "power({}, {})", "LE": "({} <= {})", "LT": "({} < {})",
+    "EQ": "({} == {})", "NE": "({} != {})", "NOT": "not_({})", "AND": "and_({}, {})", "OR": "or_({}, {})",
+    "IF_ELSE_ZERO": "where({}, {})",
+}  # fmt: skip
+_OPERATIONS = {getattr(ca, f"OP_{name}"): form for name, form in _FORMS.items()}
+
+
+def python_source(name: str, function: GraphFunction, arguments: Sequence[str]) -> str:
+    """``def name(*arguments)``, which takes and gives lists of entries; and the tables that it looks up, before it."""
+    tables, lines = [], [f"def {name}({', '.join(arguments)}):"]
+    known = list(arguments)
+    for number, (tape, rows) in enumerate(function.graph.stages):
+        lines += [f"    {line}" for line in _tape_lines(tape.function, known, f"y{number}")]
+        first = 0
+        for k, row in enumerate(rows):
+            table = f"_{name}_{number}_{k}".upper()
+            borders = [tuple(inner.tolist()) for inner in row.inner]
+            tables += [f"{table} = {[tuple(entries) for entries in row.table.T.tolist()]!r}"]
+            at = ", ".join(f"y{number}[{first + axis}]" for axis in range(len(borders)))
+            lines.append(f"    r{number}_{k} = row({table}, {borders!r}, ({at},))")
+            known.append(f"r{number}_{k}")
+            first += len(borders)
+    lines.append(f"    return y{len(function.graph.stages) - 1}")
+    return "\n".join([*tables, "", "", *lines])
+
+
+def _tape_lines(function: ca.Function, known: Sequence[str], result: str) -> list[str]:
+    held: dict[int, str] = {}
+    lines, outputs = [], ["0.0"] * function.size1_out(0)
+    for k in range(function.n_instructions()):
+        operation, to, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+        if operation == ca.OP_CONST:
+            held[to[0]] = repr(function.instruction_constant(k))
+        elif operation == ca.OP_INPUT:
+            held[to[0]] = f"{known[of[0]]}[{of[1]}]"
+        elif operation == ca.OP_OUTPUT:
+            outputs[to[1]] = f"o{to[1]}"
+            lines.append(f"o{to[1]} = {held[of[0]]}")
+        else:
+            lines.append(f"w{to[0]} = " + _OPERATIONS[operation].format(*(held[j] for j in of)))
+            held[to[0]] = f"w{to[0]}"
+    return [*lines, f"{result} = [{', '.join(outputs)}]"]
+
 
 FILE = "estimator.py"
 
@@ -48,7 +155,7 @@ def export_estimator(model: ActuatorModel, directory: Path, sensors: Sequence[st
         model.require_circuit()  # there is nothing to control without a winding
     process = levitation_process(model, sensors=sensors, hall_bias=True)
     words = words_of(model, process)
-    texts = {FILE: estimator_text(words), "README.md": rendered("estimator_readme.md.jinja", words)}
+    texts = {FILE: rendered(f"{FILE}.jinja", words), "README.md": rendered("estimator_readme.md.jinja", words)}
     return write_directory(model, directory, texts, FILE)
 
 
@@ -150,8 +257,3 @@ def _templates() -> Environment:
 def rendered(template: str, words: dict[str, Any]) -> str:
     """A template of this room with its words."""
     return _templates().get_template(template).render(words)
-
-
-def estimator_text(words: dict[str, Any]) -> str:
-    """The file's text from :func:`words_of`."""
-    return rendered(f"{FILE}.jinja", words)

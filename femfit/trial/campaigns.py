@@ -7,21 +7,27 @@
     campaigns/0001/hidden.json     what was hidden
 """
 
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.errors import DomainError, FemfitError, MissingPartError
 from femfit.core.files import write_json
+from femfit.core.processes import process_pool
 from femfit.core.text import counted
 from femfit.device.load import read_actuator
 from femfit.device.parts import Actuator
 from femfit.device.rewrite import only, read_variants
 from femfit.field.sweep import Progress, run_sweep
 from femfit.fit.build import fit_model
-from femfit.model.json_file import write_model
-from femfit.trial.device import Device, HiddenError
+from femfit.identify.decision.diagnose import diagnose
+from femfit.model.json_file import read_model, write_model
+from femfit.trial.counts import Outcome, judge
+from femfit.trial.field_table import Device, HiddenError
 from femfit.trial.hidden import HIDDEN_ERRORS, possible_errors, solve_device
 from femfit.trial.virtual_bench import LEVELS, Campaign, make_campaign
 
@@ -35,27 +41,17 @@ def prepare_device(drawing: Path, directory: Path, *, workers: int, progress: Pr
     The model has the numbers of the drawing as suspects, where it is one drawing and no sweep of variants.
     """
     actuator = read_actuator(drawing)
-    _require_one_current(actuator)
+    if len(actuator.circuits) != 1 or len(actuator.coils) != 1:
+        raise MissingPartError(
+            "A trial needs a drawing of one coil, since its virtual bench varies one current and hides errors of its "
+            f"winding; {actuator.name!r} has {counted(len(actuator.coils), 'coil')} in "
+            f"{counted(len(actuator.circuits), 'circuit')}. Ask femfit diagnose on a bench table of yours instead."
+        )
     suspects = read_variants(drawing) == only(actuator)
     swept = drawing if suspects else actuator
     table = run_sweep(swept, directory / "sweep", workers=workers, progress=progress, signatures=suspects)
     write_model(fit_model(table).model, directory / "model.json")
     return solve_device(actuator, directory / "forms", workers=workers, progress=progress)
-
-
-def _require_one_current(actuator: Actuator) -> None:
-    """Refuse at once what the virtual bench, which varies one current, cannot measure."""
-    circuits = len(actuator.circuits)
-    if circuits == len(actuator.coils) == 1:
-        return
-    has = (
-        "no coil" if not actuator.coils else f"{counted(len(actuator.coils), 'coil')} in {counted(circuits, 'circuit')}"
-    )
-    raise MissingPartError(
-        f"A trial needs a drawing of one coil, since its virtual bench varies one current and hides errors of its "
-        f"winding; {actuator.name!r} has {has}. Ask femfit diagnose on a bench table of yours instead: it says what "
-        "these readings would have shown, and how often it names something in clean ones."
-    )
 
 
 def make_campaigns(device: Device, directory: Path, cases: int, seed: int) -> list[int]:
@@ -100,3 +96,35 @@ def write_campaign(campaign: Campaign, directory: Path, errors: Mapping[str, Hid
     (directory / "data.toml").unlink(missing_ok=True)
     right = {name: list((name,) if error.names is None else error.names) for name, error in errors.items()}
     write_json(directory / "hidden.json", campaign.key() | {"right": right})
+
+
+Report = Callable[[int, int], None]
+"""Takes how many campaigns are done, and of how many."""
+
+
+def diagnose_campaigns(
+    directory: Path, numbers: Sequence[int], *, workers: int, progress: Report | None = None
+) -> list[Outcome]:
+    """Diagnose and judge campaigns that were written, each from its files."""
+    say = progress or (lambda _done, _total: None)
+    solve = partial(_diagnose, directory)
+    outcomes: list[Outcome] = []
+    say(0, len(numbers))
+    with process_pool(workers) as pool:
+        for future in as_completed([pool.submit(solve, number) for number in numbers]):
+            outcomes.append(future.result())
+            say(len(outcomes), len(numbers))
+    return sorted(outcomes, key=lambda outcome: outcome.number)
+
+
+def _diagnose(directory: Path, number: int) -> Outcome:
+    place = directory / "campaigns" / f"{number:04d}"
+    model, data = read_model(directory / "model.json"), place / "data.csv"
+    try:
+        diagnosis = diagnose(model, data).to_dict()
+    except FemfitError as error:  # that the command refuses a file is an answer, too
+        why = str(error)
+        diagnosis = {"verdict": "refused", "missing": [], "where": {"channel": ""}, "confident": False, "why": why}
+    write_json(place / "diagnosis.json", diagnosis)
+    key = json.loads((place / "hidden.json").read_text(encoding="utf-8"))  # nothing above is changed from here on
+    return judge(number, key, diagnosis)

@@ -1,12 +1,73 @@
 """What a trial counted: how often the diagnosis would be right on a device."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from scipy import stats
 
-from femfit.trial.judge import Outcome
+COULD_BE_SHOWN = 24.0
+"""Fall of the weighted sum of squares by the true error from which readings can show it."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One campaign and what was said of it."""
+
+    number: int
+    hidden: tuple[str, ...]
+    level: float
+    could_be_shown: tuple[bool, ...]  # Per hidden error
+    verdict: str
+    classes: tuple[tuple[str, ...], ...]  # Each name with what it cannot be told from, itself first
+    found: tuple[bool, ...]  # Per hidden error, whether some class has it
+    named_first: bool
+    certain: bool
+    spurious: int  # Classes without any hidden error
+
+    @property
+    def certain_and_wrong(self) -> bool:
+        """Whether a diagnosis that was called certain holds a class without any hidden error."""
+        return self.certain and self.spurious > 0
+
+
+def judge(number: int, key: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Outcome:
+    """Compare the diagnosis with what was hidden."""
+    hidden = tuple(key["hidden"])
+    right = right_names(key)
+    every = [name for names in right.values() for name in names]
+    classes = tuple(tuple(cause["class"]) for cause in diagnosis["missing"])
+    return Outcome(
+        number=number,
+        hidden=hidden,
+        level=key["level"],
+        could_be_shown=tuple(
+            key.get("shown", {}).get(name, COULD_BE_SHOWN if key["level"] >= 1.0 else 0.0) >= COULD_BE_SHOWN
+            for name in hidden
+        ),
+        verdict=diagnosis["verdict"],
+        classes=classes,
+        found=tuple(any(says(members, right[name]) for members in classes) for name in hidden),
+        named_first=bool(classes) and says(classes[0][:1], every),
+        certain=bool(diagnosis["confident"]),
+        spurious=sum(not says(members, every) for members in classes),
+    )
+
+
+def right_names(key: Mapping[str, Any]) -> dict[str, list[str]]:
+    """By hidden error, the names of the diagnosis that say it."""
+    return {name: key.get("right", {}).get(name, [name]) for name in key["hidden"]}
+
+
+def says(names: Iterable[str], right: Iterable[str]) -> bool:
+    """Whether one of the names is right; numbers of a material's curve count by the material."""
+    wanted = {_subject(name) for name in right}
+    return any(_subject(name) in wanted for name in names)
+
+
+def _subject(name: str) -> str:
+    return name.rpartition(".")[0] if name.startswith("materials.") else name
+
 
 Hit = Callable[[Outcome], bool]
 
@@ -29,9 +90,8 @@ class Share:
     @property
     def ci95(self) -> tuple[float, float]:
         """Exact 95 % limits (C. J. Clopper and E. S. Pearson, Biometrika 26 (1934) 404); 0 and 1 without cases."""
-        low = float(stats.beta.ppf(0.025, self.hits, self.of - self.hits + 1)) if self.hits else 0.0
-        high = float(stats.beta.ppf(0.975, self.hits + 1, self.of - self.hits)) if self.hits < self.of else 1.0
-        return low, high
+        interval = stats.binomtest(self.hits, self.of).proportion_ci(method="exact") if self.of else (0.0, 1.0)
+        return float(interval[0]), float(interval[1])
 
 
 @dataclass(frozen=True)
@@ -48,63 +108,52 @@ class Count:
         return f"{self.group}: {self.outcome} in {self.share.hits} of {self.share.of}{percent}"
 
 
-_HITS: Mapping[str, Mapping[str, Hit]] = {
-    "Nothing hidden": {
-        "an effect was named": lambda outcome: bool(outcome.classes),
-        '"nothing missing" was said': lambda outcome: outcome.verdict == "nothing_missing",
-        "no verdict was given": lambda outcome: outcome.verdict in {"compare_only", "refused"},
-    },
-    "One error hidden": {
-        "it stood among the names": lambda outcome: all(outcome.found),
-        "it was named first": lambda outcome: outcome.named_first,
-        "it was named and called certain": lambda outcome: all(outcome.found) and outcome.certain,
-        "a wrong name was called certain": lambda outcome: outcome.certain_and_wrong,
-        "the right channel was pointed at": lambda outcome: outcome.right_channel,
-    },
-    "Two errors hidden": {
-        "both stood among the names": lambda outcome: all(outcome.found),
-        "a third was named beside them": lambda outcome: outcome.spurious > 0,
-    },
-    "The same campaigns again, the cause taken out of the catalogue": {
-        "a wrong name was called certain": lambda outcome: bool(outcome.withheld_certain),
-        "a wrong name was given, not certain": lambda outcome: (
-            bool(outcome.withheld_named) and not outcome.withheld_certain
-        ),
-    },
-    "One error hidden that the readings can hardly show": {
-        "it stood among the names": lambda outcome: all(outcome.found),
-        "a wrong name was called certain": lambda outcome: outcome.certain_and_wrong,
-    },
-    "All campaigns": {"a wrong name was called certain": lambda outcome: outcome.certain_and_wrong},
+def is_shown(outcome: Outcome) -> bool:
+    """Whether something is hidden, and large enough for the readings to show it."""
+    return bool(outcome.hidden) and outcome.level >= LEAST_LEVEL and all(outcome.could_be_shown)
+
+
+_COUNTED: Mapping[str, tuple[Hit, Mapping[str, Hit]]] = {
+    "Nothing hidden": (
+        lambda outcome: not outcome.hidden,
+        {
+            "an effect was named": lambda outcome: bool(outcome.classes),
+            '"nothing missing" was said': lambda outcome: outcome.verdict == "nothing_missing",
+            "no verdict was given": lambda outcome: outcome.verdict in {"compare_only", "refused"},
+        },
+    ),
+    "One error hidden": (
+        lambda outcome: len(outcome.hidden) == 1 and is_shown(outcome),
+        {
+            "it stood among the names": lambda outcome: all(outcome.found),
+            "it was named first": lambda outcome: outcome.named_first,
+            "it was named and called certain": lambda outcome: all(outcome.found) and outcome.certain,
+            "a wrong name was called certain": lambda outcome: outcome.certain_and_wrong,
+        },
+    ),
+    "Two errors hidden": (
+        lambda outcome: len(outcome.hidden) == 2 and is_shown(outcome),
+        {
+            "both stood among the names": lambda outcome: all(outcome.found),
+            "a third was named beside them": lambda outcome: outcome.spurious > 0,
+        },
+    ),
+    "All campaigns": (
+        lambda _outcome: True,
+        {"a wrong name was called certain": lambda outcome: outcome.certain_and_wrong},
+    ),
 }
 """What is counted of each group of campaigns, in the order of printing."""
 
 
 def counts(outcomes: Sequence[Outcome]) -> list[Count]:
     """Count a trial; groups without any campaign are left out."""
-    single = [outcome for outcome in outcomes if len(outcome.hidden) == 1]
-    visible = [outcome for outcome in single if is_shown(outcome)]
-    groups = {
-        "Nothing hidden": [outcome for outcome in outcomes if not outcome.hidden],
-        "One error hidden": visible,
-        "Two errors hidden": [outcome for outcome in outcomes if len(outcome.hidden) == 2 and is_shown(outcome)],
-        "The same campaigns again, the cause taken out of the catalogue": [
-            outcome for outcome in visible if outcome.withheld_certain is not None
-        ],
-        "One error hidden that the readings can hardly show": [outcome for outcome in single if not is_shown(outcome)],
-        "All campaigns": list(outcomes),
-    }
-    return [
-        Count(group, name, Share(sum(map(hit, groups[group])), len(groups[group])))
-        for group, hits in _HITS.items()
-        if groups[group]
-        for name, hit in hits.items()
-    ]
-
-
-def is_shown(outcome: Outcome) -> bool:
-    """Whether something is hidden, and large enough for the readings to show it."""
-    return bool(outcome.hidden) and outcome.level >= LEAST_LEVEL and all(outcome.could_be_shown)
+    result: list[Count] = []
+    for group, (belongs, hits) in _COUNTED.items():
+        members = [outcome for outcome in outcomes if belongs(outcome)]
+        found = {name: sum(map(hit, members)) for name, hit in hits.items()}
+        result += [Count(group, name, Share(count, len(members))) for name, count in found.items() if members]
+    return result
 
 
 def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:

@@ -6,6 +6,8 @@ polynomial through them: the fields are analytic in the distance, so the error o
 drawing is a parabola. Where iron saturates the knee is sharp at small gaps: a polynomial through 13 currents misses the
 force of a solenoid by 3 % of its largest. Such a drawing is measured at the currents that were solved, where nothing is
 interpolated; a cubic spline serves for the small shifts that errors of the bench make.
+
+A device on a virtual bench: its solved fields, what can be wrong with it, and what its sensors would then read.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,12 +20,11 @@ from numpy.polynomial.chebyshev import chebvander
 from scipy.interpolate import CubicSpline
 
 from femfit.core.errors import DomainError, FieldSolverError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.device.parts import Actuator, SweepAxes
 from femfit.device.rewrite import Variant, VariantSweep
 from femfit.field.sweep import Progress, run_sweep
 from femfit.field.tolerance import SolverSettings
-from femfit.trial.drawing_variants import has_magnet
 
 LINEAR_DISTANCES, SATURATING_DISTANCES, CURRENTS = 16, 12, 8
 
@@ -41,26 +42,6 @@ _EDGE = 1.02
 
 
 @dataclass(frozen=True, eq=False)
-class Fields:
-    """What the field does at n points."""
-
-    # In N, Wb and T; the last is zero where there is no Hall element; shape (n,)
-    force: FloatArray
-    flux_linkage: FloatArray
-    hall: FloatArray
-
-    def __add__(self, other: "Fields") -> "Fields":
-        return Fields(self.force + other.force, self.flux_linkage + other.flux_linkage, self.hall + other.hall)
-
-    def __sub__(self, other: "Fields") -> "Fields":
-        return self + other.times(-1.0)
-
-    def times(self, factor: FloatArray | float) -> "Fields":
-        """Every field by a factor, one number or shape (n,)."""
-        return Fields(factor * self.force, factor * self.flux_linkage, factor * self.hall)
-
-
-@dataclass(frozen=True, eq=False)
 class FieldTable:
     """Fields of a drawing."""
 
@@ -70,26 +51,27 @@ class FieldTable:
     coefficients: FloatArray
     currents: tuple[float, ...] = ()  # Those that were solved, in A, ascending; empty for a linear drawing
 
-    def at(self, distance: FloatArray, current: FloatArray) -> Fields:
-        """The fields at n points, in m and A; DomainError outside of what was solved."""
-        count, x = self.coefficients.shape[1:], _place(distance, self.distances)
-        if np.abs(x).max(initial=0.0) > _EDGE:
-            raise DomainError(_outside("distances", 1e3 * distance, 1e3 * np.array(self.distances), "mm"))
-        if not self.currents:
-            in_current = np.vander(current, count[1], increasing=True)
-        elif current.size and (current.min() < self.currents[0] or current.max() > self.currents[-1]):
-            raise DomainError(_outside("currents", current, np.array(self.currents), "A"))
-        else:
+    def at(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """Force (N), flux linkage (Wb) and Hall field (T, 0 without an element) at n points in m and A, shape (3, n).
+
+        DomainError outside of what was solved.
+        """
+        coordinate = _coordinate(self.distances)
+        first, last = map(coordinate, self.distances)
+        count, x = self.coefficients.shape[1:], (2.0 * coordinate(distance) - first - last) / (last - first)
+        within = np.abs(x).max(initial=0.0) <= _EDGE
+        if self.currents and current.size:
+            within = within and self.currents[0] <= current.min() and current.max() <= self.currents[-1]
+        if not within:
+            low, high = 1e3 * np.array(self.distances)
+            reach = f" and {self.currents[0]:.3g} to {self.currents[-1]:.3g} A" if self.currents else ""
+            raise DomainError(f"A virtual bench must stay where it was solved, {low:.3g} to {high:.3g} mm{reach}.")
+        if self.currents:
             in_current = CubicSpline(self.currents, np.eye(count[1]))(current)
-        values = np.einsum("na,cab,nb->cn", chebvander(x, count[0] - 1), self.coefficients, in_current, optimize=True)
-        return Fields(values[0], values[1], values[2])
-
-
-def _outside(what: str, values: FloatArray, solved: FloatArray, unit: str) -> str:
-    return (
-        f"The {what} of a virtual bench must be between {solved[0]:.3g} and {solved[-1]:.3g} {unit}, which were "
-        f"solved; instead received {values.min():.3g} to {values.max():.3g} {unit}."
-    )
+        else:
+            in_current = np.vander(current, count[1], increasing=True)
+        basis = chebvander(x, count[0] - 1)
+        return np.asarray(np.einsum("na,cab,nb->cn", basis, self.coefficients, in_current, optimize=True))
 
 
 def solve_drawings(
@@ -128,10 +110,6 @@ def _table(actuator: Actuator, distances: tuple[float, float], rows: pd.DataFram
     if not actuator.saturates:
         basis = np.linalg.inv(np.vander(currents, 3, increasing=True))
         return FieldTable(distances, np.einsum("caj,bj->cab", coefficients, basis))
-    if currents[0] == 0.0:  # solved one way alone: a force is even in the current then, a flux odd
-        mirrored = coefficients[:, :, :0:-1] * np.array([1.0, -1.0, -1.0])[:, None, None]
-        coefficients = np.concatenate([mirrored, coefficients], axis=2)
-        currents = np.concatenate([-currents[:0:-1], currents])
     return FieldTable(distances, coefficients, tuple(currents.tolist()))
 
 
@@ -155,7 +133,7 @@ def _nodes(actuator: Actuator, distances: tuple[float, float], free: bool) -> Sw
     elif actuator.saturates:
         dialled = dialled_currents(actuator)
         first = dialled[0] - _CURRENT_MARGIN * dialled[-1]
-        currents = (first, *dialled, largest) if has_magnet(actuator) else (*(i for i in dialled if i >= 0), largest)
+        currents = (first, *dialled, largest)
     return SweepAxes(currents, tuple((np.exp(nodes) if distances[0] > 0.0 else nodes).tolist()))
 
 
@@ -172,12 +150,114 @@ def _coordinate(distances: tuple[float, float]) -> Callable[[FloatArray | float]
     return np.log if distances[0] > 0.0 else np.asarray
 
 
-def _place(distance: FloatArray, distances: tuple[float, float]) -> FloatArray:
-    """Distances between -1 and 1 of their range."""
-    coordinate = _coordinate(distances)
-    low, high = map(coordinate, distances)
-    return np.asarray((2.0 * coordinate(distance) - low - high) / (high - low))
-
-
 def _chebyshev(count: int) -> FloatArray:
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count)[::-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Settings of n readings, in the order of measuring: m, A, s since the start of the run, degC."""
+
+    distance: FloatArray
+    current: FloatArray
+    time_s: FloatArray
+    coil_C: FloatArray
+    magnet_C: FloatArray
+    run: IntArray  # From 0
+    campaign_s: FloatArray  # Since the start of the campaign
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Fields of a drawing as a function of one number p, which is 0 where nothing is changed."""
+
+    values: tuple[float, ...]  # Of p, one a solution; never 0
+    tables: tuple[FieldTable, ...]
+    reference: FieldTable  # At p = 0
+
+    def change(self, p: FloatArray | float, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """The fields at p less those at 0, by the polynomial through the solutions; p may be one number a point."""
+        base = self.reference.at(distance, current)
+        total = np.zeros_like(base)
+        for k, (value, table) in enumerate(zip(self.values, self.tables, strict=True)):
+            weight = np.asarray(1.0)
+            for node in (0.0, *self.values[:k], *self.values[k + 1 :]):
+                weight = weight * (p - node) / (value - node)
+            total += (table.at(distance, current) - base) * weight
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """A drawing's fields, and those of its changed forms."""
+
+    actuator: Actuator
+    drawn: FieldTable
+    families: Mapping[str, Family]
+
+    def change(self, family: str, p: FloatArray | float, settings: Conditions) -> FloatArray:
+        """What the change of a family adds to the drawn fields."""
+        return self.families[family].change(p, settings.distance, settings.current)
+
+    def with_turns(self, change: float, settings: Conditions) -> FloatArray:
+        """What 1 + change times the turns add to the drawn fields: they are those of as much more current."""
+        more = self.drawn.at(settings.distance, (1.0 + change) * settings.current)
+        more[1] *= 1.0 + change
+        return more - self.drawn.at(settings.distance, settings.current)
+
+    @property
+    def largest_current(self) -> float:
+        """Of the sweep, in A."""
+        return max(map(abs, self.actuator.sweep.currents_A))
+
+    @property
+    def largest_force(self) -> float:
+        """At the smallest distance and the last current of the sweep, in N."""
+        near, most = self.actuator.sweep.distances_m[0], self.actuator.sweep.currents_A[-1]
+        return float(abs(self.drawn.at(np.array([near]), np.array([most]))[0, 0]))
+
+    @property
+    def largest_shift(self) -> float:
+        """Largest error of a stage's zero that is believable, in m."""
+        low, high = self.drawn.distances
+        if low <= 0.0:  # no distance is near: the margin of the solved fields
+            return 0.02 * (high - low)
+        return min(1e-3, 0.15 * low + 0.01 * (high - low))
+
+
+Readings = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class HiddenError:
+    """One thing that is wrong, up to its size."""
+
+    limit: Callable[[Device], float]  # Takes the device; the largest size that is still believable
+    channels: tuple[str, ...]  # Those that show it, of which a campaign records at least one
+    needs: str = ""  # What the drawing must have; empty for nothing
+    setting: Callable[[Device, float, Conditions], Conditions] | None = None
+    fields: Callable[[Device, float, Conditions], FloatArray] | None = None
+    reading: Callable[[Device, float, Conditions, Readings], Readings] | None = None
+    names: tuple[str, ...] | None = None  # Of the diagnosis that are right; None: what it is called here
+
+
+def true_readings(
+    device: Device, settings: Conditions, hidden: Mapping[str, float], errors: Mapping[str, HiddenError]
+) -> dict[str, FloatArray]:
+    """What the sensors would read without noise; hidden errors by name, with their sizes."""
+    wrong = [(errors[name], size) for name, size in hidden.items()]
+    for error, size in wrong:
+        settings = error.setting(device, size, settings) if error.setting else settings
+    fields = device.drawn.at(settings.distance, settings.current)
+    for error, size in wrong:
+        fields = fields + error.fields(device, size, settings) if error.fields else fields
+    values = {
+        "force_N": fields[0],
+        "flux_linkage_Wb": fields[1],
+        "voltage_V": device.actuator.coil.resistance_ohm * settings.current,
+    }
+    if device.actuator.hall is not None:
+        values["hall_V"] = device.actuator.hall.quiescent_V + device.actuator.hall.sensitivity_V_per_T * fields[2]
+    for error, size in wrong:
+        values |= error.reading(device, size, settings, values) if error.reading else {}
+    return values

@@ -10,12 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
-from femfit.device.parts import Actuator
+from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, MU_0, FloatArray
+from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region, is_iron
 from femfit.field.sweep import Progress
-from femfit.trial.device import Conditions, Device, Family, HiddenError, Readings
-from femfit.trial.drawing_variants import has_magnet, is_linear_iron, saturable_core, scaled_magnets
-from femfit.trial.field_table import Fields, solve_drawings
+from femfit.trial.field_table import Conditions, Device, Family, HiddenError, Readings, solve_drawings
 
 REMANENCE_STEP = 0.1
 """Relative change that is solved, either way; in linear materials the parabola through three solutions is exact."""
@@ -29,14 +27,82 @@ MAGNET_PER_K, MAGNET_PER_K2 = -1.15e-3, -2e-6
 BEND = 0.1
 """A load cell's or a shunt's gain error is larger by this part at full scale than at zero: no meter is quite linear."""
 
+_IRON_PERMEABILITY = 600.0
+"""Tells iron from ferrite."""
+
 _MAGNET, _HALL, _IRON = "magnet", "Hall element", "iron without a curve"
+
+
+def is_magnet(region: Region) -> bool:
+    """Whether a region has a remanence."""
+    return region.material.remanence_T != 0.0
+
+
+def is_soft(region: Region) -> bool:
+    """Whether a region is iron or ferrite."""
+    return is_iron(region.material)
+
+
+def is_linear_iron(region: Region) -> bool:
+    """Whether a region is iron or ferrite that is drawn without a B-H curve."""
+    return is_soft(region) and isinstance(region.material, LinearMaterial)
+
+
+def with_materials(actuator: Actuator, change: Callable[[Region], Material]) -> Actuator:
+    """A drawing whose parts have other materials, of which the field is solved anew."""
+    fixed, moving = (
+        tuple(replace(region, material=change(region)) for region in regions)
+        for regions in (actuator.fixed, actuator.moving.regions)
+    )
+    return replace(actuator, fixed=fixed, moving=replace(actuator.moving, regions=moving))
+
+
+def scaled_magnets(actuator: Actuator, change: float) -> Actuator:
+    """Every magnet with 1 + change times its remanence."""
+
+    def scaled(region: Region) -> Material:
+        material = region.material
+        if not isinstance(material, LinearMaterial):
+            return material
+        return replace(material, remanence_T=(1.0 + change) * material.remanence_T)
+
+    return with_materials(actuator, scaled)
+
+
+def saturable_core(
+    actuator: Actuator, polarisation: float, law: Callable[[FloatArray], FloatArray] = lambda x: x / (1.0 + x)
+) -> Actuator:
+    """Every soft part that is drawn without a curve with J = J_s law(chi mu_0 H / J_s); law(x) rises as x to 1.
+
+    The usual law is that of Froehlich and Kennelly, B = mu_0 H + chi mu_0 H / (1 + chi mu_0 H / J_s).
+
+    Parameters
+    ----------
+    polarisation : float
+        J_s of ferrite in T; iron has four times as much.
+
+    References
+    ----------
+    R. M. Bozorth, Ferromagnetism (Van Nostrand, 1951), chapter 11.
+    """
+
+    def curve(region: Region) -> Material:
+        if not is_linear_iron(region):
+            return region.material
+        largest = polarisation * (4.0 if region.material.relative_permeability > _IRON_PERMEABILITY else 1.0)
+        x = np.concatenate([[0.0], np.geomspace(0.02, 60.0, 48)])
+        h = x * largest / (MU_0 * (region.material.relative_permeability - 1.0))
+        b = MU_0 * h + largest * law(x)
+        return NonlinearMaterial("saturable", tuple(b.tolist()), tuple(h.tolist()))
+
+    return with_materials(actuator, curve)
 
 
 def possible_errors(actuator: Actuator) -> list[str]:
     """The errors that can be hidden in a device."""
     there = {
         "": True,
-        _MAGNET: has_magnet(actuator),
+        _MAGNET: any(map(is_magnet, actuator.regions)),
         _HALL: actuator.hall is not None,
         _IRON: any(map(is_linear_iron, actuator.regions)),
     }
@@ -60,7 +126,7 @@ def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress:
     return Device(actuator, tables["drawn"], families)
 
 
-def _warm_magnet(device: Device, size: float, settings: Conditions) -> Fields:
+def _warm_magnet(device: Device, size: float, settings: Conditions) -> FloatArray:
     warmer = settings.magnet_C - 20.0
     return device.change("remanence", size * (MAGNET_PER_K * warmer + MAGNET_PER_K2 * warmer**2), settings)
 

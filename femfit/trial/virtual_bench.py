@@ -6,13 +6,13 @@ from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import block_diag
+from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.trial.device import Conditions, Device, HiddenError, true_readings
-from femfit.trial.field_table import dialled_currents
+from femfit.trial.field_table import Conditions, Device, HiddenError, dialled_currents, true_readings
 
 Extent = Literal["usual", "three runs", "one channel", "few readings"]
 """How much a campaign measures."""
@@ -22,7 +22,7 @@ LEVELS = (0.5, 1.0, 3.0)
 
 _BITS = 12
 _TRIES, _QUIETEST = 20, 0.2
-_SECANTS, _SIZED = 12, 1e-3
+_SMALLEST, _SIZED = 1e-6, 1e-4
 _COMPLETE = 0.6
 """Part of the campaigns that measure every channel."""
 
@@ -45,6 +45,11 @@ class Meter:
     def step(self) -> float:
         """Bits of the converter."""
         return 2.0 * self.full_scale / 2.0**_BITS
+
+    def covariance(self, order: IntArray) -> FloatArray:
+        """Of noise and rounding in readings of a run, by their place in the order of measuring."""
+        noise = self.sigma**2 * self.rho ** np.abs(order[:, None] - order)
+        return np.asarray(noise + self.step**2 / 12.0 * np.eye(len(order)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,22 +136,16 @@ class _Bench:
         return min([1.0, *(0.9 * largest / level for largest in most)])
 
     def size(self, name: str, level: float, meters: Mapping[str, Meter]) -> float:
-        """The size at which an error stands out by a level, whose sign it has, by secants between logarithms."""
-        limit = self.errors[name].limit(self.device)
-        sizes, shown = [np.log(0.1 * limit)], [self._logarithm(name, 0.1 * limit, level, meters)]
-        power = 1.0  # what stands out grows as this power of the size
-        for _ in range(_SECANTS):
-            sizes.append(min(sizes[-1] - shown[-1] / power, np.log(limit)))
-            shown.append(self._logarithm(name, float(np.exp(sizes[-1])), level, meters))
-            if abs(shown[-1]) < _SIZED or sizes[-1] == sizes[-2]:
-                break
-            power = float(np.clip((shown[-1] - shown[-2]) / (sizes[-1] - sizes[-2]), 0.3, 6.0))
-        return float(np.copysign(np.exp(sizes[-1]), level))
+        """The size at which an error stands out by a level, whose sign it has; its limit where it never does."""
 
-    def _logarithm(self, name: str, size: float, level: float, meters: Mapping[str, Meter]) -> float:
-        """Of what stands out, over the level."""
-        most = max(self.over_noise({name: float(np.copysign(size, level))}, meters).values())
-        return float(np.log(max(most, 1e-9) / abs(level)))
+        def missing(logarithm: float) -> float:
+            size = float(np.copysign(np.exp(logarithm), level))
+            return float(np.log(max(*self.over_noise({name: size}, meters).values(), 1e-9) / abs(level)))
+
+        most = float(np.log(self.errors[name].limit(self.device)))
+        if missing(most) > 0.0:
+            most = brentq(missing, most + np.log(_SMALLEST), most, rtol=_SIZED)
+        return float(np.copysign(np.exp(most), level))
 
 
 def _meters(
@@ -228,19 +227,10 @@ def expected_fall(
     """
     fall = 0.0
     for number in np.unique(run):
-        noise = crossed = shifted = 0.0
-        for name, meter in meters.items():
-            rows = np.flatnonzero((run == number) & read[name])
-            if not len(rows):
-                continue
-            covariance = meter.sigma**2 * meter.rho ** np.abs(rows[:, None] - rows[None, :])
-            covariance[np.diag_indices(len(rows))] += meter.step**2 / 12.0
-            factor = cho_factor(covariance)
-            weighted = cho_solve(factor, change[name][rows])
-            noise += float(change[name][rows] @ weighted)
-            crossed += float(slope[name][rows] @ weighted)
-            shifted += float(slope[name][rows] @ cho_solve(factor, slope[name][rows]))
-        fall += noise - (crossed**2 / (1.0 / mount_m**2 + shifted) if mount_m > 0.0 else 0.0)
+        rows = {name: np.flatnonzero((run == number) & read[name]) for name in meters}
+        moved, delta = (np.concatenate([values[name][rows[name]] for name in meters]) for values in (slope, change))
+        noise = block_diag(*(meter.covariance(rows[name]) for name, meter in meters.items()))
+        fall += float(delta @ np.linalg.solve(noise + mount_m**2 * np.outer(moved, moved), delta))
     return fall
 
 

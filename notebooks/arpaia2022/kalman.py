@@ -124,7 +124,6 @@ class KalmanIntegrator:
             offset,
             innovation,
             spread + prior,
-            np.full(len(time), np.nan),
             self._responses(results),
         )
         ends = [float(values[-1]) for values in results]

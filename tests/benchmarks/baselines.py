@@ -1,12 +1,12 @@
-"""The comparison of docs/trial.md with LASSO, stepwise selection, PySINDy, symbolic regression and a Gaussian process.
+"""The comparison of docs/trial.md with LASSO, stepwise selection, PySINDy and a Gaussian process.
 
 ``python tests/benchmarks/baselines.py runs/rig runs/voice`` reads directories that ``other_physics.py final`` wrote,
 tries femfit and each method whose package is installed (extra ``baselines``) on all their campaigns, and prints one
 table for each directory. Each gives names and a correction of the model.
 
 LASSO and stepwise selection see one column for each number of each effect and each number of the drawing, as the
-decision does. Sparse regression on powers, symbolic regression and a Gaussian process see distance, current and the
-predicted force, one channel after the other; what they find are terms, not names.
+decision does. Sparse regression on powers and a Gaussian process see distance, current and the predicted force, one
+channel after the other; what they find are terms, not names.
 
 For the error, what is wrong is found and fitted without the last run of a campaign, and the corrected model predicts
 that run. Where the body was put back no model can know: a common shift of the run, as large as the mounts of this bench
@@ -15,9 +15,8 @@ scatter, is predicted from the run itself, for every method alike.
 References
 ----------
 B. Efron et al., Annals of Statistics 32 (2004) 407: least-angle regression; C. M. Hurvich and C.-L. Tsai, Biometrika 76
-(1989) 297: AICc; S. L. Brunton, J. L. Proctor and J. N. Kutz, PNAS 113 (2016) 3932: SINDy; J. R. Koza, Genetic
-Programming (MIT Press, 1992); M. Keijzer, EuroGP 2003, LNCS 2610, 70: scaled formulas; C. E. Rasmussen and C. K. I.
-Williams, Gaussian Processes for Machine Learning (MIT Press, 2006), section 5.4: model choice by marginal likelihood.
+(1989) 297: AICc; S. L. Brunton, J. L. Proctor and J. N. Kutz, PNAS 113 (2016) 3932: SINDy; C. E. Rasmussen
+and C. K. I. Williams, Gaussian Processes for Machine Learning (MIT Press, 2006), section 5.4: marginal likelihood.
 """
 
 import argparse
@@ -42,12 +41,11 @@ from femfit.core.numerics import BoolArray, FloatArray, even_scale
 from femfit.effects.conditions import Conditions
 from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import placed
-from femfit.identify.checked_refit import beside_random
 from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import NoiseModel, Whitening
+from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import scaled_to_one
 from femfit.identify.signatures import effect_columns, why_untestable
@@ -56,8 +54,7 @@ from femfit.model.json_file import read_model
 from femfit.model.readings import predict_readings
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_file import read_bench_table
-from femfit.trial.counts import LEAST_LEVEL, Share
-from femfit.trial.judge import COULD_BE_SHOWN, judge
+from femfit.trial.counts import COULD_BE_SHOWN, LEAST_LEVEL, Share, judge
 from femfit.trial.virtual_bench import Meter
 from support.trial.campaigns import judged
 
@@ -69,9 +66,6 @@ _DEGREE = 4
 
 _THRESHOLDS = tuple(np.geomspace(0.03, 10.0, 8))
 """Coefficients, in standard deviations of a reading, below which a power is left out: the best by BIC is taken."""
-
-_POPULATION, _GENERATIONS, _SYMBOLIC_READINGS = 120, 6, 150
-"""For the time that it takes, some three seconds a campaign."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,37 +212,6 @@ def pysindy_powers(problem: Problem) -> Answer:
     return Answer(tuple(names), correction)
 
 
-def symbolic_regression(problem: Problem) -> Answer:
-    """The best formula of a genetic programme, scaled, where it is worth its length by BIC, channel after channel."""
-    from gplearn.genetic import SymbolicRegressor
-
-    correction, names = np.zeros(len(problem.target)), list[str]()
-    for c, channel in enumerate(problem.channels):
-        here, seen = problem.of(c)
-        few = seen[:: max(1, len(seen) // _SYMBOLIC_READINGS)]
-        fit = SymbolicRegressor(
-            population_size=_POPULATION,
-            generations=_GENERATIONS,
-            metric="pearson",  # of the form: its scale and zero are fitted to what is found
-            parsimony_coefficient=1e-3,
-            feature_names=["distance", "current", "force"],
-            random_state=1,
-        )
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # formulas that overflow, or are one number
-            fit.fit(problem.place[few], problem.target[few])
-            formula = fit.predict(problem.place)
-        if not np.isfinite(formula[here]).all():
-            continue
-        scaled, y = np.stack([formula, np.ones(len(formula))], axis=1), problem.target[seen]
-        size = np.linalg.lstsq(scaled[seen], y, rcond=None)[0]
-        residual = y - scaled[seen] @ size
-        if residual @ residual + (fit._program.length_ + 2) * np.log(len(y)) < y @ y:
-            correction[here] = scaled[here] @ size
-            names.append(f"{channel}: {fit._program}")
-    return Answer(tuple(names), correction)
-
-
 def gaussian_process(problem: Problem) -> Answer:
     """A smooth function of distance and current, where it makes a channel's residual more probable than noise."""
     from sklearn.gaussian_process import GaussianProcessRegressor
@@ -276,7 +239,6 @@ METHODS: Mapping[str, tuple[str, Method]] = {
     "LASSO, BIC": ("sklearn", lasso_bic),
     "stepwise, AICc": ("sklearn", stepwise_aicc),
     "PySINDy": ("pysindy", pysindy_powers),
-    "symbolic regression": ("gplearn", symbolic_regression),
     "Gaussian process": ("sklearn", gaussian_process),
 }
 """Each with the package that it needs."""
@@ -350,7 +312,7 @@ def _campaign(model: ActuatorModel, data: BenchTable, key: dict[str, Any]) -> li
 
 def _diagnosed(model: ActuatorModel, data: BenchTable) -> Diagnosis | None:
     try:
-        return diagnose(model, data, bootstrap=0)
+        return diagnose(model, data)
     except FemfitError:
         return None
 
@@ -375,6 +337,15 @@ def _error_after_add(model: ActuatorModel, data: BenchTable, runs: int, key: dic
         pass
     observations = placed(model, data)
     return _error(observations, observations.base, key)
+
+
+def beside_random(residual: FloatArray, whitening: Whitening) -> FloatArray:
+    """A residual, shape (M,), without the best linear unbiased prediction of its re-mounts and runs."""
+    columns, deviations = random_columns(whitening.observations, whitening.noise.mount_m, whitening.noise.run)
+    columns = columns * deviations
+    white = whitening.serial(columns)
+    size = np.linalg.solve(white.T @ white + np.eye(white.shape[1]), white.T @ whitening.serial(residual))
+    return np.asarray(residual - columns @ size)
 
 
 def _error(observations: Observations, predicted: FloatArray, key: dict[str, Any]) -> float:

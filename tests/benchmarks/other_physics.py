@@ -6,18 +6,37 @@ drawings takes some minutes, an hour where iron saturates; field solutions in th
 """
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+import femfit as ff
 from femfit.cli.output import progress
 from femfit.core.files import write_json
-from femfit.trial.campaigns import prepare_device
-from femfit.trial.counts import trial_data
-from femfit.trial.run import diagnose_campaigns
+from femfit.effects.catalogue import all_effects
+from femfit.trial.campaigns import diagnose_campaigns, prepare_device
+from femfit.trial.counts import Share, is_shown, right_names, trial_data
 from support.trial.campaigns import measured_campaigns, read_judged, set_lines
 from support.trial.sets import SETS, prepare_set
+
+TWINS = {"force_offset": ("constant_force",), "constant_force": ("force_offset",)}
+"""Effects that do the same to every channel of a bench: left out of the catalogue together."""
+
+
+def certain_without_the_cause(directory, outcomes):
+    """How often a name is called certain of a single visible error whose own name is out of the catalogue."""
+    certain = []
+    for outcome in (one for one in outcomes if len(one.hidden) == 1 and is_shown(one)):
+        place = directory / "campaigns" / f"{outcome.number:04d}"
+        key = json.loads((place / "hidden.json").read_text(encoding="utf-8"))
+        right = [name for names in right_names(key).values() for name in names if name in all_effects()]
+        if right:
+            exclude = (*right, *(twin for name in right for twin in TWINS.get(name, ())))
+            found = ff.diagnose(directory / "model.json", place / "data.csv", exclude=exclude)
+            certain.append(found.confident)
+    return Share(sum(certain), len(certain))
 
 
 def main():
@@ -49,6 +68,8 @@ def main():
         outcomes = diagnose_campaigns(output, numbers, workers=workers, progress=show)
     write_json(output / "results.json", trial_data(outcomes))
     print("\n".join(set_lines(read_judged(output, outcomes))))
+    without = certain_without_the_cause(output, outcomes)
+    print(f"the cause taken out of the catalogue: a name was called certain in {without.hits} of {without.of}")
     print(f"left out: {options.cases - len(numbers)} campaigns of which the device cannot show what was to be hidden")
     for reason, names in truths.reasons().items():
         print(f"not hidden ({reason}): {', '.join(names)}")

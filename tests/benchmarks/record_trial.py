@@ -18,7 +18,7 @@ from femfit.device.load import read_actuator
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.model.json_file import write_model
-from femfit.trial.run import diagnose_campaigns
+from femfit.trial.campaigns import diagnose_campaigns
 from support.trial.campaigns import read_judged, set_lines
 from support.trial.records import CAUSES, record
 

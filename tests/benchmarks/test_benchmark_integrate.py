@@ -13,11 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arpaia2022.kalman import KalmanIntegrator
-from arpaia2022.sensors import PAPER_COIL, PAPER_SAMPLE_RATE, paper_noise
+from arpaia2022.sensors import PAPER_SAMPLE_RATE
 
-from femfit.tables.coil_record import CoilBlock
-from femfit.tables.record_writer import RecordWriter
+from femfit.integrate.record_stream import RecordWriter
 
 pytestmark = pytest.mark.benchmark
 
@@ -29,19 +27,6 @@ FEMFIT = str(Path(sys.executable).with_name("femfit"))
 def noisy(rng):
     """Voltage and Hall probe at rest in 1 T."""
     return 7e-6 + 1.6e-5 * rng.normal(size=BLOCK), 1.0 + 1.6e-4 * rng.normal(size=BLOCK)
-
-
-def test_the_scalar_filter_alone():
-    rng = np.random.default_rng(0)
-    integrator = KalmanIntegrator(PAPER_COIL, paper_noise(True), 1.0 / PAPER_SAMPLE_RATE)
-    state, spent, blocks = integrator.start(), 0.0, 40
-    for k in range(blocks):
-        block = CoilBlock((k * BLOCK + np.arange(BLOCK)) / PAPER_SAMPLE_RATE, *noisy(rng))
-        begin = time.process_time()
-        state, _ = integrator.advance(state, block)
-        spent += time.process_time() - begin
-    print(f"\nscalar filter: {blocks * BLOCK / spent / 1e6:.1f} million samples a second of CPU, one core")
-    assert 2e6 * np.sqrt(state.variance) == pytest.approx(65.6, abs=0.1)
 
 
 @pytest.mark.parametrize("method", ["ffa2", "cs1-offset"])

@@ -1,10 +1,9 @@
-"""What the field solver's work costs, against the number of points and of unknowns; writes docs/cost.md and its plot.
+"""What the field solver's work costs, against the number of points and of unknowns; writes docs/cost.md.
 
 Run with ``python -m pytest -m benchmark -s tests/benchmarks/test_cost_benchmark.py``. Processor seconds of one thread
 are measured, which other work on the machine disturbs less than the time on the wall; the least of the repeats counts.
 """
 
-import dataclasses
 import time
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from jinja2 import Template
 
 from femfit.device.load import read_actuator
 from femfit.field.layout import layout_of
-from femfit.field.linear_point import LinearActuator
+from femfit.field.problem import LinearActuator
 from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY, swept_at
@@ -24,7 +23,6 @@ from support.timed_sweep import processor_seconds, timed_sweep
 DOCS = Path(__file__).parents[2] / "docs"
 REPEATS = 3
 DISTANCES = (8, 15, 31, 61)
-COILS = (1, 2, 3)
 COMMANDS = {
     "linear": REPEATS,
     "linear, tolerance of 0.1 %": REPEATS,
@@ -83,37 +81,6 @@ def by_commands(tmp_path):
     return found
 
 
-def by_coils():
-    """Number of coils -> seconds of one distance of the rig, its winding divided into so many of its own circuits."""
-    found = {}
-    for count in COILS:
-        rig = divided(read_actuator(GEOMETRY / "emaws-rig.toml"), count)
-        settings = SolverSettings()
-        problem = LinearActuator(rig, (0.022,), layout_of(rig, settings), settings)
-        found[count] = least(lambda problem=problem: [problem.solve(0.022) for _ in range(3)]) / 3.0
-    return found
-
-
-def divided(rig, count):
-    """The rig with its winding cut into equal coils along z."""
-    (coil,), (circuit,) = rig.coils, rig.circuits
-    (r0, z0), (r1, z1) = (getattr(np.array(coil.vertices_m), end)(axis=0) for end in ("min", "max"))
-    cuts = np.linspace(z0, z1, count + 1)
-    coils = tuple(
-        dataclasses.replace(
-            coil, name=f"part{k}", turns=coil.turns / count, vertices_m=box(r0, cuts[k], r1, cuts[k + 1])
-        )
-        for k in range(count)
-    )
-    circuits = tuple(dataclasses.replace(circuit, name=one.name, coils=((one.name, 1.0),)) for one in coils)
-    sweep = dataclasses.replace(rig.sweep, further_A=((0.0,),) * (count - 1))
-    return dataclasses.replace(rig, coils=coils, circuits=circuits, sweep=sweep)
-
-
-def box(r0, z0, r1, z1):
-    return (r0, z0), (r1, z0), (r1, z1), (r0, z1)
-
-
 def by_unknowns():
     """(unknowns, seconds, of these for the two factorisations) of one distance at order 5, without its mesh."""
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
@@ -132,7 +99,7 @@ def exponent(size, seconds):
     return float(np.polyfit(np.log(size), np.log(seconds), 1)[0])
 
 
-def page(points, unknowns, commands, coils):
+def page(points, unknowns, commands):
     """The table, in Markdown."""
     n, whole, factorising = unknowns.T
     powers = {
@@ -145,31 +112,8 @@ def page(points, unknowns, commands, coils):
         "rest": exponent(n, whole - factorising),
     }
     template = Template(Path(__file__).with_name("cost.md.j2").read_text(encoding="utf-8"), keep_trailing_newline=True)
-    measured = {"points": points.tolist(), "unknowns": unknowns.tolist(), "commands": commands, "coils": coils}
+    measured = {"points": points.tolist(), "unknowns": unknowns.tolist(), "commands": commands}
     return template.render(powers=powers, **measured)
-
-
-def plot(points, unknowns, path):
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
-    left.loglog(points[:, 0], points[:, 1], "o-", label="default (0.006 %)")
-    left.loglog(points[:, 0], points[:, 2], "s-", label="tolerance of 0.1 %")
-    left.loglog(points[:, 0], points[-1, 1] * points[:, 0] / points[-1, 0], "k:", label="linear")
-    left.set(xlabel="points", ylabel="processor seconds")
-    n, seconds, factorising = unknowns.T
-    right.loglog(n, seconds, "o-", label="one distance, order 5")
-    right.loglog(n, factorising, "s-", label="its two factorisations")
-    right.loglog(n, seconds[0] * n * np.log(n) / (n[0] * np.log(n[0])), "k:", label="N log N")
-    right.set(xlabel="unknowns N", ylabel="processor seconds")
-    for axes in (left, right):
-        axes.legend(frameon=False)
-        axes.grid(visible=True, which="both", alpha=0.2)
-    figure.savefig(path)
-    plt.close(figure)
 
 
 @pytest.mark.benchmark
@@ -177,9 +121,7 @@ def test_cost_against_points_and_unknowns(tmp_path):
     import ngsolve
 
     ngsolve.SetNumThreads(1)  # as the sweep's workers do
-    points, unknowns, commands, coils = by_points(tmp_path), by_unknowns(), by_commands(tmp_path), by_coils()
-    DOCS.mkdir(exist_ok=True)
-    plot(points, unknowns, DOCS / "cost.svg")
-    text = page(points, unknowns, commands, coils)
+    points, unknowns, commands = by_points(tmp_path), by_unknowns(), by_commands(tmp_path)
+    text = page(points, unknowns, commands)
     (DOCS / "cost.md").write_text(text, encoding="utf-8")
     print("\n" + text)

@@ -2,20 +2,18 @@
 
 import json
 import tomllib
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from femfit.core.errors import UsageError
-from femfit.effects.catalogue import all_effects, effect_by_name
+from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
 from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.noise.components import estimate_noise
 from femfit.model.json_file import read_model, write_model
-from femfit.model.with_effects import with_effects
 from femfit.tables.sweep_table import write_sweep_table
 from support.campaign import campaign
 from support.cli_case import hidden_effect, plateaus
@@ -66,12 +64,10 @@ def test_the_coenergy_is_the_default_and_lies_beside_the_table(sweep):
     assert read_model(sweep / "model_coenergy.json").misfit.force_rms_relative < 1e-3
 
 
-def test_a_law_is_written_where_asked_with_single_bounds_and_functions(sweep, tmp_path):
-    options = ["--bound", "d^-4=:1e-9", "--bound", "d^-2=0:", "--functions", "constant,through-origin"]
-    data = worked(tmp_path, f"fit {sweep} --model F1e -o deep/m.json", *options)
+def test_a_law_is_written_where_asked(sweep, tmp_path):
+    data = worked(tmp_path, f"fit {sweep} --model F1e -o deep/m.json")
     assert (data["model"], data["model_file"]) == ("F1e", "deep/m.json")
-    law = read_model(tmp_path / "deep" / "m.json").magnetics
-    assert (law.law_name, law.coefficients[0].bounds[1]) == ("F1e", 1e-9)
+    assert read_model(tmp_path / "deep" / "m.json").magnetics.law_name == "F1e"
 
 
 def test_the_noise_of_a_single_sweep_is_declared_by_an_option(folder, levitation_model):
@@ -89,13 +85,6 @@ def test_an_imported_table_is_compared_through_its_coenergy(folder, levitation_m
     data = worked(folder, "compare table.csv clean.csv")
     assert data["verdict"] == "agrees"
     assert "hall_V" not in {one["channel"] for one in data["channels"]}
-
-
-def test_columns_and_units_are_said_by_options(folder, levitation_model):
-    rows = campaign(levitation_model, 41, runs=1, distances=4, currents=4).rows
-    foreign = rows.rename(columns={"force_N": "Kanal 3", "distance_m": "Weg"})
-    said = ("--column", "Kanal 3=force_N", "--unit", "Kanal 3=N", "--unit", "Weg=m")
-    assert "force_N" in compared(folder, foreign, *said)[1]
 
 
 @pytest.fixture(scope="module")
@@ -132,37 +121,6 @@ def test_the_white_noise_of_passes_without_a_run_column_is_found(levitation_mode
     assert max(ratios) < 1.4
 
 
-@pytest.mark.parametrize(("rows", "weight_N"), [(12, 0.04267), (21, 0.05)])
-def test_a_constant_force_does_not_fit_at_any_other_distance(folder, rows, weight_N):
-    """A weight that hovers: no shift makes the model's force constant."""
-    hover = {"distance_m": np.linspace(0.01575, 0.04275, rows), "current_A": np.linspace(0.2, 1.2, rows)}
-    data, _ = compared(folder, pd.DataFrame({**hover, "force_N": weight_N}), "--noise", f"force_N={SIGMA}")
-    assert not found(data, "suspected-zero")
-
-
-def test_a_hover_table_with_another_zero_of_the_distance_is_told_so(levitation_model, folder):
-    d, weight_N = np.linspace(0.0195, 0.0285, 12), 0.08
-    currents = np.linspace(0.0, 1.4, 200)
-    i = [np.interp(weight_N, levitation_model.force(np.full(200, one), currents), currents) for one in d]
-    rows = pd.DataFrame({"distance_m": d - 4e-3, "current_A": i, "force_N": weight_N})
-    (finding,) = found(compared(folder, rows, "--noise", f"force_N={SIGMA}")[0], "suspected-zero")
-    assert finding["size"] == pytest.approx(4e-3, rel=0.05)
-
-
-@pytest.mark.parametrize("runs", [pytest.param(1, marks=pytest.mark.nightly), 2])
-def test_rows_that_were_copied_and_numbered_anew_are_no_repeats(folder, bench, runs):
-    rows = bench[bench["run"] <= runs]
-    copied = rows.loc[rows.index.repeat(3)]
-    copied = copied.assign(order=copied.groupby("run").cumcount().to_numpy(dtype=float))
-    once, data = compared(folder, rows)[1], compared(folder, copied)[0]
-    (finding,) = found(data, "copies")
-    assert finding["size"] == 2 * len(rows)
-    for one in data["channels"]:
-        assert one["readings"] == once[one["channel"]]["readings"]
-        # The copies' numbers make gaps of three in the order, so that a correlation of neighbours is another
-        assert one["noise_floor"] == pytest.approx(once[one["channel"]]["noise_floor"], rel=0.1)
-
-
 def test_copies_are_told_from_repeats_that_are_equal_by_their_digit(folder, levitation_model):
     rows = passes(levitation_model, 1, 2).round({"force_N": 5})
     (copies,) = found(compared(folder, pd.concat([rows, rows[:12]]))[0], "copies")
@@ -175,30 +133,8 @@ def test_copies_are_told_from_repeats_that_are_equal_by_their_digit(folder, levi
     assert channels["force_N"]["readings"] == 80
 
 
-@pytest.mark.parametrize("count", [2, 4])
-def test_readings_that_are_equal_by_their_coarse_digit_are_repeats_of_their_noise(folder, levitation_model, count):
-    """Steps five times as wide as the sensor's noise: most repeats agree, many on end, and some are a step apart."""
-    digit, floors = 5.0 * SIGMA, []
-    for seed in range(4):
-        rows = passes(levitation_model, seed, count)
-        rows.assign(force_N=(rows["force_N"] / digit).round() * digit).to_csv(folder / "coarse.csv", index=False)
-        observations = placed(levitation_model, folder / "coarse.csv")
-        assert len(observations.covariates) == len(rows)  # none is a copy
-        floors.append(float(estimate_noise(observations).sigma[0]))
-    assert np.mean(floors) == pytest.approx(np.hypot(SIGMA, digit / np.sqrt(12.0)), rel=0.2)
-
-
 @pytest.mark.nightly
-def test_what_is_off_is_named_by_its_rows_its_ammeter_and_no_impossible_unit(folder, bench, levitation_model):
-    half = bench["distance_m"].where(bench.index % 2 == 0, 1e3 * bench["distance_m"])
-    second = bench["force_N"].where(bench["run"] == 1.0, 1e3 * bench["force_N"])
-    for rows, column, count in (
-        (bench.assign(distance_m=half), "distance_m", (bench.index % 2 == 1).sum()),
-        (bench.assign(force_N=second), "force_N", (bench["run"] == 2.0).sum()),
-    ):
-        (finding,) = found(compared(folder, rows)[0], "suspected-unit")
-        assert (finding["column"], finding["size"]) == (column, count)
-        assert "--unit" not in finding["remedy"]
+def test_what_is_off_is_named_by_its_ammeter_and_no_impossible_unit(folder, bench, levitation_model):
     data, _ = compared(folder, bench.assign(force_N=1e12 * bench["force_N"]))
     assert not found(data, "suspected-unit")
     assert [one["column"] for one in found(data, "suspected-scale")] == ["force_N"]
@@ -210,15 +146,8 @@ def test_what_is_off_is_named_by_its_rows_its_ammeter_and_no_impossible_unit(fol
     assert not unused["column"]
 
 
-@pytest.mark.parametrize("value", [0.0, 0.05])
-def test_a_channel_of_one_value_over_varying_settings_is_called_dead(folder, bench, value):
-    data, _ = compared(folder, bench.assign(force_N=value))
-    assert [one["column"] for one in found(data, "suspected-dead")] == ["force_N"]
-    assert not found(data, "suspected-scale")
-
-
 def test_an_excluded_effect_is_not_named(folder):
-    data = worked(folder, "diagnose model.json hall.csv --bootstrap 0 --exclude hall_offset")
+    data = worked(folder, "diagnose model.json hall.csv --exclude hall_offset")
     assert "hall_offset" not in {one["name"] for one in data["missing"]}
     with pytest.raises(UsageError, match="core_saturaton"):
         considered_effects(("core_saturaton",))
@@ -244,7 +173,8 @@ def test_what_no_effect_explains_is_learnt_by_its_own_name(folder, levitation_mo
     campaign(levitation_model, 52, distances=7, currents=5, change=bent).rows.to_csv(folder / "bent.csv")
     said = worked(folder, "add model.json unexplained bent.csv -o left.json")["remainder"]
     assert [one.effect.name for one in read_model(folder / "left.json").effects] == ["unexplained"]
-    assert (said["parts"], said["refutation"]["channel"]) == (["force_N"], "force_N")
+    assert said["parts"] == ["force_N"]
+    assert said["fall_unseen"] > 9.0
 
 
 @pytest.fixture(scope="module")
@@ -272,45 +202,15 @@ MAKE = "bench record.csv --resistance-ohm 2.69 --model model.json --settling-s 0
 
 
 @pytest.mark.nightly
-def test_an_offset_left_in_the_integral_is_named_and_one_taken_from_the_plateaus_leaves_nothing(recorded):
-    worked(recorded, f"{MAKE} plain.csv --method trapezoid")
-    data = worked(recorded, "diagnose model.json plain.csv --bootstrap 0")
-    assert [one["name"] for one in data["missing"]] == ["flux_integrator_drift"]
+def test_an_offset_taken_from_the_plateaus_leaves_nothing(recorded):
     worked(recorded, f"{MAKE} held.csv")
-    assert worked(recorded, "diagnose model.json held.csv --bootstrap 0")["missing"] == []
+    assert worked(recorded, "diagnose model.json held.csv")["missing"] == []
 
 
-def test_a_gap_and_a_forgotten_resistance_are_said_and_noted(recorded):
+def test_a_gap_is_said_and_noted(recorded):
     rows = pd.read_csv(recorded / "record.csv")
     rows.loc[200:202, "coil_voltage_V"] = np.nan
     rows.to_csv(recorded / "gap.csv", index=False)
     said = worked(recorded, "bench gap.csv -o b.csv")["findings"]
-    assert [one["code"] for one in said] == ["gap", "resistance"]
+    assert [one["code"] for one in said] == ["gap"]
     assert "1 gap" in tomllib.loads((recorded / "b.toml").read_text())["notes"]
-
-
-IDEAL = ("--column", "true_distance_m=distance_m", "--column", "true_current_A=current_A")
-"""Instruments of distance and current without noise, which the rig of the Hall element does not have."""
-
-LOOP = "simulate model.json --runs 2 --seconds 1 --controller pid --csv"
-BALANCES = ["force_balance_N", "voltage_balance_V", "hall_V"]
-
-
-@pytest.fixture(scope="module")
-def loops(levitation_model, tmp_path_factory):
-    """A model, a plant with friction, and a loop around the model."""
-    folder = tmp_path_factory.mktemp("series")
-    model = replace(levitation_model, sample_time_s=1e-3)
-    write_model(model, folder / "model.json")
-    friction = AddedEffect(effect_by_name("viscous_friction"), {"damping_per_s": 3.0})
-    write_model(replace(with_effects(model, [friction]), name="rubbing"), folder / "plant.json")
-    assert femfit(*LOOP.split(), "clean.csv", cwd=folder).returncode == 0
-    return folder
-
-
-@pytest.mark.nightly
-def test_a_simulated_record_agrees_with_its_own_model(loops):
-    data = worked(loops, "compare model.json clean.csv", *IDEAL)
-    assert data["verdict"] == "agrees"
-    assert [one["channel"] for one in data["channels"]] == BALANCES
-    assert {one["noise_source"] for one in data["channels"]} == {"samples"}

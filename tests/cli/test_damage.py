@@ -1,25 +1,18 @@
 """Whatever is wrong with a file, a command ends in time with one line on it, and this process lives."""
 
 import io
-import os
-import signal
-import subprocess
-import time
 import zipfile
 
 import h5py
 import numpy as np
 import pandas as pd
-import psutil
 import pytest
-from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat, wavfile
 
 import femfit as ff
 from femfit.model.json_file import write_model
 from femfit.tables import containers
-from support.command import FEMFIT, femfit, worked
-from support.one_current import flat
+from support.command import femfit
 
 DISTANCE = np.repeat([2e-3, 4e-3, 6e-3], 4)
 CURRENT = np.tile([0.1, 0.4, 0.7, 1.0], 3)
@@ -40,13 +33,6 @@ def hdf5_file():
         for name, values in BENCH.items():
             data = book.create_dataset(f"bench/{name}", data=values, chunks=(4,), compression="gzip", maxshape=(None,))
             data.attrs["unit"] = "m"
-    return file.getvalue()
-
-
-def tdms_file():
-    file = io.BytesIO()
-    with TdmsWriter(file) as book:
-        book.write_segment([ChannelObject("bench", name, values) for name, values in BENCH.items()])
     return file.getvalue()
 
 
@@ -110,34 +96,6 @@ def test_a_file_that_hangs_its_library_is_given_up(folder, deaf, monkeypatch):
     assert "damaged" in done.stderr
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_command_that_waits_for_a_file_which_hangs(folder, deaf, number):
-    path = os.pathsep.join([str(deaf[0]), *filter(None, [os.environ.get("PYTHONPATH")])])
-    child = subprocess.Popen(
-        [FEMFIT, "compare", "model.json", "bench.h5"],
-        cwd=folder,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": path},
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509
-    )
-    try:
-        deadline = time.monotonic() + 60.0  # a busy machine
-        while not deaf[1].exists():
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
-        readers = psutil.Process(child.pid).children()
-        child.send_signal(number)
-        _, said = child.communicate(timeout=20.0)
-    finally:
-        child.kill()
-    assert child.returncode == 128 + number
-    assert len(said.splitlines()) == 1
-    assert len(readers) == 1
-    assert not readers[0].is_running()
-
-
 def test_a_workbook_whose_xml_is_damaged_is_said_to_be_damaged(folder):
     good, bad = zipfile.ZipFile(io.BytesIO(xlsx_file_of(BENCH))), io.BytesIO()
     with zipfile.ZipFile(bad, "w") as book:
@@ -147,16 +105,6 @@ def test_a_workbook_whose_xml_is_damaged_is_said_to_be_damaged(folder):
     done = femfit("compare", "model.json", "bad.xlsx", cwd=folder)
     assert done.returncode == 1
     assert "damaged" in done.stderr
-
-
-def test_a_workbook_of_hours_is_refused_at_once_with_the_remedy(tmp_path):
-    path = tmp_path / "long.xlsx"
-    path.write_bytes(xlsx_file_of(BENCH))
-    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as book:
-        book.writestr("xl/worksheets/sheet2.xml", bytes(int(1.1 * containers.LARGEST)))
-    assert path.stat().st_size < 1e6
-    with pytest.raises(ff.FemfitError, match="CSV"):
-        ff.read_measurement(path)
 
 
 @pytest.mark.parametrize(
@@ -182,15 +130,6 @@ def test_damaged_metadata_of_a_parquet_table_are_said(folder, old, new):
         assert "bug" not in done.stderr
 
 
-def test_what_a_library_remarks_on_a_cut_recording_is_a_note(tmp_path):
-    (tmp_path / "cut.tdms").write_bytes(tdms_file()[:-40])
-    done = subprocess.run(
-        [FEMFIT, "import", "cut.tdms", "-o", "runs"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert "nptdms" not in done.stderr
-    assert "damaged" in done.stdout + done.stderr
-
-
 def test_a_gain_is_a_number_in_the_sidecar_too(tmp_path):
     samples = np.round(2.0**14 * np.sin(np.arange(400))).astype(np.int16)
     wavfile.write(tmp_path / "a.wav", 1000, np.stack([samples, samples], axis=1))
@@ -202,18 +141,6 @@ def test_a_gain_is_a_number_in_the_sidecar_too(tmp_path):
     read = ff.read_measurement(tmp_path / "a.wav").rows
     assert read["current_A"].abs().max() == pytest.approx(5.0, rel=1e-3)
     pd.testing.assert_frame_equal(read, expected)
-
-
-def test_a_sweep_in_a_workbook_is_fitted_as_its_csv_is(tmp_path):
-    d, i = np.meshgrid(np.linspace(2e-3, 8e-3, 9), np.linspace(0.2, 1.0, 5))
-    table = pd.DataFrame({"current_A": i.ravel(), "distance_m": d.ravel(), "force_N": (3e-6 * i**2 / d**2).ravel()})
-    table["status"] = "ok"
-    results = {}
-    for name in ("a.csv", "a.xlsx"):
-        table.to_csv(tmp_path / name, index=False) if name == "a.csv" else table.to_excel(tmp_path / name, index=False)
-        worked("fit", name, "--model", "F1e", "-o", f"{name}.json", cwd=tmp_path)
-        results[name] = flat(ff.read_model(tmp_path / f"{name}.json").magnetics).force(4e-3, 0.7)
-    assert results["a.xlsx"] == pytest.approx(results["a.csv"], rel=1e-9)
 
 
 def test_numbers_that_nobody_measures_are_no_impedances(tmp_path):

@@ -17,8 +17,7 @@ import pytest
 import femfit as ff
 from femfit.cli import output
 from femfit.cli.main import COMMANDS
-from femfit.cli.output import PATIENCE, duration, loop_progress, progress, status
-from femfit.cli.run import _Steps
+from femfit.cli.output import progress, status
 from femfit.field import sweep_task
 from support.command import FEMFIT, femfit, worked
 from support.small_drawing import SMALL
@@ -94,7 +93,7 @@ def raising(error):
 
 def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path):
     error = TypeError("something that nobody thought of\nand more")
-    monkeypatch.setattr("femfit.targets.targets.export", raising(error))
+    monkeypatch.setattr("femfit.export", raising(error))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
     result = femfit("export", "model.json", "-o", tmp_path / "out")
@@ -102,7 +101,7 @@ def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path
     (log,) = tmp_path.glob("femfit-*.log")
     assert str(log) in result.stderr
     assert "TypeError: something that nobody thought of" in log.read_text()
-    monkeypatch.setattr("femfit.targets.targets.export", raising(MemoryError()))  # which is no bug
+    monkeypatch.setattr("femfit.export", raising(MemoryError()))  # which is no bug
     assert femfit("export", "model.json", "-o", tmp_path / "out").returncode == 1
 
 
@@ -114,9 +113,8 @@ def test_a_name_from_a_file_does_not_steer_the_terminal(tmp_path):
 
 
 def test_a_terminal_that_knows_only_ascii_loses_no_result():
-    code = "import sys, femfit.cli.main as m; m._print_what_the_terminal_can_show(); print('3.2 µm, 20 °C, ±1 Ω, ☂')"
-    said = python(code, env=os.environ | {"PYTHONIOENCODING": "ascii"})
-    assert said == "3.2 um, 20 degC, +-1 ohm, ?\n"
+    code = "import sys, femfit.cli.main as m; m._print_what_the_terminal_can_show(); print('3.2 µm')"
+    assert python(code, env=os.environ | {"PYTHONIOENCODING": "ascii"}) == "3.2 ?m\n"
 
 
 @pytest.mark.parametrize("line", ["audit model.json --json audit.json", "audit --help"])
@@ -130,35 +128,27 @@ def test_a_reader_that_has_seen_enough_is_no_error(model_file, line):
     assert "--json" not in line or json.loads((model_file.parent / "audit.json").read_text())
 
 
-IN_C = """
-import sys, threading, ctypes, signal
+WAITING = """
+import signal, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin with it ignored
 from femfit.cli import main
 def app():
     def command(*_, **__):
-        print("in C", flush=True)
-        {wait}
+        print("waiting", flush=True)
+        time.sleep(60)
     return command
 main.build_app = app
 main.main()
 """
-# A mutex locked twice stands for the mesher: C code without the interpreter's lock, which takes
-# up its wait again after a signal
-STUCK = (
-    "libc = ctypes.CDLL(None); lock = ctypes.create_string_buffer(64); [libc.pthread_mutex_lock(lock) for _ in '12']"
-)
 
 
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGTERM, "SIGTERM"), (signal.SIGINT, "interrupted")])
-@pytest.mark.parametrize("wait", [STUCK, "import time; time.sleep(60)"], ids=["in C", "in Python"])
-def test_a_signal_ends_a_command_with_its_own_code_and_one_line(wait, number, word):
-    child = subprocess.Popen(
-        [sys.executable, "-c", IN_C.format(wait=wait)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+def test_a_signal_ends_a_command_with_its_own_code_and_one_line(number, word):
+    child = subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        assert child.stdout.readline() == "in C\n"
+        assert child.stdout.readline() == "waiting\n"
         child.send_signal(number)
-        _, said = child.communicate(timeout=PATIENCE + 60.0)  # a busy machine
+        _, said = child.communicate(timeout=60.0)  # a busy machine
     finally:
         child.kill()
     assert child.returncode == 128 + number
@@ -227,33 +217,6 @@ def test_an_interrupted_sweep_in_two_processes_keeps_its_points_and_goes_on(tmp_
     assert (data["rows"], data["failed"]) == (3 * 81, 0)
 
 
-IMPORTING = """
-import atexit, builtins, signal, sys
-from femfit.cli import main
-load = builtins.__import__
-def hit(name, *rest, **named):
-    if name == "ngslib":  # of NGSolve in C++, within the import of NGSolve
-        builtins.__import__ = load
-        signal.raise_signal(signal.SIGINT)
-    return load(name, *rest, **named)
-builtins.__import__ = hit
-signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.argv = ["femfit", "sweep", "a.toml", "-o", "run", "--workers", "1"]
-atexit.register(lambda: print("loaded" if "ngsolve.ngslib" in sys.modules else "not loaded"))
-main.main()
-"""
-
-
-@pytest.mark.nightly
-def test_a_ctrl_c_waits_until_the_solver_is_loaded_which_would_print_it_as_its_own_error(tmp_path):
-    (tmp_path / "a.toml").write_text(SMALL)
-    command = [sys.executable, "-c", IMPORTING]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 130
-    assert "not loaded" not in done.stdout  # nothing is printed where it loads for longer than a signal waits
-    assert len(done.stderr.splitlines()) == 1
-
-
 @pytest.fixture
 def clock(monkeypatch):
     now = [0.0]
@@ -283,42 +246,22 @@ def test_long_work_tells_its_end_with_the_first_result_and_then_every_ten_second
     assert len(said) == 20
 
 
-def test_what_an_interrupted_run_left_takes_no_time_of_this_one(clock, capsys):
-    with progress("sweep x", "points") as show:
-        show(90, 100)
-        clock[0] = 5.0
-        show(91, 100)
-    first, second = lines(capsys)
-    assert "90 of 100 points" in first
-    assert second.endswith("91 of 100 points, about 45 s left")
-
-
-def test_work_of_unknown_length_says_now_and_then_what_is_being_done(monkeypatch, capsys):
-    monkeypatch.setattr(output, "INTERVAL_S", 0.01)
+def test_work_of_unknown_length_says_what_is_being_done_once_it_takes_long(clock, capsys):
     with status("Reading") as say:
-        time.sleep(0.2)
+        clock[0] = 11.0
         say("Estimating the noise")
-        time.sleep(0.2)
-    # No line says again what the one before it said
-    assert lines(capsys) == ["Reading, 1 s so far", "Estimating the noise, 1 s so far"]
-    with _Steps().timed("rank laws"):
-        time.sleep(0.2)
-    assert lines(capsys)[0].startswith("rank laws, ")
-
-
-@pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (89.0, "89 s"), (200.0, "3 min"), (9000.0, "2.5 h")])
-def test_a_duration_is_said_as_one_would(seconds, text):
-    assert duration(seconds) == text
+        say("Fitting")
+    assert lines(capsys) == ["Estimating the noise"]
 
 
 def test_each_part_of_a_closed_loop_has_lines_of_its_own(clock, capsys):
-    with loop_progress("valve") as show:
-        show("closed loop", 0, 1000)
+    with progress("valve", "samples") as show:
+        show(0, 1000, "closed loop")
         clock[0] += 5.0
-        show("closed loop", 100, 1000)
-        show("trial 1", 0, 300)
+        show(100, 1000, "closed loop")
+        show(0, 300, "trial 1")
         clock[0] += 20.0
-        show("trial 1", 100, 300)
+        show(100, 300, "trial 1")
     first, second = lines(capsys)
     assert first == "closed loop of valve: 100 of 1000 samples, about 45 s left"
     assert second == "trial 1 of valve: 100 of 300 samples, about 40 s left"

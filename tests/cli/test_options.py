@@ -66,8 +66,6 @@ def folder(levitation_model, tmp_path_factory):
     (place / "small.toml").write_text(SMALL)
     for name in ("emaws-rig", "emaws-variants", "plunger-solenoid", "emaws"):
         shutil.copyfile(GEOMETRY / f"{name}.toml", place / f"{name}.toml")
-    (place / "one-current.toml").write_text(FEW.replace("current_A = [0, 0.7, 1.4]", "current_A = [0.7]"))
-    (place / "three.toml").write_text(FEW.replace("{ start = 15, stop = 45, step = 5 }", "[15, 19, 24]"))
     (place / "wordy.toml").write_text("schema = 2\n" + "".join(f"word_{k} = {k}\n" for k in range(400)))
     drawing = suspension(header={"Format": 3.2})
     drawing.materials[STEEL]["Mu_y"] = 3
@@ -101,12 +99,6 @@ def test_a_wrong_line_ends_with_its_code_and_names_what_is_wrong(folder, code, l
     assert len(done.stderr) < 6000
     assert contents(folder) == before
     assert not list(folder.glob("new*"))
-
-
-def test_a_scheduler_that_does_not_answer_is_named_before_anything_is_solved(folder):
-    done = femfit("sweep", "emaws.toml", "-o", "scheduled", "--scheduler", "nonsense://host:1", cwd=folder)
-    assert (done.returncode, "'nonsense://host:1'" in done.stderr) == (1, True)
-    assert [path.name for path in (folder / "scheduled").iterdir()] == ["journal.jsonl"]
 
 
 @pytest.mark.parametrize("name", [name for name, _, _ in COMMANDS])

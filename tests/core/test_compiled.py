@@ -2,7 +2,6 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from multiprocessing import get_context
 
 import casadi as ca
 import numpy as np
@@ -23,7 +22,6 @@ def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("FEMFIT_COMPILER", raising=False)
     monkeypatch.setattr(compiled, "OFTEN", 100)
-    monkeypatch.setattr(compiled, "ASKED", 1)
     return tmp_path / "femfit"
 
 
@@ -74,7 +72,7 @@ def test_threads_and_later_runs_share_what_was_compiled(cache):
     assert all(value(library, 3.0) == 6.0 for library in libraries)
     (kept,) = cache.iterdir()
     written = kept.stat().st_ino
-    assert value(compilation_of().after(100), 4.0) == 8.0  # at once
+    assert value(waited_for(compilation_of()), 4.0) == 8.0
     assert kept.stat().st_ino == written
 
 
@@ -82,32 +80,26 @@ def test_threads_and_later_runs_share_what_was_compiled(cache):
 def test_one_compiler_works_at_a_time_and_none_on_what_takes_minutes(cache, monkeypatch):
     first, second = (compilation_of(factor) for factor in (3.0, 4.0))
     assert first.after(100) is second.after(100) is None
-    assert second._compiler is None
+    assert second._work is None
     assert value(waited_for(second), 2.0) == 8.0
     assert value(waited_for(first), 2.0) == 6.0
     monkeypatch.setattr(compiled, "LARGEST", 100)
-    large = compilation_of(5.0)
-    assert large.after(100) is None
-    assert large._next == np.inf
+    monkeypatch.setenv("FEMFIT_COMPILER", "false")
+    assert waited_for(compilation_of(5.0)) is None
 
 
 def test_without_a_compiler_nothing_is_compiled(cache, monkeypatch):
     monkeypatch.setenv("FEMFIT_COMPILER", "")
-    compilation = compilation_of()
-    assert compilation.after(1000) is None
-    assert compilation._next == np.inf
+    assert waited_for(compilation_of()) is None
     assert not cache.exists()
 
 
-@pytest.mark.parametrize("trouble", ["compiler fails", "no folder", "not a library"])
+@pytest.mark.parametrize("trouble", ["compiler fails", "no folder", "no library"])
 def test_trouble_is_said_once_and_goes_without(cache, monkeypatch, trouble):
     monkeypatch.setenv("FEMFIT_COMPILER", "false" if trouble == "compiler fails" else "true")
     compilation = compilation_of()
     if trouble == "no folder":
         cache.touch()  # a file in its place
-    if trouble == "not a library":
-        cache.mkdir()
-        compilation._target.write_text("nothing")
     with pytest.warns(RuntimeWarning, match="is not compiled") as said:
         assert waited_for(compilation) is None
     assert len(said) == 1
@@ -138,34 +130,6 @@ def test_inputs_of_wrong_shapes_are_refused_whatever_works_the_function_out():
             function(wrong, *inputs)
     with pytest.raises(ValueError, match="as many rows"):
         function(np.zeros((3, 50)), np.zeros((2, 20)), np.zeros(0))
-
-
-@needs_compiler
-def test_a_fork_compiles_for_itself_and_leaves_what_its_parent_compiles(cache):
-    compilation = compilation_of(7.0)
-    assert compilation.after(100) is None
-    workplace = compilation._workplace
-    here, there = (context := get_context("fork")).Pipe()
-    child = context.Process(target=lambda: there.send(float(value(waited_for(compilation), 2.0))))
-    child.start()
-    child.join(60)
-    assert here.recv() == 14.0
-    assert child.exitcode == 0
-    assert workplace.exists()
-    assert value(waited_for(compilation), 2.0) == 14.0
-    assert [path.suffix for path in cache.iterdir()] == [".so"]
-
-
-@needs_compiler
-@pytest.mark.parametrize("left", [0, 100, -5000, -1], ids=["empty", "its head", "without its end", "but a byte"])
-def test_a_library_of_which_a_part_is_left_is_compiled_again(cache, left):
-    assert value(waited_for(compilation_of(5.0)), 2.0) == 10.0
-    (library,) = cache.iterdir()
-    whole = library.read_bytes()
-    library.unlink()  # the part that is loaded stays another file
-    library.write_bytes(whole[:left])
-    assert value(waited_for(compilation_of(5.0)), 2.0) == 10.0
-    assert len(library.read_bytes()) == len(whole)
 
 
 @needs_compiler

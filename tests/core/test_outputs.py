@@ -2,7 +2,6 @@
 
 import errno
 import json
-import struct
 import subprocess
 import sys
 
@@ -10,48 +9,13 @@ import pytest
 
 from femfit.core import files
 from femfit.core.errors import OutputError
-from femfit.core.files import kind_of, replacing, require_outputs, write_json, write_text
-
-HELD = [
-    ("m.json", json.dumps({"magnetics": {}, "validity": {}}), files.MODEL),
-    ("f.json", json.dumps({"coefficients_T": {}}), files.FIELD_MODEL),
-    ("r.json", json.dumps({"sample_rate_Hz": 1}), files.RAW_SIDECAR),
-    ("manifest.json", json.dumps({"name": "a"}), files.MANIFEST),
-    ("c.json", json.dumps({"verdict": "agrees"}), files.RESULT),
-    ("rig.toml", "[coil]\nturns = 1\n", files.DRAWING),
-    ("b.toml", "flux_linkage_Wb = 1e-6\n", files.NOTES),
-    ("rig.fem", "[Format]      =  4.0\n", files.FEMM),
-    ("t.csv", "\ufeffdistance_m;force_N\n1;2\n", files.TABLE),
-    ("p.html", "\n<!DOCTYPE html><html></html>", files.PAGE),
-    ("v.vtu", '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">', files.PARAVIEW),
-    ("g.svg", '<?xml version="1.0"?>\n<svg>', files.PICTURE),
-    ("notes.md", "# What I did\n", files.TEXT),
-    ("damaged.json", "{", files.TEXT),
-]
-
-
-@pytest.mark.parametrize(("name", "text", "kind"), HELD)
-def test_a_file_is_known_by_its_content(tmp_path, name, text, kind):
-    path = tmp_path / name
-    path.write_text(text, encoding="utf-8")
-    assert kind_of(path) == kind
-
-
-def test_binary_files_are_known_by_their_content(tmp_path):
-    (tmp_path / "r.bin").write_bytes(struct.pack("<8f", *range(8)))
-    (tmp_path / "p.csv").write_bytes(b"PAR1\x15\x04")
-    (tmp_path / "x.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
-    (tmp_path / "u.csv").write_bytes("a,b\n".encode("utf-16"))
-    kinds = [kind_of(tmp_path / name) for name in ("r.bin", "p.csv", "x.png", "u.csv")]
-    assert kinds[:3] == [files.RAW, files.PARQUET, files.PICTURE]
-    assert kinds[3] in {files.TABLE, files.TEXT}
-
+from femfit.core.files import replacing, require_outputs, write_json, write_text
 
 LOOP = "run,time_s,estimated_distance_m\n1,0,0.02\n"
 TAKEN = [
     ("empty.json", "", files.MODEL),
     ("c.json", '{"verdict": "agrees", "written_by": "femfit 0.1.0"}', files.RESULT),
-    ("o.csv", "time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n", files.TABLE),
+    ("o.csv", "time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n", None),
     ("loop.csv", LOOP, files.LOOP),
     # names that are free, and promise no other format
     ("absent.json", None, files.RESULT),
@@ -72,11 +36,15 @@ def test_free_names_and_earlier_results_of_the_same_kind_are_taken(tmp_path, nam
 KEPT = [
     ("package.json", '{"name": "mine"}', files.RESULT, "not written by femfit"),
     ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", files.PAGE, "not written by femfit"),
-    ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", files.TABLE, "not written by femfit"),
+    ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", None, "not written by femfit"),
     ("bench.toml", "force_N = 2e-4\n", files.NOTES, "not written by femfit"),
     ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", files.DRAWING, "not written by femfit"),
-    ("record.bin", "\0\1\2\3", files.RAW, "not written by femfit"),
-    ("loop.csv", LOOP, files.INTEGRATED, "loop"),
+    ("record.bin", "\0\1\2\3", files.INTEGRATED, "not written by femfit"),
+    ("loop.csv", LOOP, files.INTEGRATED, "not written by femfit as an integrated record"),
+    ("rig.toml", "[coil]\nturns = 1\n", files.MODEL, r"ends in \.json"),
+    ("rig", "[coil]\nturns = 1\n", files.MODEL, "not written by femfit as a model file"),
+    ("model.json", '{"magnetics": {}, "validity": {}}', files.RESULT, "not written by femfit as a JSON result"),
+    ("c.json", '{"verdict": "agrees", "written_by": "femfit 0.1.0"}', files.MODEL, "as a model file"),
     ("a.parquet", None, files.LOOP, r"ends in \.csv"),
     ("p.pdf", None, files.PAGE, r"ends in \.html"),
 ]
@@ -105,14 +73,14 @@ def test_two_results_need_two_files_a_directory_is_kept_and_a_device_is_written_
     with pytest.raises(OutputError, match="directory"):
         require_outputs([], (tmp_path, files.RESULT))
     (tmp_path / "null.csv").symlink_to("/dev/null")
-    require_outputs([], (tmp_path / "null.csv", files.TABLE))
+    require_outputs([], (tmp_path / "null.csv", files.LOOP))
 
 
 @pytest.mark.parametrize("kind", [files.LOOP, files.INTEGRATED])
 def test_a_sweep_table_is_not_replaced_by_a_record(tmp_path, kind):
     (tmp_path / "manifest.json").write_text('{"name": "rig"}')
     (tmp_path / "sweep.csv").write_text("distance_m,current_A,force_N\n0.02,0.1,0.03\n")
-    with pytest.raises(OutputError, match="a sweep table"):
+    with pytest.raises(OutputError, match="not written by femfit"):
         require_outputs([], (tmp_path / "sweep.csv", kind))
     require_outputs([], (tmp_path / "sweep.csv", files.SWEEP))
 

@@ -9,13 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.device.checks import swept
-from femfit.device.decimals import scaled
 from femfit.device.electrics import HallElement, where_clipped
-from femfit.device.load import actuator_from_toml, read_actuator, starter_text
+from femfit.device.keys import scaled
+from femfit.device.load import actuator_from_toml, read_actuator, starter_text, sweep_manifest_entry
 from femfit.device.parts import smallest_winding_area, wire_resistance
 from femfit.device.rewrite import only
-from femfit.device.summary import remarks, sweep_manifest_entry
 from femfit.field.sweep_rows import clipped_hall
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
@@ -57,13 +55,6 @@ def test_resistances_and_masses_of_the_plunger_and_of_copper_are_those_by_hand()
     assert smallest_winding_area(100, 0.5) == pytest.approx(100 * math.pi / 4 * 0.25 / 0.9069, rel=1e-4)
 
 
-def test_the_mean_turn_of_a_polygon_is_that_of_its_centroid():
-    box = actuator_from_toml(PLUNGER).coil
-    polygon = "polygon_mm = [[6.5, -14], [12.5, -14], [12.5, 14], [6.5, 14]]"
-    same = actuator_from_toml(PLUNGER.replace("r_mm = [6.5, 12.5]", polygon).replace("z_mm = [-14, 14]\n", ""))
-    assert same.coil == box
-
-
 def test_millimetres_become_the_nearest_double_of_the_metres():
     assert [scaled(v) for v in (0.1, 0.3, 15.5, 20, 1e-5)] == [0.0001, 0.0003, 0.0155, 0.02, 1e-8]
 
@@ -76,37 +67,17 @@ def test_a_magnet_pointing_down_has_negative_remanence():
     assert down.relative_permeability == up.relative_permeability == 1.05
 
 
-def test_a_hall_element_of_which_the_file_gives_the_place_alone_is_said():
-    text = (GEOMETRY / "emaws-rig.toml").read_text()
-    begin = text.index("sensitivity_V_per_T")
-    bare = text[:begin] + text[text.index("\n[", begin) :]
-    (remark,) = remarks(actuator_from_toml(bare))
-    assert "50 V/T" in remark
-    assert "12 bits" in remark
-    assert remarks(read_actuator(GEOMETRY / "emaws-rig.toml")) == []
-
-
 def test_the_manifest_entry_is_json_and_rebuilds_the_sensor():
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     entry = json.loads(json.dumps(sweep_manifest_entry(rig)))
     assert HallElement(**entry["hall"] | {"direction": tuple(entry["hall"]["direction"])}) == rig.hall
-    assert (entry["mass_kg"], entry["resistance_ohm"], entry["turns"]) == (0.00435, 2.69, 308)
+    assert (entry["mass_kg"], entry["resistance_ohm"]) == (0.00435, 2.69)
     assert (entry["voltage_min_V"], entry["voltage_max_V"], entry["sample_time_s"]) == (0.5, 3.0, 0.0005)
     assert entry["reference_distances_m"] == [0.022, 0.03, 0.022]
     assert sweep_manifest_entry(read_actuator(GEOMETRY / "plunger-solenoid.toml"))["hall"] is None
 
 
-def test_what_a_polygon_passes_has_its_area_and_its_width_times_the_way():
-    from shapely import Polygon
-
-    wedge = Polygon([(0, 0), (4, 0), (4, 3)])
-    # Cavalieri: a convex shape gains width times way.
-    assert swept(wedge, 1.0, 6.0).area == pytest.approx(6.0 + 4.0 * 5.0, rel=1e-12)
-    assert swept(wedge, 2.0, 2.0).area == pytest.approx(6.0, rel=1e-12)
-
-
 def test_two_coils_in_series_are_one_circuit_of_the_manifest(tmp_path):
-    """Their resistance is the circuit's; turns and wire belong to one coil alone."""
     text = starter_text("bearing")
     head, tail = text.split("[sweep]")
     circuit = '[circuits.pair]\ncoils = ["lower", "-upper"]\nexternal_resistance_ohm = 1\n\n[sweep]'

@@ -13,12 +13,11 @@ import pytest
 from femfit.core.errors import ActuatorFileError, FemfitError
 from femfit.core.files import json_ready
 from femfit.device.keys import keys_of, kind_of
-from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.device.load import actuator_from_record, actuator_from_toml, read_actuator, sweep_manifest_entry
 from femfit.device.mechanics import Mechanics
 from femfit.device.read_device import check_circuit_names
 from femfit.device.rewrite import variants_from_toml
 from femfit.device.schema import FileEntry, FixedEntry, MovingEntry, SomeSensor
-from femfit.device.summary import actuator_from_record, sweep_manifest_entry
 from femfit.device.tolerances import read_tolerances
 from femfit.model.impedance import impedances_by_column
 from support.actuators import GEOMETRY
@@ -55,16 +54,6 @@ def test_a_step_keeps_turns_whole_and_draws_each_equally_often():
     assert {value: turns.count(value) for value in turns} == dict.fromkeys((301, 302, 303, 304, 305), 4)
 
 
-def test_current_and_distance_may_be_drawn_with_the_parameters():
-    ranges = "current_A = { min = 0, max = 1.4 }\ndistance_mm = { min = 15, max = 45 }\n"
-    sweep = sampled(ranges + '"coils.coil.turns" = { min = 100, max = 300 }', axes="")
-    assert sweep.columns == ("coils.coil.turns",)
-    assert all(len(one.sweep.currents_A) == len(one.sweep.distances_m) == 1 for one in sweep.variants)
-    distances = {one.sweep.distances_m[0] for one in sweep.variants}
-    assert len(distances) == 20
-    assert sweep.actuator.sweep.distances_m == tuple(sorted(distances))
-
-
 @pytest.mark.parametrize("path", sorted(GEOMETRY.glob("*.toml")), ids=lambda path: path.stem)
 def test_each_drawing_of_the_project_loads_under_its_own_name_and_its_record_rebuilds_it(path):
     text = path.read_text(encoding="utf-8")
@@ -80,21 +69,6 @@ def test_a_record_rebuilds_the_actuator_and_the_manifest_is_json(name):
     record = json.loads(json.dumps(json_ready(asdict(actuator)), allow_nan=False))
     assert actuator_from_record(record, "record") == actuator
     json.dumps(sweep_manifest_entry(actuator), allow_nan=False)
-
-
-def test_records_of_earlier_versions_have_the_coils_in_their_circuit_and_the_limits_in_its_drive():
-    actuator = actuator_from_toml(MOVING_COIL)
-    record = json_ready(asdict(actuator))
-    (circuit,), (coil,) = record["circuits"], record["coils"]
-    kept = {key: circuit[key] for key in ("name", "resistance_ohm", "inductance_H")}
-    drive = {"kind": "current", "minimum": -2.0, "maximum": 2.0, "diode_V": None}
-    drive["bandwidth_Hz"] = circuit["drive"]["bandwidth_Hz"]
-    early = {**kept, "coils": [[coil["name"], coil.pop("sign")]], "drive": drive}
-    assert coil.pop("circuit") == circuit["name"]
-    assert actuator_from_record(record | {"circuits": [early]}, "record") == actuator
-    supply = {"voltage_min_V": -12.0, "voltage_max_V": 12.0, "sample_time_s": 1e-4}
-    fed = actuator_from_record(record | {"circuits": [early], "supply": supply}, "record")
-    assert (fed.sample_time_s, fed.supplies_V) == (1e-4, ((-12.0, 12.0),))
 
 
 def test_the_manifest_has_the_voltages_behind_an_amplifier():
@@ -168,7 +142,7 @@ def numbers_in(path, hint):
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_every_number_of_a_table_may_be_off_or_the_reason_is_said(place):
+def test_every_number_of_a_table_may_be_off_or_is_refused_by_its_path(place):
     found = {name: numbers_in(f"{place}.{name}", key.hint) for name, key in keys_of(PLACES[place]).items()}
     held = {name: numbers for name, numbers in found.items() if numbers}
     # Any that is no list may be left out

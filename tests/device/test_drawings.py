@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 
 from femfit.core.errors import FemfitError
-from femfit.device.load import read_actuator, starter_text
+from femfit.device.load import read_actuator, remarks, starter_text
 from femfit.device.rewrite import read_variants
-from femfit.device.summary import remarks
 from support.actuators import GEOMETRY
 from support.expected import cases, rounded, unmentioned
 

@@ -14,7 +14,7 @@ from femfit.device.keys import key, keys_of
 from femfit.device.load import actuator_from_toml, starter_text
 from femfit.device.mechanics import Mechanics, Stop
 from femfit.device.rewrite import rewritten, variants_from_toml
-from femfit.model.json_section import Section, written
+from femfit.model.json_section import read_record, written
 
 PATH = "mechanics.near_stop.damping_N_s_per_m"
 DRAWN = starter_text("relay").replace("[mechanics.near_stop]", "[mechanics.near_stop]\ndamping_N_s_per_m = 31 # oil")
@@ -64,6 +64,6 @@ def test_a_new_key_is_described_and_stands_in_a_model_file_with_its_limits():
     assert (schema["type"], schema["minimum"], schema["maximum"]) == ("number", 0, 1e3)
     stop = DampedStop(0.001, damping_N_s_per_m=31.0)
     text = json.dumps(written(stop))
-    assert Section("model", "", json.loads(text)).record(DampedStop) == stop
+    assert read_record(DampedStop, json.loads(text), "model") == stop
     with pytest.raises(ModelFileError, match="damping_N_s_per_m must be a finite number >= 0"):
-        Section("model", "", json.loads(text.replace("31.0", "-31.0"))).record(DampedStop)
+        read_record(DampedStop, json.loads(text.replace("31.0", "-31.0")), "model")

@@ -4,10 +4,9 @@ import tomllib
 
 import pytest
 
-from femfit.core.errors import OutputError
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
-from femfit.device.rewrite import require_same_elsewhere, rewritten
+from femfit.device.rewrite import rewritten
 from support.actuators import GEOMETRY
 from support.small_drawing import SMALL
 
@@ -76,16 +75,13 @@ def test_a_curve_is_scaled_as_a_whole(lists):
     assert ("# own" in after) == lists
 
 
-def test_a_drawing_that_names_further_files_is_written_beside_them(tmp_path):
+def test_a_scaled_curve_of_a_file_is_written_into_the_drawing(tmp_path):
     curve = 'bh_curve = "steel.csv"'
     text = SMALL.replace("relative_permeability = 500", curve).replace(
         '"materials.iron.relative_permeability" = 50', ""
     )
     (tmp_path / "steel.csv").write_text("B_T,H_A_per_m\n0,0\n1,200\n1.5,2000\n1.8,20000\n")
     (tmp_path / "small.toml").write_text(text)
-    require_same_elsewhere(tmp_path / "small.toml", tmp_path / "new.toml")
-    with pytest.raises(OutputError, match="beside"):
-        require_same_elsewhere(tmp_path / "small.toml", tmp_path / "other" / "new.toml")
     value = new_value(text, "materials.iron.B_T", 0.98, tmp_path)
     after = rewritten(text, [value], "small", tmp_path)
     assert "steel.csv" not in after

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares, lsq_linear
 from femfit.core.graph import row_of
 from femfit.device.parts import LinearMaterial
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
@@ -271,12 +271,6 @@ def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
     fit = lsq_linear(columns, loop, bounds=(low, high))
     straight = loop - np.polyval(np.polyfit(i, loop, 1), i)
     assert np.linalg.norm(fit.fun) < 0.07 * np.linalg.norm(straight)
-
-
-def test_every_quantity_that_a_parameter_is_a_part_of_is_known(nominal):
-    known = {field.name for field in dataclasses.fields(Nominal)} | {"peak_current_A"}
-    for name in ("force_offset", "current_offset", "hysteresis", "driver_dead_zone", "end_stop_contact"):
-        assert {p.scale for p in effect_by_name(name).amplitudes} <= known
 
 
 def test_fluxmeter_and_ammeter_tell_more_turns_from_a_wrong_current(levitation_model):

@@ -174,14 +174,6 @@ def test_a_stop_that_gives_way_pushes_from_its_reach_on_alone(levitation_model):
     np.testing.assert_allclose(push[1:], 0.0, atol=1e-15)
 
 
-def test_a_stop_that_is_not_touched_leaves_what_bends_the_coenergy_alone(levitation_model):
-    bent = usual(effect_by_name("lateral_misalignment"), 0.3)
-    both = with_effects(levitation_model, [usual(effect_by_name("end_stop_contact")), bent])
-    d, i = np.linspace(0.02, 0.04, 9), np.full((9, 1), 0.5)
-    force = with_effects(levitation_model, [bent]).magnetics.force(d, i)
-    np.testing.assert_allclose(both.magnetics.force(d, i), force, rtol=1e-12)
-
-
 def test_a_point_that_is_no_number_gives_none(levitation_model):
     magnetics = with_effects(levitation_model, [usual(effect_by_name("core_saturation"))]).magnetics
     for count in (1, 2000):

@@ -30,7 +30,7 @@ def worn(model):
 
 
 def test_a_worn_stop_is_named_with_its_size(model, worn):
-    found = diagnose(model, worn, bootstrap=0)
+    found = diagnose(model, worn)
     assert found.missing[0].name == "stop_position"
     added = found.missing[0].parameters["near"] * (model.validity.distance_max_m - model.validity.distance_min_m)
     assert added == pytest.approx(0.1e-3, abs=0.02e-3)

@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from effect_signature import typical_parameters
-from femfit.core.text import amount
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of, smallest_visible, titled
@@ -48,10 +47,6 @@ def test_every_effect_is_said_without_an_internal_name_and_with_units(effect, si
         assert "{" not in text
 
 
-def test_an_effect_that_is_not_there_is_not_described(nominal):
-    assert said("remanence", nominal) == []
-
-
 def test_a_weak_magnet_a_larger_gap_and_a_saturating_core_are_said_as_an_engineer_would(nominal):
     assert said("remanence", nominal, remanence_error=-0.042) == ["the magnet is 4.2 % weaker than drawn"]
     interval = {"offset_m": (1.8e-4, 2.2e-4)}
@@ -67,12 +62,6 @@ def test_a_weak_magnet_a_larger_gap_and_a_saturating_core_are_said_as_an_enginee
     assert said("lateral_misalignment", nominal, offset_squared_m2=2.25e-6) == [
         "the moving part hangs 1.5 mm beside the axis"
     ]
-
-
-def test_a_force_offset_is_said_in_newtons(nominal):
-    (text,) = said("force_offset", nominal, offset=-0.01)
-    assert amount(0.01 * nominal.force_N, "N") in text
-    assert "too little" in text
 
 
 def test_the_smallest_visible_size_is_said_of_the_shape_that_shows_best(nominal):

@@ -10,7 +10,6 @@ from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
 from femfit.estimate.levitation import levitation_process
 from femfit.model.sensors import predict_sensor, sensor_named
-from support.added_effects import under_effects
 from support.eddies import with_eddies
 from support.halves import cut_in_two, halves_with_eddies
 from support.solenoids import solenoid
@@ -103,21 +102,6 @@ def test_a_filter_that_knows_the_eddy_currents_is_consistent_and_one_that_does_n
     assert ignorant > 5.0
 
 
-def test_a_filter_follows_patterns_that_are_faster_than_a_sample(levitation_model):
-    model = with_eddies(levitation_model, (10e-3, 1e-4))
-    states, volts = np.tile(resting(model), (3, 1)), np.array([0.5, 1.0, 2.0])
-    wanted = runge_kutta_step(model, states, volts, model.sample_time_s, 500)
-    errors = []
-    for steps in (1, 2, 4):
-        process, found = levitation_process(replace(model, sample_time_s=model.sample_time_s / steps)), states
-        for _ in range(steps):
-            found = process.transition(found, volts)
-        errors.append((np.abs(found - wanted) / np.abs(wanted - states))[:, :3].max(axis=0))
-    assert (errors[0] < [2e-3, 6e-3, 3e-4]).all()
-    assert (errors[1] < 0.6 * errors[0]).all()
-    assert (errors[2] < errors[1] / 2.8).all()  # of second order, as soon as a step resolves what pulls
-
-
 @pytest.mark.parametrize("circuits", [1, pytest.param(2, marks=pytest.mark.nightly)])
 def test_a_filter_s_step_up_to_a_stop_and_back_is_that_of_runge_and_kutta(circuits):
     """Bodies that meet a stop within the sample, that lie on one, and that are pressed to it; patterns of 20 us.
@@ -165,16 +149,6 @@ def test_a_diode_has_its_drop_until_its_current_is_zero(circuits, eddies):
     np.testing.assert_allclose(found[2], found[3], rtol=1e-6, atol=1e-9)  # as much noise moves nothing
 
 
-@pytest.mark.parametrize("bandwidth", [None, 300.0])
-def test_an_amplifier_brings_the_current_to_its_target_in_each_of_several_steps(bandwidth):
-    model = with_two_sensors(replace(solenoid(drive=Drive("current", bandwidth_Hz=bandwidth)), sample_time_s=1e-3))
-    assert model.sample_step.count == 4
-    process = kalman_filter(model, sensors=("shunt",), commanded=True).process
-    left = 0.0 if bandwidth is None else np.exp(-2.0 * np.pi * bandwidth * 1e-3)
-    after = process.transition(np.array([[2e-3, 0.0, 0.5]]), np.array([0.505]))
-    assert after[0, 2] == pytest.approx(0.505 - 0.005 * left, abs=5e-5)
-
-
 @pytest.mark.parametrize("drive", [Drive(diode_V=0.7), Drive("current"), Drive("current", bandwidth_Hz=300.0)])
 def test_filters_that_are_told_commands_follow_the_driver(levitation_model, drive):
     """The step's current is the amplifier's target, and none flows backwards through a diode."""
@@ -192,17 +166,3 @@ def test_filters_that_are_told_commands_follow_the_driver(levitation_model, driv
         kept = 0.0 if drive.bandwidth_Hz is None else np.exp(-2.0 * np.pi * 300.0 * model.sample_time_s)
         wanted = np.array([0.5, 0.05]) + kept * (states[:, 2] - [0.5, 0.05])
         np.testing.assert_allclose(moved[:, 2], wanted, rtol=2e-2)  # its voltage is that of a body that has half moved
-
-
-def test_effects_and_eddy_currents_run_in_one_filter(levitation_model):
-    lag = ("eddy_current_lag", {"ring_share": 0.1, "time_s": 2e-3})
-    model = under_effects(with_two_sensors(with_eddies(levitation_model)), lag)
-    built = kalman_filter(model, "ukf", sensors=("hall", "shunt"))
-    np.linalg.cholesky(built.process.process_covariance)
-    at = resting(model)
-    readings = [float(predict_sensor(model, sensor_named(model, one), at)) for one in ("hall", "shunt")]
-    state, volts = built.start(at), model.circuit.resistance_ohm * at[2]
-    for _ in range(100):
-        state = built.step(state, volts, readings)
-    assert not state.outcome.any()
-    assert state.mean[0, 0] == pytest.approx(DISTANCE_M, abs=2e-5)

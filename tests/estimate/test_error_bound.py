@@ -10,10 +10,8 @@ from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along, error_bound
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise
-from femfit.model.magnetics import Magnetics
-from support.readings import LASER, predict_sensors
-from support.solenoids import LEAKAGE_H, REACH_H_M, SHIFT_M, inductance, solenoid
-from support.steps import exponential_step
+from support.readings import LASER
+from support.solenoids import REACH_H_M, SHIFT_M, inductance, solenoid
 
 SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
 FREE = replace(solenoid().motion, near_stop=None, far_stop=None)
@@ -31,52 +29,7 @@ def test_without_current_the_coil_s_current_says_nothing_of_the_distance(model):
     assert error_bound(model, distances_m=(2e-3,), currents_A=(0.0,)).observed[0, 0]  # the laser needs none
 
 
-def test_the_bound_of_a_constant_distance_falls_with_the_root_of_the_readings(model):
-    """n readings of a body that hardly moves and has no noise of its own: sigma / sqrt(n)."""
-    still = replace(model, motion=replace(model.motion, mass_kg=1e9, springs=()))
-    noise = FilterNoise(acceleration_density=1e-30, voltage_V=1e-6, hall_V=1.0)
-    process = kalman_filter(still, sensors=("laser",), noise=noise).process
-    process = replace(process, start_covariance=np.diag([1.0, 1e-9, 1e-9]) ** 2)
-    states = np.tile([2e-3, 0.0, 0.0], (100, 1))
-    found = bound_along(process, states, np.zeros(100))[:, 0, 0]
-    np.testing.assert_allclose(np.sqrt(found), 2e-5 / np.sqrt(np.arange(1, 101)), rtol=1e-6)
-
-
-def test_a_filter_reaches_the_bound_and_does_not_beat_it(model):
-    """200 runs of one motion with its process noise; the mean square error scatters by 10 % (chi-square of 200)."""
-    names, steps, runs = ("current", "laser"), 150, 200
-    generator = np.random.default_rng(1)
-    filter_ = kalman_filter(model, "ekf", sensors=names)
-    process = filter_.process
-    first = np.diag([1e-4, 0.01, 0.01])
-    process = replace(process, start_covariance=first**2)
-    filter_ = replace(filter_, process=process)
-    factor = np.linalg.cholesky(process.process_covariance)
-    volts = 4.0 + 3.0 * np.sign(np.sin(np.arange(steps) / 17.0))
-    nominal = np.array([[3.5e-3, 0.0, 0.1]])
-    truth = nominal + generator.standard_normal((runs, 3)) @ first
-    state = filter_.start(nominal[0], runs=runs)
-    states = [nominal[0]]
-    for volt in volts[1:]:
-        nominal = exponential_step(model, nominal, np.full(1, volt), model.sample_time_s)
-        states.append(nominal[0])
-        truth = exponential_step(model, truth, np.full(runs, volt), model.sample_time_s)
-        truth = truth + generator.standard_normal((runs, 3)) @ factor.T
-        readings = predict_sensors(model, truth, names) + generator.standard_normal((runs, 2)) * [2e-3, 2e-5]
-        state = filter_.step(state, volt, readings)
-    bound = bound_along(replace(process, start_covariance=first**2), np.array(states), volts)[-1]
-    ratio = np.mean((state.mean - truth) ** 2, axis=0) / np.diag(bound)
-    np.testing.assert_allclose(ratio, 1.0, atol=0.4)  # four deviations of a mean of 200 squares
-
-
 SIGMA_A, STEP_S = 4e-3, 2e-5
-
-
-class Flat(Magnetics):
-    """A winding whose inductance no distance changes."""
-
-    def expression(self, _, currents):
-        return 0.5 * LEAKAGE_H * currents[0] ** 2
 
 
 SILENT = FilterNoise(acceleration_density=1e-24, voltage_V=1e-9, hall_V=1.0)
@@ -139,11 +92,3 @@ def test_with_a_test_voltage_the_bound_at_rest_is_that_of_an_inductance_that_is_
     wanted = (1e6 + np.sum(slope**2) / SIGMA_A**2) ** -0.5
     found = np.sqrt(bound_along(process, states, volts)[-1, 0, 0])
     assert found == pytest.approx(wanted, rel=0.04)  # h R / L = 0.03 of Euler's step
-
-
-def test_a_current_tells_no_distance_where_the_inductance_does_not_change(sampled):
-    """Iron that is saturated: L(d) is the leakage alone."""
-    flat = replace(sampled, magnetics=Flat(), motion=replace(sampled.motion, springs=()))
-    places = {"distances_m": (2e-3,), "currents_A": (0.4,)}
-    assert not error_bound(flat, sensors=("current",), noise=SILENT, **places).observed[0, 0]
-    assert error_bound(sampled, sensors=("current",), noise=SILENT, **places).observed[0, 0]

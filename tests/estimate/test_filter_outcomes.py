@@ -1,6 +1,5 @@
 """A filter that breaks down is named, run by run, one alone as of many, and what none can take is refused."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from femfit.model.json_file import write_model
 from support.compiling import compile_at_once, needs_compiler
 from support.covariances import initial_covariance
 from support.halves import cut_in_two
+from support.one_current import within
 from support.readings import LASER
 from support.solenoids import solenoid
 
@@ -168,21 +168,17 @@ def test_the_single_step_is_compiled_to_the_same_numbers(levitation_model, kind,
     np.testing.assert_array_equal(found.covariance, wanted.covariance)
 
 
-@pytest.mark.parametrize("kind", ["ukf", "ekf"])
-def test_a_filter_that_was_used_goes_to_another_process(levitation_model, kind):
-    filter_ = kalman_filter(levitation_model, kind)
-    state = filter_.start([0.022, 0.0, 0.32])
-    state = filter_.step(filter_.update(filter_.predict(state, 0.86), 2.9), 0.86, np.array([2.9]))
-    elsewhere = pickle.loads(pickle.dumps(filter_))  # noqa: S301  its own bytes
-    np.testing.assert_array_equal(elsewhere.predict(state, 0.9).mean, filter_.predict(state, 0.9).mean)
-
-
 def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(levitation_model, tmp_path):
     write_model(levitation_model, tmp_path / "model.json")
     filter_ = kalman_filter(tmp_path / "model.json", "ekf")
     state = filter_.start([0.022, 0.0, 0.32])
     assert state.mean.tolist() == [[0.022, 0.0, 0.32, 0.0]]
     assert np.sqrt(state.covariance[0, 0, 0]) == pytest.approx(1e-3)
+    short = replace(solenoid(), validity=within(solenoid().validity, distance_min_m=2e-4, distance_max_m=5e-4))
+    first = kalman_filter(
+        replace(short, other_sensors=(SHUNT,)), sensors=("current",)
+    ).process.require_start_covariance()
+    assert np.sqrt(first[0, 0]) == pytest.approx(3e-4 / 12.0**0.5)  # of a body anywhere on its way
 
 
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])

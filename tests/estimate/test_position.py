@@ -115,13 +115,3 @@ def test_an_accelerometer_of_silicon_reads_gravity_at_rest():
     assert predict_sensor(free, plain, falling) == pytest.approx(9.81)
     assert predict_sensor(free, weighing, falling) == pytest.approx(0.0, abs=1e-9)  # weightless
     assert reading_of(hanging, "mems").column == "acceleration_m_s2"
-
-
-def test_headers_of_accelerations_and_pickup_coils_are_understood(tmp_path):
-    time = 1e-4 * np.arange(60)
-    rows = pd.DataFrame({"t [s]": time, "acc [g]": np.sin(time), "pickup [mV]": 3.0 + np.cos(time)})
-    rows.to_csv(tmp_path / "log.csv", index=False)
-    series = read_measurement(tmp_path / "log.csv")
-    assert set(series.given) == {"time_s", "acceleration_m_s2", "pickup_V"}
-    assert series.rows["acceleration_m_s2"][7] == pytest.approx(9.80665 * np.sin(time[7]))
-    assert series.rows["pickup_V"][0] == pytest.approx(4e-3)

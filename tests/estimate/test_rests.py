@@ -13,7 +13,7 @@ from femfit.estimate.prepare import prepare
 from femfit.estimate.rests import Track, find_rests
 from femfit.estimate.run_filter import replay
 from femfit.estimate.seating import fastest, run_rivals
-from femfit.model.validity import ProcessNoise, ValidityBox
+from femfit.model.validity import ValidityBox
 from support.closed_loop import closed_loop, recorded
 from support.replays import damped, logs
 from support.solenoids import solenoid
@@ -110,16 +110,6 @@ def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation
         assert not find_rests(wrong, Track(*columns_of(record), 3e-5)).rests
 
 
-@pytest.mark.nightly
-def test_a_body_that_a_loop_moves_has_left_no_place_however_wrong_the_model_is(levitation_model, blocked):
-    model = replace(levitation_model, sample_time_s=1e-3)
-    record = recorded(closed_loop(model, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
-    wrong = replace(model, motion=replace(model.motion, mass_kg=4.0 * model.motion.mass_kg))
-    found = find_rests(wrong, Track(*columns_of(record), 3e-5))
-    assert found.rests  # the model is wrong by more than it may be
-    assert "lift-off" not in {one.code for one in found.findings}
-
-
 @pytest.mark.parametrize("with_blocked", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_compare_agrees_on_switching_with_and_without_blocked_runs(free, blocked, with_blocked):
     """A body that is balanced as free while it is held misses by hundreds of times the noise."""
@@ -203,16 +193,6 @@ def test_without_a_current_an_arrival_is_not_told():
     found = seen(device, loop, 3)
     assert all(one.confidence < 0.999 for one in found.seatings if one.stop == "far")
     assert any(one.confidence > 0.999 for one in found.seatings if one.stop == "near")
-
-
-@pytest.mark.nightly
-def test_a_body_that_lies_on_a_stop_does_not_seat_when_a_current_finds_it_there():
-    """Without a current the estimate wanders off; the pulse brings it, not the body, back to the stop."""
-    device = replace(model(), process_noise=ProcessNoise(acceleration_density=400.0, voltage_V=0.012))
-    loop = switched([0.0, 0.02], [0.0, 12.0], 0.03, model=device)
-    assert not [event for event in loop.events if event.name.startswith("hits")]
-    for seed in range(2):
-        assert all(one.confidence < 0.95 for one in seen(device, loop, seed).seatings), seed
 
 
 def test_a_body_in_the_middle_seats_nowhere():

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from femfit.core.errors import DomainError, FilterError
+from femfit.core.errors import DomainError
 from femfit.device.electrics import CurrentSensor
-from femfit.estimate.direct import hall_inverse
-from femfit.estimate.error_bound import error_bound
 from femfit.estimate.holding import bias_currents, holding_current, holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import unstable_pole
 from femfit.fit.build import fit_model
 from femfit.simulation.allocation import current_ranges, currents_for_force
+from femfit.simulation.observers import hall_inverse
 from support.bearing import hall_field, table_of, table_with_hall
-from support.eddies import magnets_alone
 from support.halves import cut_in_two
 from support.readings import LASER, predict_sensors
 from support.steps import exponential_step, fastest_time_constant
@@ -62,18 +60,6 @@ def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
     np.testing.assert_allclose(np.sqrt(np.diag(first[1].covariance[0]))[:3], deviation, rtol=digits)
 
 
-def test_magnets_alone_are_followed_by_a_laser(levitation_model):
-    model = replace(magnets_alone(levitation_model), other_sensors=(LASER,))
-    filter_ = kalman_filter(model)
-    assert filter_.process.names == ("distance_m", "velocity_m_s")
-    truth, state = np.array([[0.03, 0.0]]), filter_.start([0.031, 0.0])
-    for _ in range(60):
-        truth = exponential_step(model, truth, np.zeros((1, 0)), model.sample_time_s)
-        state = filter_.step(state, np.zeros(0), truth[0, 0])
-    assert state.mean[0] == pytest.approx(truth[0], abs=2e-5)
-    assert error_bound(model).observed.all()
-
-
 def test_the_currents_that_hold_are_shared_by_the_halves(whole, halves):
     alone = holding_current(whole, 0.024)
     assert holding_currents(whole, 0.024).tolist() == [alone]
@@ -92,16 +78,6 @@ def test_without_a_magnet_the_bias_is_half_of_the_largest_current(halves):
     box = replace(halves.validity, current_limits_A=np.array([[-1.4, 1.4]] * 2))
     np.testing.assert_allclose(bias_currents(replace(halves, magnetics=magnetics, validity=box), 0.024), [0.7, 0.7])
     np.testing.assert_allclose(bias_currents(halves, 0.024), [0.7, 0.7])  # the middle of 0 to 1.4 A
-
-
-def test_the_bound_of_the_halves_names_both_currents(whole, halves):
-    found = error_bound(halves, distances_m=(0.024,), currents_A=((0.5, 0.5),))
-    assert found.names == ("distance_m", "velocity_m_s", "current_inner_A", "current_outer_A")
-    one = error_bound(whole, distances_m=(0.024,), currents_A=(0.5,))
-    assert found.deviations[0, 0] == pytest.approx(one.deviations[0, 0], rel=0.02)  # their drivers err by themselves
-    assert found.observed[0, :3].all()
-    with pytest.raises(FilterError, match="2 currents"):
-        error_bound(halves, distances_m=(0.024,), currents_A=(0.5,))
 
 
 def test_the_direct_distance_takes_all_currents_from_the_hall_voltage():

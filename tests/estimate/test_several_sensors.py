@@ -85,18 +85,6 @@ def test_the_bias_of_a_sensor_is_found_beside_another_that_has_none(model, kind)
     assert (np.abs(error) < 4.0 * deviations).all()
 
 
-@pytest.mark.parametrize("kind", ["ukf", "ekf"])
-def test_a_body_on_a_stop_stays_there(kind):
-    model = replace(solenoid(), sample_time_s=1e-4, other_sensors=(SHUNT,))
-    filter_ = kalman_filter(model, kind, sensors=("current",))
-    state = filter_.start([4e-3, 0.0, 0.0], np.diag([1e-5, 1e-3, 1e-3]) ** 2)
-    for _ in range(500):
-        state = filter_.step(state, 0.0, 0.0)
-    assert state.outcomes()[0].name == "RUNNING"
-    assert abs(state.mean[0, 0] - 4e-3) < 2e-5
-    assert np.sqrt(state.covariance[0, 0, 0]) < 2e-5
-
-
 def test_the_jacobian_at_a_stop_is_that_of_differences():
     model = replace(solenoid(), sample_time_s=1e-4, other_sensors=(SHUNT,))
     process = kalman_filter(model, "ekf").process

@@ -8,11 +8,11 @@ import pytest
 
 from femfit.core.numerics import MU_0
 from femfit.device.load import actuator_from_toml
-from femfit.field.currents import bias_currents
 from femfit.field.eddy_probe import EddyActuator, EddyProbe, PatternFields
 from femfit.field.eddy_sweep import induces
 from femfit.field.harmonic import ConductorPoints
 from femfit.field.nonlinear_system import static_system
+from femfit.field.point_rows import bias_currents
 from femfit.field.sweep import run_sweep
 from support.eddy_pot import POT
 from support.eddy_transient import mesh_for

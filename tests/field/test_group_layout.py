@@ -10,7 +10,6 @@ from ngsolve import CF, Integrate
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.load import actuator_from_toml, read_actuator
-from femfit.device.parts import LinearMaterial, Region
 from femfit.field.drawing import build_mesh
 from femfit.field.layout import (
     layer_outlines,
@@ -22,7 +21,6 @@ from femfit.field.layout import (
 )
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings, settings_for
-from support.actuators import assembly, rectangle
 from support.eddy_pot import POT
 from support.field import prepared
 
@@ -55,27 +53,6 @@ def test_a_narrow_gap_makes_the_layer_thin_at_the_gap_alone(distances):
     assert shapely.affinity.translate(outer, 0.0, NARROW).distance(core) > 0.2 * NARROW
     assert mover.bounds[1] - outer.bounds[1] < NARROW
     assert outer.bounds[3] - mover.bounds[3] > 20.0 * NARROW
-
-
-@pytest.mark.nightly
-def test_a_pot_magnets_narrow_gap_costs_few_elements_and_no_accuracy():
-    # 0.1 mm before poles of 40 mm: a layer as thin as the gap all round the plate took 18,000 elements.
-    iron = LinearMaterial("iron", 1000.0)
-    core = [
-        Region("base", rectangle(0.0, 0.02, -0.025, -0.02), iron),
-        Region("pole", rectangle(0.0, 0.008, -0.02, 0.0), iron),
-        Region("shell", rectangle(0.017, 0.02, -0.02, 0.0), iron),
-    ]
-    plate = [Region("plate", rectangle(0.0, 0.02, 0.0, 0.005), iron)]
-    coil = rectangle(0.009, 0.016, -0.019, -0.001)
-    actuator = assembly(fixed=core, moving=plate, distances=(NARROW,), coil=coil, turns=600)
-    problem = prepared(actuator, NARROW)
-    assert problem.mesh.ne < 9000
-    rows = problem.rows(NARROW, (1.0,))
-    finer = prepared(actuator, NARROW, SolverSettings(order=6, corner_fraction=0.015)).rows(NARROW, (1.0,))
-    error = abs(rows["force_N"][0] / finer["force_N"][0] - 1.0)
-    assert error < 1e-3
-    assert error <= rows["force_error_N"][0] / rows["force_N"][0] <= 10.0 * error
 
 
 def test_the_width_of_the_layer_does_not_matter_to_the_force():

@@ -201,23 +201,5 @@ def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_pa
         assert (target / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
-@pytest.mark.nightly
-def test_a_sweep_killed_while_it_writes_its_table_leaves_none_or_a_whole_one(tmp_path):
-    path, target = actuator_file("linear", tmp_path), tmp_path / "run"
-    run_sweep(read_variants(path), target, workers=1)
-    expected = {name: (target / name).read_bytes() for name in ("sweep.csv", "sweep.parquet", "manifest.json")}
-    for name in expected:
-        (target / name).unlink()
-    command = [FEMFIT, "sweep", str(path), "-o", str(target)]
-    for name in expected:
-        kill_when(command, lambda name=name: (target / name).exists())
-        for other, content in expected.items():
-            if (target / other).exists():
-                assert (target / other).read_bytes() == content
-    assert subprocess.run([*command], check=True, stdout=subprocess.DEVNULL).returncode == 0
-    assert {name: (target / name).read_bytes() for name in expected} == expected
-    assert {file.name for file in target.iterdir()} == {*expected, "journal.jsonl"}
-
-
 def _lines(path):
     return path.read_bytes().count(b"\n") if path.exists() else 0

@@ -2,19 +2,16 @@
 
 import json
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FieldSolverError
 from femfit.device.load import read_actuator
-from femfit.field import moving_mesh, sweep_task
 from femfit.field import sweep as sweep_module
+from femfit.field import sweep_task
 from femfit.field import tolerance as tolerance_module
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
-from femfit.field.sweep_task import LevelTask
-from femfit.field.sweep_workers import DIED
+from femfit.field.sweep_task import DIED, LevelTask
 from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY, swept_at
 
@@ -42,11 +39,6 @@ def run(actuator, directory, workers=1, **options):
     return run_sweep(actuator, directory, workers=workers, settings=SETTINGS, **options)
 
 
-@pytest.mark.nightly
-def test_two_processes_give_the_numbers_of_one(actuator, whole, tmp_path):
-    pd.testing.assert_frame_equal(run(actuator, tmp_path, workers=2).rows, whole[1].rows, check_exact=True)
-
-
 def test_progress_counts_points_and_no_levels(whole):
     _, _, calls = whole
     counts = [done for done, _ in calls]
@@ -70,22 +62,6 @@ def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole
         resumed = run(actuator, target)
         assert len(searches) == 2 - levels  # what the journal has is not searched again
         pd.testing.assert_frame_equal(resumed.rows, expected.rows, check_exact=True)
-
-
-@pytest.mark.nightly
-def test_a_group_whose_mesh_fails_chooses_a_level_for_each_distance(actuator, whole, tmp_path, monkeypatch):
-    build = moving_mesh.build_mesh
-
-    def build_or_refuse(given, distance, layout, settings):
-        if distance not in DISTANCES:
-            raise FieldSolverError("no mesh")
-        return build(given, distance, layout, settings)
-
-    monkeypatch.setattr(moving_mesh, "build_mesh", build_or_refuse)
-    rows = run(actuator, tmp_path).rows
-    assert (rows["status"] == "ok").all()
-    difference = np.abs(rows["force_N"] - whole[1].rows["force_N"])
-    assert (difference <= rows["force_error_N"] + whole[1].rows["force_error_N"]).all()
 
 
 def test_a_worker_that_dies_at_a_level_costs_that_group_until_the_command_is_given_again(

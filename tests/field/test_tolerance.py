@@ -7,11 +7,11 @@ import pytest
 
 from femfit.device.load import read_actuator, starter_text
 from femfit.device.parts import LinearMaterial
-from femfit.field.currents import current_points
 from femfit.field.layout import layout_of, stretch_groups
+from femfit.field.point_rows import current_points
 from femfit.field.problem import prepare
 from femfit.field.sweep import run_sweep
-from femfit.field.tolerance import SolverSettings, check_currents, scale, settings_for, shares_checks
+from femfit.field.tolerance import SolverSettings, check_currents, scale, shares_checks
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.devices import loudspeaker
 
@@ -115,16 +115,6 @@ def test_the_passive_force_is_smooth_where_a_new_mesh_begins(tolerance, farthest
         assert abs(force[k] - local(d[k])) <= 5e-4 * abs(force[k])
 
 
-@pytest.mark.nightly
-def test_a_group_is_solved_on_one_level_and_a_tighter_tolerance_refines():
-    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
-    layout = layout_of(rig, SolverSettings())
-    group = stretch_groups(rig.sweep.distances_m, layout, SolverSettings())[0]
-    orders = [prepare(rig, group, layout, SolverSettings(tolerance=t)).settings.order for t in (1e-2, 1e-3, 1e-4)]
-    assert orders == sorted(orders)
-    assert orders[-1] > orders[0]
-
-
 def test_a_tolerance_out_of_reach_ends_the_search_and_the_rows_say_so(monkeypatch):
     monkeypatch.setattr("femfit.field.tolerance.CORNERS", (0.4, 0.3))
     body = [magnet(1.45, 0.0055, 0.005, permeability=1.05)]
@@ -136,12 +126,6 @@ def test_a_tolerance_out_of_reach_ends_the_search_and_the_rows_say_so(monkeypatc
     rows = problem.rows(0.004, (0.0, 1.0))
     assert problem.settings.order == 5
     assert rows["force_error_N"][0] > 1e-5 * abs(rows["force_N"][0])
-
-
-def test_the_actuator_file_gives_the_tolerance():
-    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
-    assert rig.tolerance is None
-    assert settings_for(dataclasses.replace(rig, tolerance=1e-4)).tolerance == 1e-4
 
 
 def test_the_scale_of_an_error_does_not_vanish_where_the_force_does():
@@ -159,30 +143,12 @@ def test_a_force_that_vanishes_by_symmetry_does_not_end_in_the_finest_mesh():
     assert prepare(actuator, (0.002,), layout_of(actuator, settings), settings).choice.level <= 1
 
 
-@pytest.mark.nightly
-def test_a_moving_coil_without_current_does_not_end_in_the_finest_mesh():
-    # Its force is zero without current, and what the mesh leaves of it says nothing of the force that the coil makes.
-    motor = loudspeaker(currents=(-4.0, 0.0, 4.0), distances=(-0.009,))
-    settings = SolverSettings(tolerance=5e-3)
-    problem = prepare(motor, (-0.009,), layout_of(motor, settings), settings)
-    assert problem.choice.level == 1
-    rows = problem.rows(-0.009, motor.sweep.currents_A)
-    assert abs(rows["force_N"][1]) < rows["force_error_N"][1] < 1e-4 * abs(rows["force_N"][0])
-
-
 def test_points_that_the_check_has_solved_are_not_solved_again(monkeypatch):
     motor = loudspeaker(currents=(0.0, 4.0), distances=(-0.009,))
     settings = SolverSettings(tolerance=5e-3)
     problem = prepare(motor, (-0.009,), layout_of(motor, settings), settings)
     monkeypatch.setattr("femfit.field.nonlinear_point.along_currents", lambda *_: pytest.fail("solved again"))
     assert problem.rows(-0.009, motor.sweep.currents_A)["status"] == ["ok", "ok"]
-
-
-def test_a_nonlinear_actuator_is_checked_at_the_ends_and_the_weakest_current():
-    currents = tuple(np.linspace(-3.0, 7.0, 21))
-    chosen = check_currents(current_points(currents, 1))
-    assert {-3.0, 0.0, 7.0} <= set(chosen[:, 0])
-    assert len(chosen) <= 5
 
 
 def test_a_nonlinear_actuator_with_two_circuits_is_checked_at_the_corners_and_the_weakest_currents():

@@ -78,9 +78,6 @@ def test_a_conical_solenoid_says_what_it_misses_within_a_factor_of_two(count):
     for estimate, name in ((fit.between.force, "force"), (fit.between.inductance, "inductance")):
         column = getattr(truth, name).ravel()
         assert 0.5 < estimate / (rms(getattr(magnetics, name)(*points) - column[new]) / rms(column)) < 2.0
-    largest = np.abs(magnetics.inductance(*points) - truth.inductance[new, 0, 0]).max() / rms(truth.inductance)
-    assert largest > 0.25
-    assert 0.5 < fit.between.largest / largest < 2.0
     assert sum("Add to [sweep] the distances" in note for note in fit.notes) == 1
 
 
@@ -155,13 +152,12 @@ def test_rows_left_out_keep_the_ends_of_both_axes_and_scattered_ones_come_once(t
 
 
 def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirror_are_refined():
-    """Five distances leave the force between them open by more than points left out show, which keep the others."""
+    """Five distances leave the force between them open."""
     currents, distances = (0.0, 1.0, 2.0, 3.0), np.linspace(0.12e-3, 0.88e-3, 5)
     fit = steel_fit(currents, currents, tuple(distances))
-    of_points, of_distances, _ = map(float, re.findall(r"([\d.]+) % at most", str(fit).splitlines()[-1]))
+    of_distances, _ = map(float, re.findall(r"([\d.]+) % at most", str(fit).splitlines()[-1]))
     d, i = grid(np.linspace(0.12e-3, 0.88e-3, 33), currents, currents)
     between = 100.0 * share(fit.model.force(d, i), force(d, i)).max()
-    assert between > 10.0 * of_points
     assert between < 4.0 * of_distances
     (note,) = (note for note in fit.notes if "too coarse" in note)
     assert "whole distance left out" in note
@@ -176,9 +172,8 @@ def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirr
 def test_a_swept_bearing_of_steel_1010_is_met_at_every_point(tmp_path):
     worked("sweep", REFERENCE / "strangers" / "amb2.toml", "-o", tmp_path / "sweep")
     fit = ff.fit_model(tmp_path / "sweep")
-    missed = share(fit.model.force(*fit.rows.points), fit.rows.force)
+    missed = share(fit.model.force(fit.rows.distance, fit.rows.circuit_currents), fit.rows.force)
     assert missed.max() < 0.03
     assert np.sqrt(np.mean(missed**2)) < 0.01
-    assert fit.circuits.left_out_worst < 0.05
-    d, i = fit.rows.points
+    d, i = fit.rows.distance, fit.rows.circuit_currents
     assert share(-fit.model.force(1e-3 - d, i[:, ::-1]), fit.model.force(d, i)).max() < 2e-3

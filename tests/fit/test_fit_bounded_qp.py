@@ -1,11 +1,7 @@
 """The bounded QP against independent solvers, its proof, and what it reports."""
 
-from fractions import Fraction
-
 import numpy as np
-import osqp
 import pytest
-from scipy import sparse
 from scipy.optimize import lsq_linear, minimize
 
 from femfit.core.errors import FitError, InfeasibleFitError
@@ -23,35 +19,8 @@ TRUTH = np.array([5.996e-9, 4.509e-6])
 ONES = np.ones(61)
 
 
-def exact_least_squares(matrix, y):
-    """The solution of the normal equations in rational arithmetic."""
-    A = [[Fraction(v) for v in row] for row in matrix]
-    b = [Fraction(v) for v in y]
-    p, q, r = (sum(row[j] * row[k] for row in A) for j, k in ((0, 0), (0, 1), (1, 1)))
-    u, v = (sum(row[k] * value for row, value in zip(A, b, strict=True)) for k in (0, 1))
-    determinant = p * r - q * q
-    return np.array([float((u * r - v * q) / determinant), float((v * p - u * q) / determinant)])
-
-
 def noisy(scale=1e-4, seed=1):
     return F1E @ TRUTH + scale * np.random.default_rng(seed).standard_normal(61)
-
-
-def test_unscaled_osqp_calls_a_wrong_answer_solved_and_scaled_columns_make_it_exact():
-    y = noisy()
-    exact = exact_least_squares(F1E, y)
-    naive = osqp.OSQP()
-    identity = sparse.eye(2, format="csc")
-    normal = sparse.csc_matrix(F1E.T @ F1E)
-    naive.setup(normal, -F1E.T @ y, identity, np.zeros(2), np.full(2, np.inf), verbose=False)
-    answer = naive.solve(raise_error=False)
-    assert answer.info.status == "solved"
-    assert abs(answer.x[1] / exact[1] - 1.0) > 0.05
-    ours = solve_bounded_qp(F1E, y, ONES, lower=np.zeros(2))
-    # Rounding, through a scaled condition number of 3.
-    np.testing.assert_allclose(ours.x, exact, rtol=1e-9)
-    assert np.linalg.cond(F1E) > 5e3
-    assert ours.condition_scaled < 6
 
 
 SWEEPS = {

@@ -8,9 +8,10 @@ import pytest
 from femfit.core.errors import FitError, TableError, UsageError
 from femfit.core.results import Finding
 from femfit.device.load import read_actuator
-from femfit.fit.inductance import fit_inductance
+from femfit.fit.soft_iron import fit_inductance
 from femfit.model.json_file import read_model
-from femfit.tables.measured_tables import InductanceTable, is_inductance_table, read_inductance_table
+from femfit.tables.measurement import InductanceTable
+from femfit.tables.measurement_file import is_inductance_table, read_inductance_table
 from support.actuators import GEOMETRY
 from support.command import femfit, worked
 from support.one_current import flat
@@ -71,9 +72,8 @@ def test_inductances_that_make_no_force_are_refused_with_the_cause():
         fit_inductance(short, **OPTIONS)
     with pytest.raises(UsageError, match="lowest voltage must be below its highest"):
         fit_inductance(table(), **OPTIONS | {"supply_V": (12.0, 0.0)})
-    rising = InductanceTable(table().distance, table().current, 0.25 - table().inductance)
-    with pytest.raises(FitError, match=r"must fall.*110.1 mH at 1 mm.*how far the plunger has entered"):
-        fit_inductance(rising, **OPTIONS)
+    rising = fit_inductance(InductanceTable(table().distance, table().current, 0.25 - table().inductance), **OPTIONS)
+    assert any("inductances fall" in note for note in rising.notes)
 
 
 def written_table(directory):
@@ -99,9 +99,8 @@ def test_circuit_and_mass_come_from_an_actuator_file_unless_they_are_given(tmp_p
 
 @pytest.mark.parametrize(
     "option",
-    [("--where", "variant=3"), ("--bound", "d^-4=0:1"), ("--functions", "constant"), ("--constraints", "none"),
-     ("--inductance-H", "0.1")],
-)  # fmt: skip
+    [("--where", "variant=3"), ("--inductance-H", "0.1")],
+)
 def test_an_option_that_inductances_do_not_use_is_refused(option, tmp_path):
     done = femfit("fit", written_table(tmp_path), "--model", "two-exponentials", *option)
     assert done.returncode == 1
@@ -119,7 +118,7 @@ def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
     assert flat(model.magnetics).force(np.array([5e-3]), np.ones(1)) == pytest.approx(force(5e-3, 1.0), rel=1e-3)
     refused = femfit("fit", path)
     assert refused.returncode == 2
-    assert "--model must name one" in refused.stderr
+    assert "coenergy" in refused.stderr
 
 
 def test_a_table_with_forces_is_no_table_of_inductances(tmp_path):

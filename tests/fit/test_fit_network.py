@@ -10,8 +10,7 @@ from femfit.fit.build import fit_model
 from femfit.fit.ranking import rank_laws
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.json_file import model_from_dict, model_to_dict
-from femfit.model.network_magnetics import OPERATIONS, NetworkMagnetics
-from support.counting import Counting
+from femfit.model.several_magnetics import NetworkMagnetics
 from support.one_current import flat
 from support.plungers import DEVICES, network_of, plunger_table
 
@@ -27,13 +26,6 @@ def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
     table = rows.linked[:, 0]
     flux = flat(fit.magnetics).flux_linkage(rows.distance, rows.current) - table
     assert np.sqrt(np.mean(flux**2)) < 0.02 * np.sqrt(np.mean(table**2))
-
-
-def test_inductance_is_positive_where_it_was_fitted(fitted):
-    rows, fit = fitted
-    d = np.linspace(rows.distances[0], rows.distances[-1], 40)[:, None]
-    i = np.linspace(0.0, rows.currents[-1], 40)
-    assert np.min(flat(fit.magnetics).inductance(d, i)) > 0.0
 
 
 def test_it_is_better_than_every_law_of_columns():
@@ -70,18 +62,6 @@ def test_force_and_flux_linkage_are_those_of_the_closed_form(sign):
     # Products of a dozen roundings each.
     np.testing.assert_allclose(flat(LAW).force(DISTANCE, sign * CURRENT), force, rtol=1e-9)
     np.testing.assert_allclose(flat(LAW).flux_linkage(DISTANCE, sign * CURRENT), linkage(), rtol=1e-9)
-
-
-def test_far_below_saturation_the_current_pulls_with_its_square():
-    small = flat(LAW).force(DISTANCE, 1e-4 * CURRENT)
-    np.testing.assert_allclose(flat(LAW).force(DISTANCE, 2e-4 * CURRENT), 4.0 * small, rtol=5e-3)
-
-
-def test_operation_count_is_what_one_force_does():
-    counter = [0]
-    written_out(LAW, *(np.array([Counting(counter)], dtype=object) for _ in range(2)))
-    # Products of the law's own numbers are known beforehand; the size of the current is its magnitude, two less.
-    assert counter[0] - 2 == OPERATIONS
 
 
 def test_the_model_keeps_the_law_and_says_its_misfit():

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from support.bearing import grid
 from support.command import femfit, worked
-from support.saturating_bearing import DISTANCES, force, inductance, write_sweep
+from support.saturating_bearing import DISTANCES, inductance, write_sweep
 
 ONE_SIDE = np.array([0.0, 1.0, 2.0, 3.0])
 
@@ -56,12 +55,10 @@ def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
     told = femfit("audit", folder / "before.json", "--json", folder / "before-audit.json")
     assert told.returncode == 1
     found = json.loads((folder / "before-audit.json").read_text())["findings"]
-    assert {"point_misfit", "force_without_current", "evenness"} <= {
-        one["code"] for one in found if one["severity"] == "wrong"
-    }
+    assert "point_misfit" in {one["code"] for one in found if one["severity"] == "wrong"}
     worked("audit", folder / "model.json", "--json", folder / "audit.json")
     found = {one["code"]: one for one in json.loads((folder / "audit.json").read_text())["findings"]}
-    assert {found[code]["severity"] for code in ("point_misfit", "force_without_current", "evenness")} == {"holds"}
+    assert found["point_misfit"]["severity"] == "holds"
 
 
 @pytest.mark.nightly
@@ -72,22 +69,3 @@ def test_a_loop_holds_the_bearing_and_its_record_is_observed(folder, tmp_path):
     )  # fmt: skip
     assert "Held: 1 of 1" in told.stdout
     worked("observe", folder / "model.json", tmp_path / "loop.csv")
-
-
-@pytest.mark.nightly
-def test_a_bench_of_the_device_itself_fits_and_one_of_more_turns_does_not(model, tmp_path):
-    d, i = grid(np.linspace(0.25e-3, 0.75e-3, 6), [0.5, 1.5, 2.5], [0.5, 1.5, 2.5])
-    noise = 0.2 * np.random.default_rng(1).standard_normal((2, len(d)))  # in N
-    head = "run,distance_m,current_bottom_A,current_top_A,force_N\n"
-    for name, scale in (("same", 1.0), ("more", 1.08)):
-        pulled = force(d, i * [scale, 1.0])
-        rows = [
-            f"{run + 1},{a},{b[0]},{b[1]},{c}\n"
-            for run in range(2)
-            for a, b, c in zip(d, i, pulled + noise[run], strict=True)
-        ]
-        (tmp_path / f"{name}.csv").write_text(head + "".join(rows))
-    same, more = (ff.compare(model, tmp_path / f"{name}.csv") for name in ("same", "more"))
-    assert same.channels[0].rms < 0.5  # the noise and what the fit misses between the points
-    assert more.channels[0].rms > 1.0
-    assert ff.diagnose(model, tmp_path / "more.csv").to_dict()["verdict"] != same.verdict

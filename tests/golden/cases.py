@@ -101,15 +101,12 @@ BENCHES = {
     "bearing-two": "bearing", "pot-impedance": "pot", "rig-lag-impedance": "rig",
 }  # fmt: skip
 
-_MAPS = {"rig-two", "bearing-two", "pot-impedance"}
 _UNDETERMINED = {"plunger-saturated", "solenoid-hysteresis"}
 _LONG_BENCHES = {"rig-no-run", "rig-two", "rig-distance", "rig-hall-alone", "bearing-two", "pot-impedance"}
 
 for _name, _of in BENCHES.items():
     case(f"bench-{_name}", long=_name in _LONG_BENCHES)(
-        lambda name=_name, of=_of: door.bench(
-            of, door.bench_file(name), maps=name in _MAPS, alone=name in _UNDETERMINED
-        )
+        lambda name=_name, of=_of: door.bench(of, door.bench_file(name), alone=name in _UNDETERMINED)
     )
 
 

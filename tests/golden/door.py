@@ -95,14 +95,11 @@ FREQUENCIES = (0.0, 1.0, 30.0, 1000.0, 30000.0)
 
 
 def impedances(one):
-    """Impedance, force and Hall transfer at some points and frequencies."""
+    """Impedances at some points and frequencies."""
     d, i = points(one, 5)
     i = as_taken(one, i)
-    found = {}
-    for name in ("impedance", "force_transfer", *(["hall_transfer"] if one.sensor else [])):
-        values = [getattr(one, name)(d, i, frequency) for frequency in FREQUENCIES]
-        found[name] = {f"{f:g}_Hz": np.reshape(z, (len(d), -1)) for f, z in zip(FREQUENCIES, values, strict=True)}
-    return found
+    values = {f: one.impedance(d, i, f) for f in FREQUENCIES}
+    return {"impedance": {f"{f:g}_Hz": np.reshape(z, (len(d), -1)) for f, z in values.items()}}
 
 
 def _inputs(one, volts):
@@ -216,18 +213,16 @@ def bench_file(name):
     return INPUTS / "benches" / f"{name}.csv"
 
 
-def bench(of, data, *, maps=False, alone=False):
+def bench(of, data, *, alone=False):
     """What a measurement says of a model; what a diagnosis names is added.
 
-    Left out: maps but where they are asked for, where a size is largest (two places are as far), what ties, which
-    rounding decides; and of families that these data do not determine (``alone``) all sizes.
+    Left out: where a size is largest (two places are as far), what ties, which rounding decides; and of families that
+    these data do not determine (``alone``) all sizes.
     """
     one = model(of)
-    compared, found = ff.compare(one, data), ff.diagnose(one, data, bootstrap=0)
+    compared, found = ff.compare(one, data), ff.diagnose(one, data)
     added = asked(ff.add_effects, one, data, found) if found.missing else None
     comparison, diagnosis = compared.to_dict(), found.to_dict()
-    if not maps:
-        del comparison["maps"]
     names = [effect["name"] for effect in diagnosis["missing"]]
     if alone:
         kept = ("verdict", "noise_floor", "detectable", "where", "rms", "findings")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import femfit as ff
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
 from femfit.device.load import actuator_from_toml, read_actuator
@@ -73,56 +72,6 @@ def test_an_alternating_current_heats_by_its_rms_value():
     assert find_temperatures(RIG, alternating_A=0.5).windings_C == pytest.approx(direct.windings_C)
 
 
-def test_a_drawing_at_100_degrees_has_the_resistance_of_20_degrees_before_it_warms_up():
-    text = (GEOMETRY / "pot-magnet.toml").read_text()
-    cold = find_temperatures(actuator_from_toml(text), current_A=0.2)
-    hot = find_temperatures(
-        actuator_from_toml(text.replace("turns = 300", "turns = 300\ntemperature_C = 100")), current_A=0.2
-    )
-    assert hot.resistances_ohm == pytest.approx(cold.resistances_ohm)
-
-
-def test_several_windings_settle_together():
-    found = find_temperatures(GEOMETRY / "bearing.toml", current_A=(1.0, 0.0))
-    assert found.count == 2
-    assert found.windings_C[0] > found.windings_C[1] > 20.0
-
-
-@pytest.mark.nightly
-def test_a_warm_winding_and_magnet_pull_less(tmp_path):
-    """In linear iron the force is a + b i + c i^2 for remanence 1: a s^2 + b s i + c i^2 for s."""
-    text = RIG.read_text().replace("remanence_T = 1.45", "remanence_T = 1.45\nremanence_coefficient_per_K = -0.0012")
-    text = text.replace("{ start = 15, stop = 45, step = 0.5 }", "[4, 5, 6, 8, 10, 13, 17, 22, 30]")
-    file = tmp_path / "rig.toml"
-    file.write_text(text)
-    model = ff.fit_model(ff.run_sweep(file, tmp_path / "run", workers=1)).model
-    found = find_temperatures(file, current_A=0.8, distance_m=4e-3, model=model)
-    i = np.array([0.0, 0.4, 0.8])
-    a, b, c = np.linalg.solve(np.vander(i, increasing=True), model.force(4e-3, i))
-    s = 1.0 + found.magnets[0].change
-    assert s < 0.995
-    assert found.force[0] == pytest.approx(float(model.force(4e-3, 0.8)))
-    assert found.force[1] == pytest.approx(a * s**2 + b * s * 0.8 + c * 0.64, rel=3e-4)
-    assert find_temperatures(file, current_A=1.5, distance_m=4e-3, model=model).force is None  # the model ends at 1.4 A
-
-
-def test_what_is_assumed_is_said_and_can_be_given():
-    text = (GEOMETRY / "pot-magnet.toml").read_text()
-    given = text + "\n[thermal]\nambient_C = 40\nfilm_W_per_m2_K = 20\nmounting_W_per_K = 1\nwinding_joint_mm = 0.2\n"
-    around = actuator_from_toml(given).thermal
-    assert (around.ambient_C, around.film_W_per_m2_K, around.mounting_W_per_K) == (40.0, 20.0, 1.0)
-    assert around.winding_joint_m == pytest.approx(2e-4)
-
-
-def test_thermal_numbers_do_not_make_a_sweep_start_again(tmp_path):
-    text = (GEOMETRY / "emaws-rig.toml").read_text()
-    text = text.replace("{ start = 15, stop = 45, step = 0.5 }", "[20, 30]")
-    first = ff.run_sweep(actuator_from_toml(text), tmp_path, workers=1)
-    warmer = actuator_from_toml(text + "\n[thermal]\nambient_C = 40\n")
-    again = ff.run_sweep(warmer, tmp_path, workers=1)
-    assert again.manifest["configuration_hash"] == first.manifest["configuration_hash"]
-
-
 def test_the_result_goes_into_json():
     found = find_temperatures(GEOMETRY / "pot-magnet.toml", current_A=1.0)
     data = json.loads(json.dumps(found.to_dict()))
@@ -155,12 +104,6 @@ def test_a_drawing_without_a_coil_or_limits_is_refused():
         find_temperatures(replace(actuator, circuits=(replace(actuator.circuits[0], voltage_max_V=math.inf),)))
 
 
-def test_without_a_current_nothing_warms_up():
-    found = find_temperatures(RIG, current_A=0.0)
-    assert found.temperatures_C == pytest.approx(20.0)
-    assert found.limiting == ""
-
-
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     directory = tmp_path_factory.mktemp("eddies")
@@ -179,13 +122,6 @@ def test_losses_of_all_materials_are_the_real_part_of_the_impedance(swept):
     assert losses.sum(axis=1) == pytest.approx(0.3**2 * induced.real, rel=1e-9)
     assert (losses > 0.0).all()
     assert table.materials[int(losses[-1].argmax())] == "iron"
-
-
-def test_losses_grow_with_the_square_of_a_low_frequency_and_of_the_current(swept):
-    table = read_eddy(swept[1])
-    low, high = table.losses(0, np.array([0.01, 0.02]), np.array([1.0]))
-    assert high == pytest.approx(4.0 * low, rel=1e-4)
-    assert table.losses(0, np.array([0.01]), np.array([2.0]))[0] == pytest.approx(4.0 * low)
 
 
 def test_eddy_currents_heat_the_parts_of_their_material(swept):

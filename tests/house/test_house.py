@@ -39,8 +39,6 @@ KINDS = ("Derived", "Conventional", "Calibrated", "Assumed", "Numerical")
 NO_DECISION = {
     "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
     "fit/coenergy_system.py": "what rounding leaves of a column, beside the solver",
-    "fit/printed.py": "how many labels a sentence lists",
-    "fit/result.py": "how finely a sentence's ranges are looked for",
     "identify/misfit.py": "what a picture shows",
     "identify/series/balances.py": "how many motions are kept for use again",
 }

@@ -91,7 +91,7 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
         logged(levitation_model, tmp_path, effects) for effects in ((), [hidden("hall_offset", offset_V=3e-3)])
     )
     assert len(clean.rows) > MOST_ROWS
-    found = ff.diagnose(levitation_model, clean, bootstrap=0)
+    found = ff.diagnose(levitation_model, clean)
     assert found.verdict == "nothing_missing"
     (told,) = [finding for finding in found.findings if finding.code == "averaged"]
     assert f"{len(clean.rows):,} readings" in str(told)
@@ -99,7 +99,7 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
     assert len(observations.covariates) < MOST_ROWS
     sigma = found.campaign.noise.floor["hall_V"]  # a mean of seven has 0.80 of the noise that is correlated by 0.8
     assert sigma == pytest.approx(3.0 * 0.80 * NOISE["hall_V"], rel=0.15)
-    found = ff.diagnose(levitation_model, offset, bootstrap=0)
+    found = ff.diagnose(levitation_model, offset)
     assert [one.name for one in found.missing] == ["hall_offset"]
     size = found.missing[0].parameters["offset_V"]
     assert size == pytest.approx(3e-3, rel=0.3)
@@ -107,7 +107,7 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
 
 @pytest.mark.nightly
 def test_noise_that_lasts_longer_than_any_that_is_searched_for_makes_no_name_certain(levitation_model, tmp_path):
-    found = ff.diagnose(levitation_model, logged(levitation_model, tmp_path, rho=0.9995), bootstrap=0)
+    found = ff.diagnose(levitation_model, logged(levitation_model, tmp_path, rho=0.9995))
     assert "lasting-noise" in {finding.code for finding in found.findings}
     assert not found.confident
 

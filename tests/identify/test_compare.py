@@ -1,7 +1,6 @@
 """A comparison says how bad, against which noise, where, and whether the law or the physics is to blame."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -15,7 +14,6 @@ from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.lack_of_fit import LackOfFit, PatternSpace
 from femfit.identify.misfit import measured_curves
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
@@ -26,7 +24,7 @@ from femfit.model.validity import Misfit, ValidityBox
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from support.campaign import LARGE, NOISE, campaign, hidden, rising
-from support.one_current import flat, within
+from support.one_current import flat
 
 HALL = hidden("hall_offset", offset_V=0.02)
 
@@ -59,7 +57,7 @@ def law_model(levitation_model):
     flux = flat(levitation_model.magnetics).flux_linkage(d, i) - flat(law).flux_linkage(d, i)
     flux_rms = float(np.sqrt(np.mean(flux**2)))
     misfit = Misfit(rms, float(np.abs(error).max()), 0.1, None, flux_rms, None, len(d), "sweep")
-    return replace(levitation_model, magnetics=law, misfit=misfit, validity=box), rms
+    return replace(levitation_model, magnetics=law, misfit=misfit, validity=box)
 
 
 def test_clean_data_agree_whatever_the_remounts(levitation_model):
@@ -69,18 +67,7 @@ def test_clean_data_agree_whatever_the_remounts(levitation_model):
     assert comparison.where.channel == ""
     for one in comparison.channels:
         assert one.noise_floor == pytest.approx(NOISE[one.channel], rel=0.2)  # about 250 repeats, correlated by 0.3
-        assert one.lack_of_fit.p_value > 1e-3
     assert comparison.mount_m == pytest.approx(mount_m, rel=0.8)  # three mounts
-
-
-def test_a_pure_error_test_accuses_the_channel_that_is_wrong_and_no_other(levitation_model):
-    comparison = compare(levitation_model, campaign(levitation_model, 12, [HALL]))
-    assert comparison.verdict == "fails"
-    assert comparison.where.channel == "hall_V"
-    tests = {name: one.lack_of_fit.p_value for name, one in by_channel(comparison).items()}
-    assert tests.pop("hall_V") < 1e-6
-    assert min(tests.values()) > 1e-3
-    assert by_channel(comparison)["hall_V"].mean == pytest.approx(0.02, abs=1e-3)
 
 
 @pytest.mark.parametrize(("source", "declared"), [("declared", True), ("samples", False)])
@@ -106,13 +93,9 @@ def test_rms_and_maximum_are_those_of_recorded_minus_predicted(levitation_model)
 
 
 def test_a_law_is_blamed_for_its_own_shape_before_any_measurement(levitation_model, law_model):
-    law, rms = law_model
-    comparison = compare(law, campaign(levitation_model, 14))
+    comparison = compare(law_model, campaign(levitation_model, 14))
     assert comparison.verdict == "wrong_shape"
     assert set(comparison.beyond_noise) == {"force_N", "flux_linkage_Wb"}
-    assert comparison.shape.wrong
-    assert comparison.shape.force_rms_N == rms
-    assert compare(levitation_model, campaign(levitation_model, 14)).shape is None
 
 
 def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model):
@@ -120,38 +103,11 @@ def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model)
     comparison = compare(levitation_model, rising(table, every=5))
     assert (comparison.verdict, comparison.where.channel) == ("compare_only", "hall_V")
     assert comparison.structure is None
-    assert all(one.noise_floor is None and one.lack_of_fit is None for one in comparison.channels)
+    assert all(one.noise_floor is None for one in comparison.channels)
     assert comparison.findings[-1].code == "no-noise"
     declared = compare(levitation_model, replace(rising(table), declared_noise=NOISE))
     assert declared.verdict == "fails"
     assert by_channel(declared)["hall_V"].noise_source == "declared"
-
-
-@pytest.mark.nightly
-def test_repeats_and_a_declaration_are_weighed_unless_they_contradict_each_other(levitation_model):
-    table = campaign(levitation_model, 15, [HALL], distances=8, currents=5)
-    alone = compare(levitation_model, table)
-    for factor, sources in ((1.0, {"declared and repeats"}), (0.6, {"repeats"}), (1.7, {"repeats"})):
-        declared = {name: factor * sigma for name, sigma in NOISE.items()}
-        both = compare(levitation_model, replace(table, declared_noise=declared))
-        assert {one.noise_source for one in both.channels} == sources
-        said = {finding.column for finding in both.findings if finding.code == "declared-noise"}
-        assert said == (set() if factor == 1.0 else set(NOISE))
-        for name, one in by_channel(both).items():
-            shown, n = by_channel(alone)[name].noise_floor, by_channel(alone)[name].noise_readings
-            want = np.sqrt((48.0 * declared[name] ** 2 + n * shown**2) / (48.0 + n)) if factor == 1.0 else shown
-            assert one.noise_floor == pytest.approx(want, rel=0.01)
-
-
-def test_maps_hold_every_reading_once(levitation_model):
-    table = campaign(levitation_model, 16)
-    maps = compare(levitation_model, table).maps
-    count = int(table.rows["force_N"].notna().sum())
-    force = {one.along: one for one in maps if one.channel == "force_N"}
-    assert {("distance_m", "current_A"), ("branch",), ("run",), ("mount",), ("order",)} <= set(force)
-    assert {int(one.cells["readings"].sum()) for one in force.values()} == {count}
-    assert len(force["distance_m", "current_A"].cells) == 8 * 5
-    assert force["branch",].cells["branch"].tolist() == [-1.0, 1.0]
 
 
 def test_a_suspected_unit_comes_before_all_numbers(levitation_model):
@@ -190,7 +146,7 @@ def test_a_channel_that_was_read_in_one_run_is_not_judged(levitation_model):
     once = table.rows["run"] == 1.0
     rows = table.rows.assign(voltage_V=table.rows["voltage_V"].where(once) * 1.1)
     for one in compare(levitation_model, replace(table, rows=rows)).channels:
-        assert (one.noise_floor is None) is (one.lack_of_fit is None) is (one.channel == "voltage_V")
+        assert (one.noise_floor is None) is (one.channel == "voltage_V")
 
 
 @pytest.mark.parametrize(("times", "missed"), [(1.3, False), (1.8, False), (3.0, True)])
@@ -222,23 +178,9 @@ def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     offset = hidden("distance_offset", offset_m=offset_m)
     table = campaign(levitation_model, 30, [offset], runs=1, distances=8, currents=5, mount_m=0.0)
     table = replace(table, declared_noise=NOISE, given=tuple(n for n in table.given if n not in ("mount", "run")))
-    comparison, diagnosis = compare(levitation_model, table), diagnose(levitation_model, table, bootstrap=0)
+    comparison, diagnosis = compare(levitation_model, table), diagnose(levitation_model, table)
     assert (comparison.verdict == "agrees") is (diagnosis.verdict == "nothing_missing")
     assert comparison.p_value == diagnosis.p_value
-
-
-@pytest.mark.nightly
-def test_the_declared_uncertainty_of_the_distance_is_noise_of_every_reading(levitation_model):
-    """0.05 mm of scatter in the distance is not missing physics once it is declared."""
-    table = campaign(levitation_model, 31, runs=2, mount_m=0.0)
-    moved = table.rows["distance_m"] + np.random.default_rng(0).normal(0.0, 5e-5, len(table.rows))
-    given = tuple(name for name in table.given if name not in ("mount", "hall_V"))
-    table = replace(table, rows=table.rows.assign(distance_m=moved, hall_V=np.nan), given=given, declared_noise=NOISE)
-    declared = replace(table, declared_noise=NOISE | {"distance_m": 5e-5, "current_A": 1e-5})
-    assert compare(levitation_model, table).verdict == "fails"
-    comparison = compare(levitation_model, declared)
-    assert comparison.verdict == "agrees"
-    assert "uncertain-setting" in {one.code for one in comparison.findings}
 
 
 def test_the_scatter_of_repeats_holds_the_declared_error_of_their_settings_once(levitation_model):
@@ -263,12 +205,6 @@ def test_the_sidecar_declares_the_uncertainty_of_the_distance(levitation_model, 
     observations = compare(levitation_model, tmp_path / "bench.csv").observations
     assert "unused-setting" not in {one.code for one in observations.findings}
     np.testing.assert_allclose(observations.setting_columns[:, 0], 6e-4 * observations.distance_slope)
-
-
-def test_the_first_of_groups_that_are_equally_unlikely_to_be_noise_is_reported():
-    tests = [LackOfFit(2.0, count, 1e-4 * (1.0 - 1e-9) ** count) for count in (1, 2, 3)]
-    groups = tuple(SimpleNamespace(test=lambda *_, one=one: one) for one in tests)
-    assert PatternSpace(None, groups).test(np.ones(5)).degrees_of_freedom == 1
 
 
 def located(model, seed, change, **settings):
@@ -314,24 +250,8 @@ def test_a_misfit_of_both_signs_without_a_place_is_not_said_to_be_everywhere_twi
     table = campaign(levitation_model, 3, change=changed(*off.popitem()), **LARGE)
     observations = bench_observations(levitation_model, table)
     sentence = describe_region(observations, "hall_V", (), np.zeros(len(observations.value)))
-    assert sentence.count("20 mV") == 2
-
-
-@pytest.mark.nightly  # of every effect; misfits of one channel are above
-def test_the_channel_is_one_that_is_off_the_most_in_units_of_its_noise(levitation_model):
-    observations = bench_observations(levitation_model, campaign(levitation_model, 1, distances=8, currents=5))
-    for effect in all_effects().values():
-        added = AddedEffect(effect, effect.null() | typical_parameters(effect))
-        change = observations.predict([added]) - observations.base
-        off = [
-            float(np.sqrt(np.mean(change[observations.of(name)] ** 2))) / NOISE[name] for name in observations.channels
-        ]
-        if max(off) < 1e-6:
-            continue  # nothing of it shows on a bench
-        # Three times the noise: at once the noise, the channel of one misfit in eight is one that chance put there
-        read = observations.with_values(observations.value + 3.0 * change / max(off))
-        found = where_it_fails(read, Whitening(read, estimate_noise(read)))
-        assert off[observations.channels.index(found.channel)] >= 0.5 * max(off), effect.name
+    assert "everywhere" not in sentence
+    assert " in others" in sentence
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1])
@@ -396,33 +316,6 @@ def test_the_channel_and_the_covariate_of_a_misfit_of_one_sigma_are_found(levita
     assert len(right) >= 3
 
 
-def test_an_amount_has_the_sign_of_the_misfit_and_a_share_that_of_the_magnitude(levitation_model):
-    box = levitation_model.validity
-    both = replace(levitation_model, validity=within(box, low=-1.4))
-    up = located(both, 6, changed("voltage_V", lambda voltage, rows: np.where(rows["current_A"] < -0.5, 0.05, 0.0)))
-    assert " mV high" in up.sentence
-    share = located(both, 7, changed("voltage_V", lambda voltage, rows: 0.03 * voltage))
-    assert " % high" in share.sentence
-
-
-@pytest.mark.parametrize(("flux_noise", "worst"), [(2e-5, "flux_linkage_Wb"), (5e-5, "force_N")])
-def test_a_core_that_saturates_near_contact_is_said_to_lower_what_it_lowers_most(strong_pot, flux_noise, worst):
-    """At 50 µWb of noise the force is off by 91 times its noise and the flux linkage by 84 times."""
-    noise = {"force_N": 0.1, "flux_linkage_Wb": flux_noise, "voltage_V": 5e-3}
-
-    def saturated(readings, rows):
-        kept = (1.0 + (readings["flux_linkage_Wb"] / 0.15) ** 8) ** -0.125
-        return readings | {
-            "flux_linkage_Wb": kept * readings["flux_linkage_Wb"],
-            "force_N": kept**2 * readings["force_N"],
-        }
-
-    where = located(strong_pot, 8, saturated, noise=noise, mount_m=5e-6, runs=4)
-    assert where.channel == worst
-    assert " low " in where.sentence
-    assert "high" not in where.sentence
-
-
 @pytest.mark.parametrize("gain", [-0.05, -0.2])
 def test_the_share_that_is_said_is_the_true_one_beside_the_freedom_of_the_mounts(pot, gain):
     """The structured part of the misfit lacks what re-mounts may be; its size is not that of the misfit."""
@@ -457,3 +350,67 @@ def test_measured_points_lie_on_the_curves_of_what_was_hidden(levitation_model, 
     np.testing.assert_allclose(force.before[0], read["force_N"], rtol=1e-9)
     assert np.mean(hall.misfit_before) == pytest.approx(0.02, abs=2e-3)
     assert abs(np.mean(hall.misfit_after)) < 2e-3
+
+
+@pytest.mark.nightly
+def test_repeats_and_a_declaration_are_weighed_unless_they_contradict_each_other(levitation_model):
+    table = campaign(levitation_model, 15, [HALL], distances=8, currents=5)
+    alone = compare(levitation_model, table)
+    for factor, sources in ((1.0, {"declared and repeats"}), (0.6, {"repeats"}), (1.7, {"repeats"})):
+        declared = {name: factor * sigma for name, sigma in NOISE.items()}
+        both = compare(levitation_model, replace(table, declared_noise=declared))
+        assert {one.noise_source for one in both.channels} == sources
+        said = {finding.column for finding in both.findings if finding.code == "declared-noise"}
+        assert said == (set() if factor == 1.0 else set(NOISE))
+        for name, one in by_channel(both).items():
+            shown, n = by_channel(alone)[name].noise_floor, by_channel(alone)[name].noise_readings
+            want = np.sqrt((48.0 * declared[name] ** 2 + n * shown**2) / (48.0 + n)) if factor == 1.0 else shown
+            assert one.noise_floor == pytest.approx(want, rel=0.01)
+
+
+@pytest.mark.nightly
+def test_the_declared_uncertainty_of_the_distance_is_noise_of_every_reading(levitation_model):
+    """0.05 mm of scatter in the distance is not missing physics once it is declared."""
+    table = campaign(levitation_model, 31, runs=2, mount_m=0.0)
+    moved = table.rows["distance_m"] + np.random.default_rng(0).normal(0.0, 5e-5, len(table.rows))
+    given = tuple(name for name in table.given if name not in ("mount", "hall_V"))
+    table = replace(table, rows=table.rows.assign(distance_m=moved, hall_V=np.nan), given=given, declared_noise=NOISE)
+    declared = replace(table, declared_noise=NOISE | {"distance_m": 5e-5, "current_A": 1e-5})
+    assert compare(levitation_model, table).verdict == "fails"
+    comparison = compare(levitation_model, declared)
+    assert comparison.verdict == "agrees"
+
+
+@pytest.mark.nightly  # of every effect; misfits of one channel are above
+def test_the_channel_is_one_that_is_off_the_most_in_units_of_its_noise(levitation_model):
+    observations = bench_observations(levitation_model, campaign(levitation_model, 1, distances=8, currents=5))
+    for effect in all_effects().values():
+        added = AddedEffect(effect, effect.null() | typical_parameters(effect))
+        change = observations.predict([added]) - observations.base
+        off = [
+            float(np.sqrt(np.mean(change[observations.of(name)] ** 2))) / NOISE[name] for name in observations.channels
+        ]
+        if max(off) < 1e-6:
+            continue  # nothing of it shows on a bench
+        # Three times the noise: at once the noise, the channel of one misfit in eight is one that chance put there
+        read = observations.with_values(observations.value + 3.0 * change / max(off))
+        found = where_it_fails(read, Whitening(read, estimate_noise(read)))
+        assert off[observations.channels.index(found.channel)] >= 0.5 * max(off), effect.name
+
+
+@pytest.mark.parametrize(("flux_noise", "worst"), [(2e-5, "flux_linkage_Wb"), (5e-5, "force_N")])
+def test_a_core_that_saturates_near_contact_is_said_to_lower_what_it_lowers_most(strong_pot, flux_noise, worst):
+    """At 50 µWb of noise the force is off by 91 times its noise and the flux linkage by 84 times."""
+    noise = {"force_N": 0.1, "flux_linkage_Wb": flux_noise, "voltage_V": 5e-3}
+
+    def saturated(readings, rows):
+        kept = (1.0 + (readings["flux_linkage_Wb"] / 0.15) ** 8) ** -0.125
+        return readings | {
+            "flux_linkage_Wb": kept * readings["flux_linkage_Wb"],
+            "force_N": kept**2 * readings["force_N"],
+        }
+
+    where = located(strong_pot, 8, saturated, noise=noise, mount_m=5e-6, runs=4)
+    assert where.channel == worst
+    assert " low " in where.sentence
+    assert "high" not in where.sentence

@@ -6,27 +6,25 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from femfit.core.errors import DomainError, FemfitError, ModelFileError, TableError, UsageError
-from femfit.core.text import amount
+from femfit.core.errors import FemfitError, ModelFileError, TableError, UsageError
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.add_effects import add_effects
-from femfit.identify.bench import bench_observations, placed
+from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
-from femfit.identify.decision.campaign import considered_effects, detectable_magnitudes, gather
+from femfit.identify.decision.campaign import detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import CleanCampaigns, certainty_sentence, verdict_sentence
+from femfit.identify.decision.diagnosis import certainty_sentence, verdict_sentence
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
-from femfit.identify.noise.components import estimate_noise, simulated_noise
+from femfit.identify.noise.components import estimate_noise
 from femfit.identify.refit import refit
 from femfit.identify.suggest import suggest
 from femfit.model.json_file import write_model
 from femfit.model.validity import Misfit
 from support.campaign import LARGE, NOISE, campaign, hidden, ripple, rising, without
 
-QUICK = {"bootstrap": 0}
 SATURATION, HALL = hidden("core_saturation", mmf_loss_3=0.02), hidden("hall_offset", offset_V=0.02)
 
 
@@ -45,60 +43,10 @@ def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_m
     assert "named" not in verdicts
 
 
-@pytest.mark.nightly
-def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_refits(levitation_model, monkeypatch):
-    """What many others stand for as well, beside the same saturation, is small: first order says as much as refits.
-
-    Refitted are the saturation, the offset beside it, and the offset alone, beside which exchanges for the saturation
-    are looked for.
-    """
-    made = []
-
-    def counted(*given):
-        made.append(given)
-        return refit(*given)
-
-    monkeypatch.setattr("femfit.identify.decision.search.refit", counted)
-    small = hidden("hall_offset", offset_V=1e-3)
-    table = campaign(levitation_model, 3, [SATURATION, small], **LARGE)
-    result = diagnose(levitation_model, table, **QUICK)
-    assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
-    assert {"hall_temperature", "hall_drift", "external_field"} < set(result.missing[1].members)
-    assert len(made) <= 3
-    assert not [one for one in result.findings if one.code == "search-ended"]
-    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", len(made))  # It ends by itself at the limit
-    assert not [one for one in diagnose(levitation_model, table, **QUICK).findings if one.code == "search-ended"]
-    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", 2)
-    made.clear()
-    ended = diagnose(levitation_model, table, **QUICK)
-    assert len(made) == 2
-    assert [one.size for one in ended.findings if one.code == "search-ended"] == [2]
-
-
 def test_three_hidden_effects_are_named_though_the_first_alone_explains_little(levitation_model):
     causes = [HALL, hidden("turns", turns_error=0.03), SATURATION]
-    result = diagnose(levitation_model, campaign(levitation_model, 6, causes), **QUICK)
+    result = diagnose(levitation_model, campaign(levitation_model, 6, causes))
     assert {"core_saturation", "hall_offset", "turns"} == {one.name for one in result.missing}
-
-
-def crooked(readings, rows):
-    """A force sensor whose gain is 10 % wrong and whose characteristic bends: no form of the catalogue is exact."""
-    force = readings["force_N"]
-    return readings | {"force_N": 1.1 * force - 0.02 * force**2 / np.abs(force).max()}
-
-
-@pytest.mark.nightly
-def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation_model):
-    small = hidden("hall_offset", offset_V=0.01)  # a fiftieth of what the force is off by, in units of noise
-    alone, beside = (
-        diagnose(levitation_model, campaign(levitation_model, 14, effects, change=crooked), **QUICK)
-        for effects in ([], [small])
-    )
-    assert alone.missing[0].name == "force_gain"
-    assert not alone.confident
-    assert not beside.confident
-    assert any("hall_offset" in one.members for one in beside.missing)
-    assert any("force_gain" in one.members for one in beside.missing)
 
 
 def clipped(readings, _):
@@ -116,7 +64,7 @@ RIPPLED = ripple("force_N", 1.2e-3)
 def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_was_right(
     levitation_model, cause, verdicts
 ):
-    result = diagnose(levitation_model, campaign(levitation_model, 5, change=cause), **QUICK)
+    result = diagnose(levitation_model, campaign(levitation_model, 5, change=cause))
     assert result.verdict in verdicts
     assert result.where.channel == "force_N"
     for one in result.error_fall.channels:
@@ -128,11 +76,11 @@ def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_wa
 
 def test_without_repeats_or_declared_noise_a_guess_serves_and_nothing_is_certain(levitation_model):
     single = rising(campaign(levitation_model, 7, [HALL], runs=1, rho=0.0))
-    result = diagnose(levitation_model, single, **QUICK)
+    result = diagnose(levitation_model, single)
     assert (result.verdict, result.missing[0].name) == ("named", "hall_offset")
     assert not result.confident
     assert [one.code for one in result.findings].count("guessed-noise") == 1
-    declared = diagnose(levitation_model, replace(single, declared_noise=NOISE), **QUICK)
+    declared = diagnose(levitation_model, replace(single, declared_noise=NOISE))
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
     assert "guessed-noise" not in {one.code for one in declared.findings}
 
@@ -141,7 +89,7 @@ def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(
     table = campaign(
         levitation_model, 13, change=lambda r, rows: r | {"voltage_V": (1.0 + 25 * 3.93e-3) * r["voltage_V"]}
     )
-    result = diagnose(levitation_model, without(table, "coil_temperature_C"), **QUICK)
+    result = diagnose(levitation_model, without(table, "coil_temperature_C"))
     (named,) = result.missing
     assert set(named.members) == {"resistance", "coil_temperature"}  # the same readings, the commoner cause first
     assert named.plausible
@@ -196,38 +144,22 @@ def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(pot):
     assert noise.test_mount_m < 15e-6
     rms = 0.01 * float(np.sqrt(np.mean(table.rows["force_N"] ** 2)))
     known = replace(pot, misfit=Misfit(rms, 3.0 * rms, 0.01, None, None, None, 99, "sweep"))
-    found = diagnose(known, table, **QUICK)
+    found = diagnose(known, table)
     assert (found.verdict, found.missing[0].members[0]) == ("named", "distance_offset")
     # The model's own misfit is steepest where the force is, and takes its part of the gap
     assert found.missing[0].parameters["offset_m"] == pytest.approx(150e-6, rel=0.1)
     exact = replace(pot, misfit=Misfit(0.0, 0.0, 0.0, None, None, None, 99, "sweep"))
-    assert diagnose(exact, table, **QUICK).verdict != "named"  # this model would have no such misfit
+    assert diagnose(exact, table).verdict != "named"  # this model would have no such misfit
 
 
 def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     turns = hidden("turns", turns_error=-0.03)
     noise = {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
-    found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0, **LARGE), **QUICK)
+    found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0, **LARGE))
     alone = found.decision.posterior.explanations
     behind = alone[frozenset({"turns"})].log_evidence - alone[frozenset({"current_gain"})].log_evidence
     assert 50.0 < behind < 0.005 * found.excess
     assert [one.members for one in found.missing] == [("turns",)]
-
-
-@pytest.mark.nightly
-def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):
-    table = campaign(levitation_model, 10, runs=2, distances=5, currents=3)
-    first, again = (diagnose(levitation_model, table, bootstrap=2, rng=1) for _ in range(2))
-    assert first.clean == again.clean
-    assert first.clean.named <= 1
-
-
-@pytest.mark.parametrize(("named", "campaigns", "bound"), [(0, 40, 0.088), (2, 40, 0.169), (40, 40, 1.0)])
-def test_a_bootstrap_is_a_count_with_the_end_of_its_interval(named, campaigns, bound):
-    # Exact binomial intervals at 95 % (Clopper and Pearson, 1934)
-    clean = CleanCampaigns(named, campaigns)
-    assert clean.bound == pytest.approx(bound, abs=5e-4)
-    assert f"{named} of {campaigns}" in str(clean)
 
 
 def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
@@ -235,7 +167,6 @@ def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
         diagnose(
             levitation_model,
             campaign(levitation_model, 11, mount_m=0.0, rho=0.0, noise={k: f * v for k, v in NOISE.items()}),
-            **QUICK,
         )
         for f in (1.0, 4.0)
     )
@@ -253,20 +184,20 @@ def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
 )
 def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levitation_model, effect):
     table = campaign(levitation_model, 3, [effect])
-    found = diagnose(levitation_model, table, **QUICK)
+    found = diagnose(levitation_model, table)
     assert (found.missing[0].name, found.look_alikes, found.confident) == (effect.effect.name, (), True)
-    beside = diagnose(levitation_model, table, **QUICK, exclude=("hall_offset",))
+    beside = diagnose(levitation_model, table, exclude=("hall_offset",))
     assert beside.missing[0].name == effect.effect.name
     assert "hall_offset" in certainty_sentence(beside)
     assert certainty_sentence(beside).startswith("Not certain")
-    withheld = diagnose(levitation_model, table, **QUICK, exclude=(effect.effect.name,))
+    withheld = diagnose(levitation_model, table, exclude=(effect.effect.name,))
     assert withheld.verdict in {"unexplained", "form_insufficient"}
     assert not withheld.confident
 
 
 def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
     table = campaign(levitation_model, 3, [hidden("force_gain", gain_error=0.008)], noise={"force_N": NOISE["force_N"]})
-    found = diagnose(levitation_model, table, **QUICK)
+    found = diagnose(levitation_model, table)
     assert found.verdict == "named"
     assert "current_gain" in found.look_alikes
     assert {name for one in found.missing for name in one.members[1:]} <= set(found.look_alikes)
@@ -275,7 +206,7 @@ def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
 
 def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitation_model):
     table = campaign(levitation_model, 3, [hidden("constant_force", pull=0.03)])
-    alone = diagnose(levitation_model, table, **QUICK, exclude=("force_offset",))
+    alone = diagnose(levitation_model, table, exclude=("force_offset",))
     assert alone.missing[0].name == "constant_force"
     assert not alone.confident
     assert "a constant error of the force" in alone.look_alikes
@@ -284,7 +215,7 @@ def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitat
 @pytest.fixture(scope="module")
 def found(levitation_model):
     warm = AddedEffect(effect_by_name("current_gain"), {"gain_error": 0.05})
-    return diagnose(levitation_model, campaign(levitation_model, 7, [warm]), bootstrap=0)
+    return diagnose(levitation_model, campaign(levitation_model, 7, [warm]))
 
 
 @pytest.mark.parametrize(("times", "readings", "said"), [(1.76, 121, True), (1.1, 121, False), (1.4, 4, True)])
@@ -348,23 +279,6 @@ def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(device, cl
     limit = clean_decision(seed)[name][amplitude]
     size = (1.5 if device[0].sensor else -1.5) * limit
     assert decide(gathered(device, seed, [hidden(name, **{amplitude: size})])).verdict != "nothing_missing"
-
-
-@pytest.mark.nightly
-def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levitation_model):
-    finer = {"distance_m": [1.25e-3, 2.75e-3], "current_A": [0.35]}
-    model, table = coarse(replace(levitation_model, provenance={"fit": {"finer_sweep": finer}}))
-    data = table(1)
-    found, compared = diagnose(model, data, bootstrap=0), compare(model, data)
-    force = next(one for one in compared.channels if one.channel == "force_N")
-    assert found.own_misfit
-    said = verdict_sentence(found)
-    wanted = [amount(force.rms, "N"), amount(force.model_misfit, "N"), amount(2.0 * force.model_misfit, "N")]
-    assert [words for words in wanted if words not in said] == []
-    for text in (str(found), str(compared), str(suggest(model, data, found))):
-        assert said in text
-        assert "1.25 and 2.75 mm" in text
-        assert "0.35 A" in text
 
 
 def test_a_law_is_to_be_replaced_by_the_co_energy_rather_than_swept_again(pot):
@@ -438,30 +352,13 @@ def test_a_size_is_averaged_over_orders_of_magnitude(drawn):
     assert alone.log_evidence == pytest.approx(np.logaddexp.reduce(logs) - np.log(len(logs)), rel=1e-12)
 
 
-def test_all_probabilities_make_one(levitation_model):
-    found = diagnose(levitation_model, campaign(levitation_model, 81), bootstrap=0)
-    assert sum(found.probability.values()) == pytest.approx(1.0, abs=1e-9)
-    assert found.verdict == "nothing_missing"
-
-
-def test_simulated_readings_are_decided_alike_with_the_directions_of_the_first_and_their_own(levitation_model):
-    observations = placed(levitation_model, campaign(levitation_model, 4))
-    first = gather(observations, considered_effects())
-    simulated = observations.base + simulated_noise(first.whitening, np.random.default_rng(2))
-    own = decide(first.with_readings(simulated)).probability
-    observations.of_settings.clear()
-    decide(first)
-    for word, probability in decide(first.with_readings(simulated)).probability.items():
-        assert probability == pytest.approx(own[word], abs=1e-3)  # a tenth of a class's end
-
-
 def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_for_the_last(levitation_model):
     clean, wrong = (
         campaign(levitation_model, 82, effects, runs=4) for effects in ([], [hidden("force_gain", gain_error=0.04)])
     )
     from_third = clean.rows["run"] >= clean.rows["run"].min() + 2
     clean.rows.loc[from_third, "force_N"] = wrong.rows.loc[from_third, "force_N"]
-    found = diagnose(levitation_model, clean, bootstrap=0)
+    found = diagnose(levitation_model, clean)
     assert [(one.name, one.runs) for one in found.missing] == [("force_gain", (3, 4))]
     assert found.to_dict()["missing"][0]["when"] == {"first_run": 3, "last_run": 4}
     better = add_effects(levitation_model, clean, found)
@@ -490,15 +387,6 @@ def compared(files):
     return compare(*files)
 
 
-@pytest.mark.nightly
-def test_a_model_may_be_given_by_its_file(levitation_model, files):
-    model, bench = files
-    assert str(compare(model, bench)) == str(compare(levitation_model, bench))
-    found, same = (diagnose(one, bench, bootstrap=0) for one in (model, levitation_model))
-    assert found.verdict == same.verdict
-    assert suggest(model, bench, found).explanations == suggest(levitation_model, bench, same).explanations
-
-
 @pytest.mark.parametrize(
     ("call", "error", "named"),
     [
@@ -513,14 +401,6 @@ def test_a_model_may_be_given_by_its_file(levitation_model, files):
             for judge in (compare, diagnose, suggest)
         ],
         *[
-            (lambda model, bench, found, k=k: diagnose(model, bench, bootstrap=k), TableError, str(k))
-            for k in (-1, 1.5, None)
-        ],
-        *[
-            (lambda model, bench, found, seed=seed: diagnose("absent", "absent", rng=seed), DomainError, str(seed))
-            for seed in (-1, 1.5, "one")
-        ],
-        *[
             (
                 lambda model, bench, _, part=part: add_effects(model, bench, "friction", **{part: -300.0}),
                 UsageError,
@@ -533,3 +413,58 @@ def test_a_model_may_be_given_by_its_file(levitation_model, files):
 def test_an_argument_of_another_kind_is_refused_by_its_name(files, compared, call, error, named):
     with pytest.raises(error, match=named):
         call(*files, compared)
+
+
+@pytest.mark.nightly
+def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_refits(levitation_model, monkeypatch):
+    """What many others stand for as well, beside the same saturation, is small: first order says as much as refits.
+
+    Refitted are the saturation, the offset beside it, and the offset alone, beside which exchanges for the saturation
+    are looked for.
+    """
+    made = []
+
+    def counted(*given):
+        made.append(given)
+        return refit(*given)
+
+    monkeypatch.setattr("femfit.identify.decision.search.refit", counted)
+    small = hidden("hall_offset", offset_V=1e-3)
+    table = campaign(levitation_model, 3, [SATURATION, small], **LARGE)
+    result = diagnose(levitation_model, table)
+    assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
+    assert {"hall_temperature", "hall_drift", "external_field"} < set(result.missing[1].members)
+    assert len(made) <= 3
+    assert not [one for one in result.findings if one.code == "search-ended"]
+    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", len(made))  # It ends by itself at the limit
+    assert not [one for one in diagnose(levitation_model, table).findings if one.code == "search-ended"]
+    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", 2)
+    made.clear()
+    ended = diagnose(levitation_model, table)
+    assert len(made) == 2
+    assert [one.size for one in ended.findings if one.code == "search-ended"] == [2]
+
+
+def crooked(readings, rows):
+    """A force sensor whose gain is 10 % wrong and whose characteristic bends: no form of the catalogue is exact."""
+    force = readings["force_N"]
+    return readings | {"force_N": 1.1 * force - 0.02 * force**2 / np.abs(force).max()}
+
+
+@pytest.mark.nightly
+def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation_model):
+    small = hidden("hall_offset", offset_V=0.01)  # a fiftieth of what the force is off by, in units of noise
+    alone, beside = (
+        diagnose(levitation_model, campaign(levitation_model, 14, effects, change=crooked)) for effects in ([], [small])
+    )
+    assert alone.missing[0].name == "force_gain"
+    assert not alone.confident
+    assert not beside.confident
+    assert any("hall_offset" in one.members for one in beside.missing)
+    assert any("force_gain" in one.members for one in beside.missing)
+
+
+def test_all_probabilities_make_one(levitation_model):
+    found = diagnose(levitation_model, campaign(levitation_model, 81))
+    assert sum(found.probability.values()) == pytest.approx(1.0, abs=1e-9)
+    assert found.verdict == "nothing_missing"

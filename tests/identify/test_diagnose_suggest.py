@@ -11,7 +11,7 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
 from femfit.identify.bench import bench_observations, conditions_of
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import certainty_sentence
+from femfit.identify.decision.diagnosis import Diagnosis, certainty_sentence
 from femfit.identify.plan import examine_plan
 from femfit.identify.signatures import why_untestable
 from femfit.identify.suggest import Advice, Suggestion, joined, suggest, suggest_measurements
@@ -50,7 +50,7 @@ def measured(model, seed, causes, channels=("force_N",), **size):
     effects = [hidden(name, **values) for name, values in causes.items()]
     noise = {name: NOISE[name] for name in channels}
     table = with_channels(campaign(model, seed, effects, noise=noise, **size), *channels)
-    return table, diagnose(model, table, bootstrap=0)
+    return table, diagnose(model, table)
 
 
 def advice_of(model, table, diagnosis):
@@ -62,7 +62,7 @@ def confounded(levitation_model, monkeypatch):
     """Force readings alone, on which a wrong force sensor and a stronger actuator are the same."""
     monkeypatch.setattr("femfit.identify.decision.diagnose.considered_effects", lambda *_: list(PAIR))
     table = force_alone(campaign(levitation_model, 21, [AddedEffect(FORCE_SCALE, {"gain": 0.04})], noise=FORCE))
-    return table, diagnose(levitation_model, table, bootstrap=0)
+    return table, diagnose(levitation_model, table)
 
 
 def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the_same_does_not(
@@ -96,7 +96,7 @@ def test_advice_prints_the_best_measurements_and_counts_the_others():
 def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levitation_model, monkeypatch):
     table, diagnosis = confounded
     fits = diagnosis.explanations[:2]
-    monkeypatch.setattr("femfit.identify.suggest._left_together", lambda _: (*fits, *fits, fits[0]))
+    monkeypatch.setattr(Diagnosis, "explanations", (*fits, *fits, fits[0]))
     monkeypatch.setattr("femfit.identify.suggest.COMPARED", 2)
     advice = suggest(levitation_model, table, diagnosis)
     assert len(advice.explanations) == 2
@@ -123,11 +123,6 @@ def test_wrong_scales_call_for_what_reads_them_directly_the_cheapest_first(solen
     flux = next(one for one in advice if "flux linkage" in one.text)
     assert {"turns", "current_gain"} in [{a, b} for a, b, _ in flux.separates]  # what they differ in
     assert flux.cost > max(weight.cost, shunt.cost)
-
-
-def test_no_magnet_is_proposed_for_a_solenoid(solenoid, wrong_scale):
-    for one in advice_of(solenoid, *wrong_scale):
-        assert "magnet" not in one.text.replace("electromagnet", "").replace("magnetic", "")
 
 
 def test_a_pull_and_a_sensors_offset_are_never_said_to_be_separated_by_readings_of_force(solenoid):
@@ -165,7 +160,7 @@ def test_a_gaussmeter_does_not_separate_a_weak_grade_from_a_magnet_that_lost_as_
 )
 def test_what_a_diagnosis_calls_not_certain_advice_does_not_call_settled(levitation_model, cause, exclude):
     table, effect = campaign(levitation_model, 3, [cause]), cause.effect
-    found = diagnose(levitation_model, table, bootstrap=0, exclude=exclude)
+    found = diagnose(levitation_model, table, exclude=exclude)
     assert (found.verdict, found.missing[0].name) == ("named", effect.name)
     certainty, advice = certainty_sentence(found), str(suggest(levitation_model, table, found))
     assert certainty.startswith("Not certain")
@@ -203,17 +198,10 @@ def broken_promises(model, name, seed, channels=("force_N",), most=None):
             if not rivals:
                 continue
             data = simulated(model, table, one.experiment, fit.effects, int(seeds.integers(2**31)))
-            left = {" + ".join(other.names) for other in diagnose(model, data, bootstrap=0).explanations}
+            left = {" + ".join(other.names) for other in diagnose(model, data).explanations}
             tried += 1
             broken += [(one.text, truth, rival) for rival in rivals if {truth, rival} <= left]
     return broken, tried
-
-
-@pytest.mark.nightly
-def test_what_a_run_was_said_to_separate_a_diagnosis_then_separates(levitation_model):
-    broken, tried = broken_promises(levitation_model, "turns", 11, most=1)
-    assert tried
-    assert broken == []
 
 
 @pytest.mark.nightly
@@ -236,35 +224,6 @@ def test_the_advice_holds_over_the_whole_catalogue(levitation_model, solenoid, c
             broken, tried = broken + found, tried + count
     assert tried > 0
     assert len({(text, truth) for text, truth, _ in broken}) <= 0.05 * tried + 2.33 * np.sqrt(0.05 * tried), broken
-
-
-@pytest.mark.nightly
-def test_an_lcr_meter_is_advised_where_it_tells_turns_from_a_gain_of_the_current(levitation_model):
-    table, diagnosis = measured(levitation_model, 3, {"turns": {"turns_error": 0.05}}, **SMALL)
-    assert {"turns", "current_gain"} <= set(diagnosis.missing[0].members)
-    by_meter = [one for one in advice_of(levitation_model, table, diagnosis) if "LCR meter" in one.text]
-    assert {"turns", "current_gain"} in [set(pair[:2]) for one in by_meter for pair in one.separates]
-
-
-def test_what_advice_separates_a_plan_of_the_same_settings_separates(levitation_model):
-    table, diagnosis = measured(levitation_model, 12, {"distance_offset": {"offset_m": 4e-4}}, **SMALL)
-    runs = [one for one in advice_of(levitation_model, table, diagnosis) if one.experiment.rows is not None]
-    for one in runs[:2]:
-        names = dict.fromkeys(name for pair in one.separates for name in pair[:2])
-        if any(" + " in name for name in names):
-            continue
-        plan = joined(table, one.experiment)
-        report = examine_plan(levitation_model, plan, [effect_by_name(name) for name in names])
-        for a, b, _ in one.separates:
-            assert (a, b) not in report.together
-            assert (b, a) not in report.together
-
-
-@pytest.mark.parametrize("current", [0.7, 0.0])
-def test_advice_on_one_current_is_sound(solenoid, current):
-    whole = campaign(solenoid, 32, [hidden("force_offset", offset=0.03)], runs=4, noise=FORCE)
-    rows = whole.rows[np.isclose(whole.rows["current_A"], current)].reset_index(drop=True)
-    assert str(suggest(solenoid, force_alone(replace(whole, rows=rows))))
 
 
 def test_a_plan_says_beforehand_what_it_could_never_separate(levitation_model):
@@ -319,22 +278,28 @@ def test_a_plan_of_force_alone_names_what_it_leaves_together_and_what_would_sepa
         assert effect_by_name(name).calibrations[0].instruction in text
 
 
-def test_a_plan_leaves_no_two_effects_together_because_both_may_be_taken_for_a_third(solenoid):
-    """On forces a wrong scale of the distances passes for a sensor's scale and for a stop, which are nothing alike."""
-    plan = force_alone(campaign(solenoid, 28, runs=1, noise=FORCE, **SMALL))
-    names = ("turns", "force_gain", "position_dependent_inductance", "distance_scale", "end_stop_contact")
-    alone = {
-        pair: bool(examine_plan(solenoid, plan, [effect_by_name(name) for name in pair]).together)
-        for pair in combinations(names, 2)
-    }
-    together = examine_plan(solenoid, plan, [effect_by_name(name) for name in names]).together
-    assert set(together) == {pair for pair, left in alone.items() if left}
-    assert together
+def test_no_magnet_is_proposed_for_a_solenoid(solenoid, wrong_scale):
+    for one in advice_of(solenoid, *wrong_scale):
+        assert "magnet" not in one.text.replace("electromagnet", "").replace("magnetic", "")
 
 
-def test_what_a_plan_separates_only_where_it_is_large_is_said(levitation_model):
-    plan = force_alone(campaign(levitation_model, 26, runs=3, **SMALL))
-    effects = [effect_by_name(name) for name in ("distance_offset", "lateral_misalignment", "force_gain")]
-    report = examine_plan(levitation_model, plan, effects)
-    assert report.together == ()
-    assert report.small_together
+@pytest.mark.nightly
+def test_what_a_run_was_said_to_separate_a_diagnosis_then_separates(levitation_model):
+    broken, tried = broken_promises(levitation_model, "turns", 11, most=1)
+    assert tried
+    assert broken == []
+
+
+@pytest.mark.nightly
+def test_an_lcr_meter_is_advised_where_it_tells_turns_from_a_gain_of_the_current(levitation_model):
+    table, diagnosis = measured(levitation_model, 3, {"turns": {"turns_error": 0.05}}, **SMALL)
+    assert {"turns", "current_gain"} <= set(diagnosis.missing[0].members)
+    by_meter = [one for one in advice_of(levitation_model, table, diagnosis) if "LCR meter" in one.text]
+    assert {"turns", "current_gain"} in [set(pair[:2]) for one in by_meter for pair in one.separates]
+
+
+@pytest.mark.parametrize("current", [0.7, 0.0])
+def test_advice_on_one_current_is_sound(solenoid, current):
+    whole = campaign(solenoid, 32, [hidden("force_offset", offset=0.03)], runs=4, noise=FORCE)
+    rows = whole.rows[np.isclose(whole.rows["current_A"], current)].reset_index(drop=True)
+    assert str(suggest(solenoid, force_alone(replace(whole, rows=rows))))

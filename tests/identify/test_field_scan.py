@@ -11,7 +11,8 @@ from femfit.core.errors import DomainError, TableError
 from femfit.device.load import read_actuator
 from femfit.field.problem import axial_field
 from femfit.identify.field_scan import compare_field_scan
-from femfit.tables.measured_tables import FieldScan, read_field_scan
+from femfit.tables.measurement import FieldScan
+from femfit.tables.measurement_file import read_field_scan
 from support.actuators import swept_at
 from support.command import femfit
 
@@ -122,14 +123,3 @@ def test_a_scan_without_a_place_is_refused(tmp_path):
     path.write_text("distance_mm,field_mT\n20,820\n", encoding="utf-8")
     with pytest.raises(TableError, match="r_m, z_m"):
         read_field_scan(path)
-
-
-def test_the_command_compares_a_scan_with_a_drawing(scan, tmp_path):
-    lines = ["distance_m,r_m,z_m,field_T"]
-    columns = (scan.distance, scan.radius, scan.height, scan.field)
-    lines += [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
-    (tmp_path / "scan.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    done = femfit("compare", DRAWING, tmp_path / "scan.csv", "--json", tmp_path / "found.json")
-    assert done.returncode == 0, done.stderr
-    assert "32" in done.stdout
-    assert (tmp_path / "found.json").exists()

@@ -6,7 +6,7 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import MissingPartError
-from femfit.tables.impedance_table import NAME
+from femfit.tables.eddy_table import IMPEDANCES
 from support.eddy_pot import IN_SERIES, POT, TWO_WINDINGS
 
 pytestmark = pytest.mark.nightly
@@ -37,7 +37,7 @@ def impedances(directory, text, **options):
     """What a sweep gives at one bias and three gaps: settings, and complex ohm by the name in the column."""
     directory.with_suffix(".toml").write_text(text)
     ff.run_sweep(directory.with_suffix(".toml"), directory, workers=1, **options)
-    rows = pd.read_csv(directory / NAME)
+    rows = pd.read_csv(directory / IMPEDANCES)
     currents = [name for name in rows if name.startswith("current_")]
     bias = rows[currents].max() if len(currents) > 1 else 0.0
     rows = rows[(rows[currents] == bias).all(axis=1) & rows["distance_m"].isin(GAPS_M)]
@@ -80,7 +80,7 @@ def test_the_windings_in_series_have_the_impedance_of_their_sum(as_drawn, tmp_pa
     directory = tmp_path / "series"
     directory.with_suffix(".toml").write_text(drawn(IN_SERIES))
     ff.run_sweep(directory.with_suffix(".toml"), directory, workers=1)
-    rows = pd.read_csv(directory / NAME)
+    rows = pd.read_csv(directory / IMPEDANCES)
     rows = rows[(rows["current_A"] == rows["current_A"].max()) & rows["distance_m"].isin(GAPS_M)]
     together = rows["resistance_ohm"] + 2j * np.pi * rows["frequency_Hz"] * rows["inductance_H"]
     np.testing.assert_allclose(z["inner"] + z["outer"] + 2.0 * z["inner_outer"], together, rtol=1e-3)
@@ -93,7 +93,7 @@ def test_a_number_that_is_not_as_drawn_is_named_with_its_size(as_drawn, tmp_path
     swept = impedances(tmp_path / "built", drawn(DRAWINGS[windings], **truth))
     for names in READ[windings] if key == CONDUCTIVITY else READ[windings][-1:]:
         path = measured(swept, tmp_path / "z.csv", names, 3)
-        found = ff.diagnose(model, path, rng=1, bootstrap=0)
+        found = ff.diagnose(model, path)
         assert [key in one for one in found.decision.classes] == [True]
         if windings == "two" and key != CONDUCTIVITY:
             (value,) = found.missing[0].parameters.values()
@@ -113,7 +113,7 @@ def test_nothing_is_named_where_all_is_as_drawn(as_drawn, tmp_path, windings, se
     for names in READ[windings]:
         for seed in range(seeds):
             path = measured(swept, tmp_path / "z.csv", names, seed)
-            assert not ff.diagnose(model, path, rng=1, bootstrap=0).missing
+            assert not ff.diagnose(model, path).missing
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_numbers_of_a_material_are_named_and_calibrated_together(as_drawn, tmp_p
     (tmp_path / "pot.toml").write_text(drawn(DRAWINGS[windings]))
     swept = impedances(tmp_path / "built", drawn(DRAWINGS[windings], **truth))
     path = measured(swept, tmp_path / "z.csv", READ[windings][-1], 3)
-    classes = ff.diagnose(as_drawn[windings][0], path, rng=1, bootstrap=0).decision.classes
+    classes = ff.diagnose(as_drawn[windings][0], path).decision.classes
     assert len(classes) == len(keys)
     assert all(any(key in one for one in classes) for key in keys)
     result = ff.calibrate(tmp_path / "pot.toml", path, tmp_path / "run", numbers=list(keys))

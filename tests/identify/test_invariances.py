@@ -33,10 +33,6 @@ def numbers(noise):
     return np.concatenate([noise.sigma, noise.rho, noise.run, noise.test_run, [noise.mount_m, noise.test_mount_m]])
 
 
-def said(diagnosis):
-    return diagnosis.verdict, [one.members for one in diagnosis.missing], diagnosis.confident
-
-
 def told(model, data):
     """The noise and the comparison of a measurement; a diagnosis rests on what it compares."""
     comparison = compare(model, data)
@@ -95,7 +91,7 @@ def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wr
     comparison = compare(levitation_model, table)
     assert estimate_noise(comparison.observations).run[0] < 0.2 * sigma  # nor is it an offset of the runs
     assert comparison.verdict == "fails"
-    assert diagnose(levitation_model, table, bootstrap=0).verdict != "nothing_missing"
+    assert diagnose(levitation_model, table).verdict != "nothing_missing"
 
 
 MILLI = {"force_N": "force_mN", "distance_m": "distance_mm", "current_A": "current_mA"}
@@ -115,46 +111,6 @@ NAMES = {1.0: 40.0, 2.0: 7.0, 3.0: 11.0}
 )
 def test_what_says_the_same_is_told_alike(levitation_model, offset, as_read, tmp_path, rewritten, rtol):
     assert_same(as_read, told(levitation_model, written(rewritten(offset), tmp_path)), rtol)
-
-
-def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_model):
-    once = campaign(levitation_model, 72, **SIZE)
-    rows = pd.concat([once.rows, once.rows.assign(order=once.rows["order"] + 200.0)], ignore_index=True)
-    rng = np.random.default_rng(1)
-    again = np.arange(len(rows)) >= len(once.rows)
-    base = placed(levitation_model, once)
-    for name, sigma in NOISE.items():
-        values = base.base[base.of(name)]
-        rows.loc[again, name] = values + sigma * rng.standard_normal(len(values))
-    noise, more = (estimate_noise(placed(levitation_model, replace(once, rows=one))) for one in (once.rows, rows))
-    # From some 120 repeats, correlated by 0.3, and from 330: 7 % and 4 % standard errors
-    np.testing.assert_allclose(more.sigma, noise.sigma, rtol=0.25)
-    assert (more.repeats > 2.0 * noise.repeats).all()
-
-
-@pytest.mark.nightly
-def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, offset, tmp_path):
-    rng = np.random.default_rng(3)
-    span = float(np.ptp(offset["flux_linkage_Wb"]))
-    noisy = offset.assign(flux_linkage_Wb=offset["flux_linkage_Wb"] + 50.0 * span * rng.standard_normal(len(offset)))
-    file = tmp_path / "noisy.csv"
-    noisy.to_csv(file, index=False)
-    with_noise = read_measurement(file, noise={"flux_linkage_Wb": 50.0 * span})
-    without = written(offset.drop(columns="flux_linkage_Wb"), tmp_path)
-    found = [diagnose(levitation_model, data, bootstrap=0) for data in (without, with_noise)]
-    assert found[0].missing
-    assert said(found[0])[:2] == said(found[1])[:2]
-
-
-@pytest.mark.nightly
-def test_twice_as_many_readings_say_the_same_more_sharply(levitation_model):
-    found = [
-        diagnose(levitation_model, campaign(levitation_model, 73, [HALL], **(SIZE | {"runs": runs})), bootstrap=0)
-        for runs in (2, 4)
-    ]
-    assert said(found[0])[:2] == said(found[1])[:2]
-    shown = [one.detectable["turns"]["turns_error"] for one in found]
-    assert shown[1] < shown[0]
 
 
 def wave(rows):
@@ -194,7 +150,7 @@ def test_more_structure_never_looks_more_like_noise(levitation_model, declared, 
 def test_few_readings_are_neither_a_crash_nor_a_pass(levitation_model, declared, count):
     table = campaign(levitation_model, 75, [HALL], runs=1, distances=4, currents=3)
     few = replace(table, rows=table.rows.iloc[:count].reset_index(drop=True), declared_noise=NOISE if declared else {})
-    comparison, diagnosis = compare(levitation_model, few), diagnose(levitation_model, few, bootstrap=0)
+    comparison, diagnosis = compare(levitation_model, few), diagnose(levitation_model, few)
     assert comparison.verdict != "agrees"  # the Hall readings are seven times their noise off
     if count < 6 or not declared:
         assert {comparison.verdict, diagnosis.verdict} == {"compare_only"}
@@ -214,7 +170,50 @@ def test_a_wild_reading_neither_names_an_effect_nor_hides_one(levitation_model, 
     # Where there is a force to slip
     places = np.random.default_rng(wild).choice(np.flatnonzero(rows["force_N"] > 0.02), wild, replace=False)
     rows.loc[places, "force_N"] *= 10.0
-    found = diagnose(levitation_model, replace(table, rows=rows), bootstrap=0)
+    found = diagnose(levitation_model, replace(table, rows=rows))
     assert [one.name for one in found.missing] == [one.effect.name for one in effects]
     (finding,) = [one for one in found.findings if one.code == "outliers"]
     assert finding.size == wild
+
+
+def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_model):
+    once = campaign(levitation_model, 72, **SIZE)
+    rows = pd.concat([once.rows, once.rows.assign(order=once.rows["order"] + 200.0)], ignore_index=True)
+    rng = np.random.default_rng(1)
+    again = np.arange(len(rows)) >= len(once.rows)
+    base = placed(levitation_model, once)
+    for name, sigma in NOISE.items():
+        values = base.base[base.of(name)]
+        rows.loc[again, name] = values + sigma * rng.standard_normal(len(values))
+    noise, more = (estimate_noise(placed(levitation_model, replace(once, rows=one))) for one in (once.rows, rows))
+    # From some 120 repeats, correlated by 0.3, and from 330: 7 % and 4 % standard errors
+    np.testing.assert_allclose(more.sigma, noise.sigma, rtol=0.25)
+    assert (more.repeats > 2.0 * noise.repeats).all()
+
+
+def said(diagnosis):
+    return diagnosis.verdict, [one.members for one in diagnosis.missing], diagnosis.confident
+
+
+@pytest.mark.nightly
+def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, offset, tmp_path):
+    rng = np.random.default_rng(3)
+    span = float(np.ptp(offset["flux_linkage_Wb"]))
+    noisy = offset.assign(flux_linkage_Wb=offset["flux_linkage_Wb"] + 50.0 * span * rng.standard_normal(len(offset)))
+    file = tmp_path / "noisy.csv"
+    noisy.to_csv(file, index=False)
+    with_noise = read_measurement(file, noise={"flux_linkage_Wb": 50.0 * span})
+    without = written(offset.drop(columns="flux_linkage_Wb"), tmp_path)
+    found = [diagnose(levitation_model, data) for data in (without, with_noise)]
+    assert found[0].missing
+    assert said(found[0])[:2] == said(found[1])[:2]
+
+
+@pytest.mark.nightly
+def test_twice_as_many_readings_say_the_same_more_sharply(levitation_model):
+    found = [
+        diagnose(levitation_model, campaign(levitation_model, 73, [HALL], **(SIZE | {"runs": runs}))) for runs in (2, 4)
+    ]
+    assert said(found[0])[:2] == said(found[1])[:2]
+    shown = [one.detectable["turns"]["turns_error"] for one in found]
+    assert shown[1] < shown[0]

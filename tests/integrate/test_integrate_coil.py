@@ -1,7 +1,5 @@
 """Records that are short, damaged or absurd give a result without a warning, or one sentence."""
 
-import itertools
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -37,15 +35,14 @@ ODD = {
     "words": GOOD.assign(coil_voltage_V="much"),
     "no voltage": GOOD.drop(columns="coil_voltage_V"),
 }
-METHODS = [("trapezoid", False), ("ffa1", False), ("ffa2", False)]
-METHODS += list(itertools.product(("cs2", "cs1-offset"), (False, True)))
+METHODS = ("trapezoid", "ffa1", "ffa2", "cs2", "cs1-offset")
 
 
 @pytest.mark.parametrize("name", ODD)
-@pytest.mark.parametrize(("method", "smooth"), METHODS)
-def test_an_odd_record_ends_in_a_result_or_in_one_sentence(name, method, smooth):
+@pytest.mark.parametrize("method", METHODS)
+def test_an_odd_record_ends_in_a_result_or_in_one_sentence(name, method):
     try:
-        result = integrate_coil(ODD[name], method=method, smooth=smooth, **AREA, **OPTIONS.get(method, {}))
+        result = integrate_coil(ODD[name], method=method, **AREA, **OPTIONS.get(method, {}))
     except FemfitError as error:
         said = str(error)
     else:
@@ -53,11 +50,6 @@ def test_an_odd_record_ends_in_a_result_or_in_one_sentence(name, method, smooth)
         assert result.samples == len(result.rows)
     assert 20 < len(said) < 1500
     assert name != "as it is" or "Wb" in said or " T " in said
-
-
-def test_a_voltage_that_no_coil_has_is_refused_with_its_size():
-    with pytest.raises(TableError, match=r"1e\+300 V"):
-        integrate_coil(ODD["a voltage that no coil has"], method="trapezoid")
 
 
 def test_the_integral_of_a_known_voltage_is_the_flux_linkage():
@@ -75,9 +67,6 @@ def test_the_integral_of_a_known_voltage_is_the_flux_linkage():
         ("ffa1", {"zero_reading_s": 0.5, "still_A": 0.1}, "--still-A is for ffa2"),
         ("ffa2", {"zero_reading_s": 0.5}, "--zero-reading-s is for ffa1"),
         ("trapezoid", {"reference_gain_sigma": 1e-3}, "--reference-gain-sigma is for cs1-offset"),
-        ("trapezoid", {"smooth": True}, "--smooth is for cs1-offset"),
-        ("cs1-offset", {"distance_m": 0.02}, "--distance-mm belongs to --model"),
-        ("trapezoid", {"coil_area_m2": None, "coil_area_sigma_m2": 1e-6}, "--coil-area-sigma belongs to --coil-area"),
     ],
 )
 def test_an_option_that_would_do_nothing_is_refused(method, options, named):
@@ -115,27 +104,6 @@ def test_the_current_over_a_ratio_ends_the_drift(ratio):
     assert np.abs(error[-2000:]).max() < 0.03 * 0.15
     assert abs(error[-1]) < 2.0 * result.standard_uncertainty
     assert result.offset_V == pytest.approx(2e-5, abs=5e-6)
-
-
-@pytest.mark.parametrize(
-    ("column", "spoiled"), [(None, ()), ("hall_T", ("stuck",)), ("coil_voltage_V", ("stuck-voltage",))]
-)
-def test_the_first_line_states_no_number_that_the_record_refutes(column, spoiled):
-    time, random = np.arange(0.0, 20.0, 1e-3), np.random.default_rng(3)
-    field = 0.5 - 0.5 * np.cos(2.0 * np.pi * time / 10.0)
-    rows = pd.DataFrame(
-        {
-            "time_s": time,
-            "coil_voltage_V": 0.06 * np.gradient(field, time) + random.normal(0.0, 8e-6, len(time)),
-            "hall_T": field + random.normal(0.0, 3e-5, len(time)),
-        }
-    )
-    if column is not None:
-        rows.loc[12_500:, column] = rows[column][12_500]
-    integral = integrate_coil(rows, coil_area_m2=0.06)
-    assert set(spoiled) <= set(integral.refuted_by)
-    assert bool(spoiled) == bool(integral.refuted_by) == ("+-" not in str(integral).splitlines()[0])
-    assert integral.to_dict()["end"]["refuted_by"] == list(integral.refuted_by)
 
 
 def test_without_a_plateau_ffa2_is_as_uncertain_as_the_plain_integral():

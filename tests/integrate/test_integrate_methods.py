@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from arpaia2022.experiment import ExperimentInputs, synthesise
 from arpaia2022.kalman import KalmanIntegrator
-from arpaia2022.sensors import PAPER_COIL, paper_noise
+from arpaia2022.sensors import PAPER_COIL
 
 from femfit.core.errors import TableError
 from femfit.integrate.feed_forward import FeedForwardIntegrator
@@ -104,32 +104,6 @@ def test_plateau_mean_is_not_updated_on_ramps_and_while_eddy_currents_decay(expe
         assert block.offset[k] == pytest.approx(np.mean(experiment.offset[k - 1000 : k]) + moved, abs=0.15e-6)
 
 
-@pytest.mark.parametrize(
-    ("rate", "samples", "microtesla", "off"),
-    [(204.8e3, 2**19, 65.6, 0.1), (1e3, 20_000, 938.0, 2.0)],  # Table 3 prints 65; ERRATA's closed form is 65.6
-)
-def test_the_literal_filter_has_the_uncertainty_of_its_sample_rate(rate, samples, microtesla, off):
-    integrator = KalmanIntegrator(PAPER_COIL, paper_noise(True), 1.0 / rate)
-    record = CoilBlock(np.arange(samples) / rate, np.zeros(samples), np.full(samples, 1.012))
-    state, _ = integrator.advance(integrator.start(), record)
-    assert 2e6 * np.sqrt(state.variance) == pytest.approx(microtesla, abs=off)
-
-
-def test_one_state_lags_by_offset_times_time_constant_over_area():
-    noise = paper_noise(True, 1.0 / DT)
-    time = np.arange(20_000) * DT
-    block = run(
-        KalmanIntegrator(PAPER_COIL, noise, DT),
-        CoilBlock(time, np.full(20_000, 7e-6), np.full(20_000, 1.0)),
-    )
-    gain = block.variance[-1] / noise.reference.variance(np.array(1.0))
-    # tau = T_s (1 - K) / K at rest, exactly; ERRATA says 44 uT.
-    assert block.field[-1] - 1.0 == pytest.approx(7e-6 * DT * (1 - gain) / gain / 0.059394, rel=1e-6)
-    assert block.field[-1] - 1.0 == pytest.approx(44e-6, abs=1e-6)
-    assert block.offset[-1] == pytest.approx(7e-6, rel=1e-3)
-    assert block.responses.voltage_unit[-1] * 7e-6 == pytest.approx(block.field[-1] - 1.0, rel=1e-6)
-
-
 @pytest.mark.parametrize("area", [0.0, -0.1, np.nan, np.inf])
 def test_an_area_that_is_not_positive_is_refused(area):
     with pytest.raises(TableError, match="> 0 m2"):
@@ -157,15 +131,6 @@ def test_plateaus_are_told_at_the_papers_sample_rate():
     state, on_ramp = integrator.advance(state, record[round(1.2 * rate) :])
     assert len(np.unique(on_ramp.offset)) == 1
     assert state.still == 0.0
-
-
-@PIECES
-def test_plateaus_are_told_online_as_offline_where_samples_are_averaged(cuts, stretch):
-    fast = CoilBlock(stretch.time / 7.0, stretch.voltage, None, stretch.current)
-    integrator = replace(INTEGRATORS["ffa2"], sample_time=DT / 7.0)
-    whole = run(integrator, fast)
-    assert 1 < len(np.unique(whole.offset)) < 20
-    np.testing.assert_allclose(run(integrator, fast, cuts).offset, whole.offset, rtol=1e-9)
 
 
 def lab_field():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD
 
-from femfit.integrate.bench_table import resistance_finding, watch_run
+from femfit.integrate.bench_table import watch_run
 from femfit.integrate.identified_field import field_of_ratio
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.plateaus import PlateauOptions, plateau_flux
@@ -39,19 +39,6 @@ def changed(record, **columns):
     return CoilBlock(*(columns.get(name, getattr(record, name)) for name in names))
 
 
-def stuck(record):
-    hall = record.hall.copy()
-    hall[3000:20_000] = hall[3000]
-    return changed(record, hall=hall)
-
-
-def stuck_on_the_ramp(record):
-    voltage = record.voltage.copy()
-    ramp = int(np.argmax(voltage > 0.5 * voltage.max()))
-    voltage[ramp:] = voltage[ramp]
-    return changed(record, voltage=voltage)
-
-
 def stumbling(record):
     time = record.time.copy()
     time[3000] = time[2999] + 0.1 * DT
@@ -68,12 +55,6 @@ def without_readings(record):
         (lambda record: record, 777, set(), None),
         (without_readings, 62_000, set(), None),
         (stumbling, 777, {"clock"}, "60.999"),
-        (stuck, 777, {"stuck", "innovations"}, "stuck"),
-        (stuck, 62_000, {"stuck", "innovations"}, "stuck"),
-        (stuck_on_the_ramp, 777, {"stuck-voltage", "innovations"}, "the coil's voltage, which stuck"),
-        (stuck_on_the_ramp, 62_000, {"stuck-voltage", "innovations"}, "the coil's voltage, which stuck"),
-        (lambda record: changed(record, voltage=np.minimum(record.voltage, 0.0185)), 5000, {"clipped"}, "clipped"),
-        (lambda one: changed(one, hall=np.minimum(one.hall, 0.5)), 777, {"saturated", "innovations"}, "saturated"),
         (lambda record: changed(record, voltage=-record.voltage), 5000, {"sign", "innovations"}, "sign"),
         (lambda record: changed(record, voltage=-record.voltage, hall=None), 777, {"sign", "innovations"}, "sign"),
     ],
@@ -84,13 +65,6 @@ def test_each_fault_is_found_and_suspected_in_blocks_of_any_size(fault, block, c
     assert codes <= set(findings)
     assert codes or not findings
     assert words is None or words in findings.get("innovations", findings[min(codes)])
-
-
-@pytest.mark.parametrize(
-    "spoil", [stuck, stuck_on_the_ramp, lambda one: changed(one, voltage=one.voltage.clip(-1, 0.01))]
-)
-def test_no_area_is_proposed_where_something_else_makes_coil_and_probe_differ(spoil, stretch):
-    assert "gain" not in found(spoil(stretch))
 
 
 @pytest.mark.parametrize("block", [777, 62_000])
@@ -185,22 +159,3 @@ def test_a_clock_that_stutters_is_named():
     found = plateau_flux(time, without, CURRENT, DISTANCE, PlateauOptions())
     kinds = [one.code for one in watch_run(time, without + RESISTANCE * CURRENT, without, CURRENT, found)]
     assert kinds == ["clock"]
-
-
-LEVELS = np.array([0.0, 0.5, 1.0, 1.5, 1.0, 0.0])
-OFFSETS = np.random.default_rng(2).normal(5e-6, 2e-6, 6)
-
-
-@pytest.mark.parametrize(
-    ("resistance", "given", "words"),
-    [
-        (2.0, 2.05, None),  # 2.5 %: a few degrees
-        (0.0, None, None),
-        (2.3, 2.0, "warm"),
-        (-2.0, 2.0, "sign"),
-        (2.0, None, "--resistance-ohm 2"),
-    ],
-)
-def test_the_plateaus_tell_the_resistance(resistance, given, words):
-    finding = resistance_finding(resistance * LEVELS + OFFSETS, LEVELS, given)
-    assert (finding is None) if words is None else (words in str(finding))

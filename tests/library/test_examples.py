@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 import femfit
-from femfit.field.sweep_workers import solve_here
 from support.actuators import GEOMETRY, rig_at
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -53,9 +52,12 @@ def write_records(place):
 @pytest.fixture(autouse=True)
 def one_process(monkeypatch):
     """Sweeps are solved here: what an example prints does not depend on it, and a process takes 3 s to start."""
-    monkeypatch.setattr(
-        "femfit.field.sweep.solve_in_processes", lambda tasks, solve, done, _: solve_here(tasks, solve, done)
-    )
+
+    def here(tasks, solve, done, _workers):
+        for task in tasks:
+            done(task, solve(task))
+
+    monkeypatch.setattr("femfit.field.sweep.solve_in_processes", here)
 
 
 SLOW = ("CalibrationResult", "calibrate", "observe", "suggest", "write_report")

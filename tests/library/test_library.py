@@ -1,12 +1,9 @@
 """``import femfit``: the public names, what they load, and scripts as users write them."""
 
 import ast
-import os
 import pickle
 import subprocess
 import sys
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -17,7 +14,6 @@ from support.actuators import GEOMETRY
 
 STUB = Path(femfit.__file__).with_name("__init__.pyi")
 HEAVY = ("numpy", "pandas", "scipy", "ngsolve", "cvxpy", "matplotlib", "pyvista", "pydantic")
-TYPES = {name for name in femfit.__all__ if name[0].isupper()}
 
 
 def run_python(code, *arguments, **options):
@@ -101,45 +97,6 @@ def test_a_public_function_works_with_one_blas_thread_and_gives_back_the_callers
         assert blas_threads()[: len(before)] == before
     assert inside
     assert all(set(threads) == {1} for threads in inside)
-
-
-def threads_after_fork():
-    """BLAS threads of a child process, less those that the parent had before."""
-    child = os.fork()
-    if child == 0:
-        os._exit(max(blas_threads(), default=0))
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-
-
-@pytest.mark.nightly
-@pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
-def test_a_child_process_has_the_limit_of_its_own_calls_and_not_of_other_threads(levitation_model):
-    entered, forked, inside = threading.Event(), threading.Event(), []
-
-    def wait(*_):
-        entered.set()
-        forked.wait(60)
-
-    def loop(progress):
-        femfit.close_loop(levitation_model, **LOOP, progress=progress)
-
-    with ThreadPoolExecutor(1) as ended:  # whose limit any later thread may change
-        callers = ended.submit(threadpool_limits, 2, user_api="blas").result()
-    try:
-        other = threading.Thread(target=loop, args=(wait,))
-        other.start()
-        try:
-            assert entered.wait(60)
-            assert set(blas_threads()) == {1}
-            assert threads_after_fork() == 2
-        finally:
-            forked.set()
-            other.join()
-        assert 2 in blas_threads()
-        loop(lambda *_: inside.append(threads_after_fork()))
-    finally:
-        callers.restore_original_limits()
-    assert set(inside) == {1}
 
 
 def test_a_keyword_that_a_function_has_not_is_answered_with_the_nearest(levitation_model):

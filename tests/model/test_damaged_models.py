@@ -57,29 +57,29 @@ def used(path):
     followed.step(state, np.zeros(n), np.ones(len(followed.process.outputs)))
 
 
-def try_many(folder, count, seed):
-    """Use damaged models; what is raised that is no error of femfit ends the process."""
+def try_many(folder, count, seed, use):
+    """Read or use damaged models; what is raised that is no error of femfit ends the process."""
     random = np.random.default_rng(seed)
     documents = [json.loads((MODELS / f"{name}.json").read_text(encoding="utf-8")) for name in NAMES]
     path, read = Path(folder) / "model.json", 0
     for _ in range(count):
         path.write_text(json.dumps(damaged(documents[random.integers(len(documents))], random)), encoding="utf-8")
         try:
-            used(path)
+            use(path)
             read += 1
         except FemfitError:
             pass
     sys.stdout.write(str(read))
 
 
-@pytest.mark.nightly
-def test_damaged_models_are_used_or_refused_and_the_interpreter_goes_on(tmp_path):
+@pytest.mark.parametrize(("count", "use"), [(150, "model_of"), pytest.param(300, "used", marks=pytest.mark.nightly)])
+def test_damaged_models_are_used_or_refused_and_the_interpreter_goes_on(tmp_path, count, use):
     program = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_damaged_models as t; t."
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", f"{program}try_many({str(tmp_path)!r}, 300, 1)"],
+        [sys.executable, "-W", "ignore", "-c", f"{program}try_many({str(tmp_path)!r}, {count}, 1, t.{use})"],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert 30 < int(done.stdout) < 300
+    assert 0.1 * count < int(done.stdout) < count

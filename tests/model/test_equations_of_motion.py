@@ -181,42 +181,12 @@ def test_states_of_effects_converge_with_the_second_order(levitation_model):
     assert (coarse / fine > 3.0).all()  # four of them; a state that a fast change saturates forgets its errors
 
 
-def test_runge_kutta_converges_with_the_fourth_order(levitation_model):
-    start, volts = np.array([[0.024, 0.02, 0.4]]), voltage_of(levitation_model, np.array([[1.5]]))
-    exact = runge_kutta_step(levitation_model, start, volts, 0.016, substeps=512)
-    coarse, fine = (
-        np.abs(runge_kutta_step(levitation_model, start, volts, 0.016, substeps) - exact)[0, 0] for substeps in (4, 8)
-    )
-    # Asymptotic ratio 2^4; 10 % of an order for the pre-asymptotic part.
-    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.4)
-
-
-def test_points_take_the_same_step_together_alone_and_in_any_shape(model):
-    states, volts = states_of(model, 6)
-    seconds = model.sample_time_s
-    wanted = step(model, states, volts, seconds)
-    alone = np.concatenate([step(model, states[k : k + 1], volts[k : k + 1], seconds) for k in range(6)])
-    np.testing.assert_allclose(alone, wanted, rtol=1e-12, atol=1e-15)
-    if model.circuits:
-        shaped = step(model, states.reshape(2, 3, -1), volts.reshape(2, 3, -1), seconds)
-        np.testing.assert_array_equal(shaped.reshape(wanted.shape), wanted)
-
-
 def test_a_lost_run_leaves_the_others_their_states(model):
     states, volts = states_of(model, 3)
     wanted, states[1, 0] = step(model, states, volts, 1e-3), np.nan
     found = step(model, states, volts, 1e-3)
     np.testing.assert_array_equal(found[[0, 2]], wanted[[0, 2]])
     assert np.isnan(found[1, :2]).all()
-
-
-def test_force_and_motional_constants_at_distances_that_stay_are_those_of_the_state(model):
-    states, _ = states_of(model.without_eddies)
-    distance, currents = states[:, 0], states[:, 2:]
-    state = model.magnetics.state(distance, currents)
-    force, motional_constant = model.magnetics.at_distances(distance)(currents)
-    np.testing.assert_allclose(force, state.force, rtol=1e-12)
-    np.testing.assert_allclose(motional_constant, state.motional_constant, rtol=1e-12)
 
 
 def test_all_flux_linkages_are_kept_at_an_impact(model):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.device.load import read_actuator
-from femfit.device.summary import sweep_manifest_entry
+from femfit.device.load import read_actuator, sweep_manifest_entry
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ActuatorKind, ValidityBox
 from femfit.model.with_effects import nominal_of

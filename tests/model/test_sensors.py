@@ -15,13 +15,11 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import recorded_setting, true_setting
-from femfit.estimate.kalman_filter import kalman_filter
 from femfit.fit.build import fit_model
 from femfit.fit.model_parts import other_sensors_of
 from femfit.model.dynamics import state_derivative
-from femfit.model.sensed_effects import true_setting_of
 from femfit.model.sensors import predict_sensor, reading_of, sample_weights, sampled_readings, sampled_value, sensors_of
-from femfit.model.with_effects import nominal_of, with_effects
+from femfit.model.with_effects import nominal_of, true_setting_of, with_effects
 from support.added_effects import added
 from support.bearing import hall_field, table_with_hall
 from support.halves import NAMES, cut_in_two
@@ -227,14 +225,6 @@ def test_a_pickup_coil_is_linked_by_the_true_number_of_turns_of_the_winding():
     flux = fewer.magnetics.flux_linkage(D, AMPERES) / model.magnetics.flux_linkage(D, AMPERES)
     np.testing.assert_allclose(flux, 0.81, rtol=1e-6)
     np.testing.assert_allclose(linked(model), SHARE * model.magnetics.flux_linkage(D, AMPERES)[:, 0], rtol=1e-3)
-
-
-def test_effects_reach_the_measurement_of_a_filter_that_reads_a_pickup_coil():
-    model = searched(noise=1e-3)
-    states = np.array([[2e-3, 0.1, 0.5], [3e-3, -0.1, 1.0]])
-    fewer = with_effects(model, [added("turns", turns_error=-0.1)])
-    base, changed = (kalman_filter(one, sensors=("search",)).process.begun(states) for one in (model, fewer))
-    np.testing.assert_allclose(changed[:, 3:], 0.9 * base[:, 3:])
 
 
 def test_turns_and_remanence_scale_a_hall_elements_field_of_several_circuits():

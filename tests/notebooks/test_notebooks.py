@@ -48,7 +48,7 @@ def test_notebook_runs(path, workplace):
 
 @pytest.mark.nightly
 def test_the_bench_of_the_notebook_still_lacks_the_effects_that_it_names(rig_sweep):
-    found = ff.diagnose(ff.fit_model(rig_sweep).model, ROOT / "data" / "levitation_bench.csv", bootstrap=0)
+    found = ff.diagnose(ff.fit_model(rig_sweep).model, ROOT / "data" / "levitation_bench.csv")
     assert {effect.name for effect in found.missing} == {"coil_temperature", "core_saturation"}
 
 

@@ -1,11 +1,9 @@
-"""Tables 2 to 5 of the levitation paper, and its eq. (10), on a sweep table.
+"""Tables 2 to 5 of the levitation paper on a sweep table.
 
     python tests/papers/chowdhury_force.py runs/emaws-rig
 
-prints whether the force is linear in the current (Table 2), F1e and F2e at each current (Tables 3 and 5), their
-coefficients as functions of the current (Table 4), and why the box of eq. (10) excludes every solution: it writes the
-fit with one slack a row, sum_k c_k phi_k(d_j) + s_j = F_j, and bounds every variable, slacks included, by 0 and 1e-7,
-so that the law would have to lie between F_j - 1e-7 N and F_j in every row.
+prints whether the force is linear in the current (Table 2), F1e and F2e at each current (Tables 3 and 5, Figures 8 and
+9) and their coefficients as functions of the current (Table 4, Figure 10).
 
 References
 ----------
@@ -17,21 +15,15 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.stats import f as fisher
 
 from femfit.core.numerics import FloatArray
-from femfit.fit.bounded_qp import active_set_least_squares
-from femfit.fit.law_columns import CoefficientBounds
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import law_by_name
-from femfit.laws.law import ForceLaw
 from femfit.tables.sweep_table import read_sweep_table
 
 GRAVITY = 9.80665
-PAPER_BOUND = 1e-7
-"""Upper bound of every variable in eq. (10), in each variable's own SI unit."""
 
 # Relative residuals below this are rounding of stored numbers, not noise.
 _ROUNDING = 1e-10
@@ -41,18 +33,14 @@ _ROUNDING = 1e-10
 class LinearityTest:
     """Differences of the force at adjacent currents (p, 2), their mean and deviation over the distances, the i^2 part.
 
-    ``spread_between_pairs`` is the largest difference of the means per ampere over their mean. The two shares of the
-    i^2 part, of the dependence on the current (rms) and of the force (largest), say whether it matters; its F test over
-    all distances, whether it is there. That test is None with fewer than four currents, and where a parabola leaves
-    nothing but rounding (a superposed sweep): there is then no noise to test against.
+    Its share of the dependence on the current says whether it matters; its F test over all distances, whether it is
+    there: None where a parabola leaves nothing but rounding.
     """
 
     pairs_A: FloatArray
     mean_N: FloatArray
     sd_N: FloatArray
-    spread_between_pairs: float
     quadratic_share: float
-    quadratic_of_force: float
     f_value: float | None
     p_value: float | None
     degrees_of_freedom: tuple[int, int]
@@ -66,16 +54,13 @@ def linearity_test(rows: FitRows) -> LinearityTest | None:
     order = np.lexsort((rows.distance, rows.current))
     force = rows.force[order].reshape(len(currents), len(distances))
     differences = np.diff(force, axis=0)
-    per_ampere = differences.mean(axis=1) / np.diff(currents)
     quadratic, f_value, p_value, freedom = beside_line(currents, force)
     change = force - force.mean(axis=0)
     return LinearityTest(
         pairs_A=np.stack([currents[:-1], currents[1:]], axis=1),
         mean_N=differences.mean(axis=1),
         sd_N=differences.std(axis=1, ddof=1),
-        spread_between_pairs=float(np.ptp(per_ampere) / abs(per_ampere.mean())) if per_ampere.mean() else 0.0,
-        quadratic_share=float(np.sqrt(np.mean(quadratic**2) / np.mean(change**2))) if np.any(change) else 0.0,
-        quadratic_of_force=float(np.max(np.abs(quadratic)) / np.max(np.abs(force))),
+        quadratic_share=float(np.sqrt(np.mean(quadratic**2) / np.mean(change**2))),
         f_value=f_value,
         p_value=p_value,
         degrees_of_freedom=freedom,
@@ -104,66 +89,17 @@ def beside_line(currents, values, through_origin=False):
     return part, f_value, float(fisher.sf(f_value, *freedom)), freedom
 
 
-def needed_slacks(law: ForceLaw, rows: FitRows, box: CoefficientBounds) -> dict[float, float]:
-    """By current, the least upper bound of the slacks F_j - law(d_j) in N with which the box holds a solution.
-
-    Infinite where the law cannot stay below every F_j. Each current is checked by itself, as in stage one.
-    """
-    found = {}
-    for i in rows.currents:
-        at = rows.current == i
-        found[float(i)] = _needed_slack(law.columns(rows.distance[at], {}), rows.force[at], box)
-    return found
-
-
-def asked_for(law: ForceLaw, rows: FitRows, box: CoefficientBounds) -> dict[float, FloatArray]:
-    """By current, the coefficients that the data ask for without upper bounds."""
-    found = {}
-    for i in rows.currents:
-        at = rows.current == i
-        columns = law.columns(rows.distance[at], {})
-        found[float(i)] = active_set_least_squares(columns, rows.force[at], np.ones(int(at.sum())), box.lower)
-    return found
-
-
-def _needed_slack(columns: FloatArray, force: FloatArray, box: CoefficientBounds) -> float:
-    """The least upper bound of the slacks that leaves a solution, N; infinite where there is none."""
-    scale = np.linalg.norm(columns, axis=0)
-    unit = float(np.max(np.abs(force))) or 1.0
-    scaled = columns / scale
-    ones = np.ones((len(force), 1))
-    programme = linprog(
-        np.append(np.zeros(columns.shape[1]), 1.0),
-        A_ub=np.block([[scaled, 0.0 * ones], [-scaled, -ones]]),
-        b_ub=np.concatenate([force, -force]) / unit,
-        bounds=[*zip(box.lower * scale / unit, box.upper * scale / unit, strict=True), (0.0, None)],
-        method="highs",
-    )
-    return np.inf if programme.x is None else float(programme.x[-1]) * unit
-
-
-def paper_box(law: ForceLaw) -> CoefficientBounds:
-    """0 and 1e-7 on every coefficient."""
-    return CoefficientBounds(np.zeros(len(law.basis)), np.full(len(law.basis), PAPER_BOUND))
-
-
-def stage_one_lines(fit: LawFit, rows: FitRows) -> list[str]:
-    """Tables 3 and 5: each current by itself, and what the functions of the current leave."""
+def law_lines(fit: LawFit, rows: FitRows) -> list[str]:
+    """Tables 3 and 5, each current by itself with what functions of the current leave, and Table 4, these functions."""
+    names = "  ".join(f"{basis:>13}" for basis in fit.law.basis)
     lines = [f"{fit.law.name} at each current (J: sum of squared residuals in N^2)"]
-    lines.append(
-        f"  {'current_A':>9}  " + "  ".join(f"{b:>13}" for b in fit.law.basis) + "          J  J with functions"
-    )
+    lines.append(f"  {'current_A':>9}  {names}          J  J with functions")
     for k, i in enumerate(fit.stage_one.currents):
         at = rows.current == i
         left = fit.force(fit.two_stage, rows.distance[at], rows.current[at]) - rows.force[at]
         values = "  ".join(f"{value:13.5e}" for value in fit.stage_one.coefficients[k])
         lines.append(f"  {i:9.4g}  {values}  {fit.stage_one.residual_sums[k]:9.3e}  {np.sum(left**2):9.3e}")
-    return lines
-
-
-def stage_two_lines(fit: LawFit) -> list[str]:
-    """Table 4: coefficients as functions of the current, with the held-out error of each that was tried."""
-    lines = [f"{fit.law.name}: coefficients as functions of the current"]
+    lines.append(f"{fit.law.name}: coefficients as functions of the current")
     for basis, function in zip(fit.law.basis, fit.stage_two, strict=True):
         tried = ", ".join(f"{name} {error:.2e}" for name, error in function.held_out.items())
         values = ", ".join(f"{value:.4e}" for value in function.values)
@@ -183,21 +119,6 @@ def linearity_lines(test: LinearityTest) -> list[str]:
     return lines
 
 
-def box_lines(law: ForceLaw, rows: FitRows) -> list[str]:
-    """Why eq. (10) holds no solution."""
-    box = paper_box(law)
-    free = CoefficientBounds(box.lower, np.full(len(box.upper), np.inf))
-    lines = [f"eq. (10) bounds every slack and coefficient by 0..{PAPER_BOUND:g}; the slacks would have to reach, in N"]
-    without = needed_slacks(law, rows, free)
-    for i, needed in needed_slacks(law, rows, box).items():
-        lines.append(f"  {i:9.4g} A: {needed:.3g}, and without upper bounds on the coefficients still {without[i]:.3g}")
-    for i, values in asked_for(law, rows, box).items():
-        for basis, unit, value, upper in zip(law.basis, law.coefficient_units, values, box.upper, strict=True):
-            if value > upper:
-                lines.append(f"  {i:9.4g} A: the bound {upper:g} of {basis} excludes {value:.3g} {unit}")
-    return lines
-
-
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
@@ -208,8 +129,7 @@ def main() -> None:
     lines = linearity_lines(test) if test else ["no full grid of three currents: linearity not tested"]
     for name in ("F1e", "F2e"):
         fit = fit_law(law_by_name(name), rows)
-        lines += [*stage_one_lines(fit, rows), *stage_two_lines(fit)]
-    lines += box_lines(law_by_name("F1e"), rows)
+        lines += law_lines(fit, rows)
     sys.stdout.write("\n".join(lines) + "\n")
 
 

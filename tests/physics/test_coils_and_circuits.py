@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,10 +9,9 @@ import pytest
 from femfit.core.numerics import MU_0
 from femfit.device.electrics import Circuit, HallElement
 from femfit.device.parts import Coil
-from femfit.field.weak_form import flux_density
 from support.actuators import magnet, rectangle
 from support.devices import device, linear, loudspeaker
-from support.field import fields, prepared
+from support.field import prepared
 from support.validation_cases import pair_of_loops, thin_coil
 
 
@@ -60,27 +58,6 @@ def test_coils_in_series_are_one_coil_of_all_their_turns():
     np.testing.assert_allclose(second.flux_linkage, first.flux_linkage, rtol=5e-4)
 
 
-@pytest.mark.parametrize("distance", [pytest.param(-9e-3, marks=pytest.mark.nightly), -6e-3])
-def test_a_voice_coils_force_is_the_lorentz_force_of_the_gaps_field(distance):
-    speaker = linear(loudspeaker(distances=(distance,)))
-    problem = prepared(speaker, distance)
-    solution = problem.solve(distance)
-    (coil,) = speaker.coils
-    (r1, z1), (r2, z2) = coil.vertices_m[0], coil.vertices_m[2]
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-    r = 0.5 * (r1 + r2) + 0.5 * (r2 - r1) * nodes
-    # Panels as long as the gap is wide: the field has the plate's corners near.
-    edges = np.linspace(z1, z2, 9) + distance
-    radial = flux_density(fields(problem, distance)[0])
-    total = 0.0
-    for low, high in pairwise(edges):
-        z = 0.5 * (low + high) + 0.5 * (high - low) * nodes
-        b = np.array([[radial(problem.mesh(x, y))[0] for x in r] for y in z])
-        total += 0.25 * (r2 - r1) * (high - low) * np.einsum("ij,j,i,j->", b, r, weights, weights)
-    lorentz = 2.0 * math.pi * coil.turns / ((r2 - r1) * (z2 - z1)) * total
-    assert 2.0 * solution.force[0, 1] == pytest.approx(lorentz, rel=2e-4)
-
-
 def test_a_voice_coils_force_per_current_adds_up_to_its_change_of_flux_linkage():
     # dF/di = -d(flux linkage)/dd, integrated over 2 mm, each distance with a mesh of its own.
     low, high = -8e-3, -6e-3
@@ -94,18 +71,3 @@ def test_a_voice_coils_force_per_current_adds_up_to_its_change_of_flux_linkage()
     assert 0.5 * (high - low) * weights @ constant == pytest.approx(change[0], rel=2e-4)
     reluctance = np.array([solution.force[1, 1] for solution in middle])
     assert 0.5 * (high - low) * weights @ reluctance == pytest.approx(0.5 * change[1], rel=2e-3)
-
-
-def test_a_second_circuit_without_current_changes_nothing():
-    coils = [
-        Coil(rectangle(0.01, 0.02, -0.02, -0.005), 300.0, 1.0, name="first"),
-        thin_coil(0.03, -0.01, name="second"),
-    ]
-    two = device(
-        "two", coils=coils, moving=[magnet(1.3, 0.005, 0.005)], currents=((0.0, 1.0), (0.0,)), distances=(0.01,)
-    )
-    one = dataclasses.replace(two, circuits=two.circuits[:1], sweep=dataclasses.replace(two.sweep, further_A=()))
-    first, second = (prepared(actuator, 0.01) for actuator in (one, two))
-    rows, both = first.rows(0.01, (0.0, 1.0)), second.rows(0.01, ((0.0, 0.0), (1.0, 0.0)))
-    np.testing.assert_allclose(both["force_N"], rows["force_N"], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(both["flux_linkage_first_Wb"], rows["flux_linkage_Wb"], rtol=1e-9)

@@ -1,7 +1,6 @@
 """Bearings, balls, plungers and magnets of any direction against closed forms, limits and each other."""
 
 import math
-from itertools import pairwise
 
 import ngsolve as ng
 import numpy as np
@@ -16,9 +15,8 @@ from femfit.field.drawing import build_mesh
 from femfit.field.layout import layout_of
 from femfit.field.tolerance import SolverSettings
 from support.actuators import magnet, rectangle
-from support.devices import ball, bearing, device, linear, millimetres, push_solenoid
+from support.devices import ball, bearing, device, linear
 from support.field import prepared
-from support.saturating import rows_at
 
 
 def device_with(actuator, *sensors):
@@ -100,28 +98,6 @@ def test_a_ball_is_meshed_round_and_refined_at_no_corner():
     assert sum(element.mat == "moving:ball" for element in mesh.Elements()) < 100
 
 
-def test_force_on_a_ball_lies_between_those_on_the_cylinders_in_and_round_it():
-    # A body within another of the same steel is pulled less: the co-energy grows with every part that is added.
-    sphere = linear(ball())
-    inner = Region(
-        "in", millimetres(0, 12.5 / math.sqrt(2.0), 12.5 - 12.5 / math.sqrt(2.0), 12.5), sphere.fixed[0].material
-    )
-    shift = 8e-3
-    box = Region("box", millimetres(0, 12.5, 0, 25), sphere.fixed[0].material)
-    inscribed = Region("inscribed", tuple((r, z - inner.vertices_m[0][1]) for r, z in inner.vertices_m), inner.material)
-    forces = []
-    for body, distance in (
-        (inscribed, shift + inner.vertices_m[0][1]),
-        (sphere.moving.regions[0], shift),
-        (box, shift),
-    ):
-        one = device(
-            "one", fixed=sphere.fixed, coils=sphere.coils, moving=[body], currents=((0.0, 1.0),), distances=(distance,)
-        )
-        forces.append(prepared(one, distance).solve(distance).force[1, 1])
-    assert all(less < more for less, more in pairwise(forces))
-
-
 def test_a_bearings_stiffness_and_force_per_current_are_those_of_its_gaps():
     # Two gaps in series without fringing: F = N^2 i^2 mu_0 A / (2 g^2) a side, 1 / A = 1 / A_1 + 1 / A_2; fringing of
     # 0.5 mm at poles of 8 mm adds up to a tenth. Bias i_0 in both: k_i = dF/di, k_s = -dF/dd, k_s / k_i = i_0 / g.
@@ -163,13 +139,3 @@ def rows_at_points(actuator, distance, points):
     settings = SolverSettings(order=3)
     problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
     return {name: np.array(values) for name, values in problem.rows(distance, points).items()}
-
-
-@pytest.mark.nightly  # the same by virtual work in test_other_forces.py
-def test_a_plunger_in_its_bore_is_pulled_with_the_slope_of_its_coenergy():
-    step = 1e-4
-    distances = (2e-3 - step, 2e-3, 2e-3 + step)
-    actuator = push_solenoid(currents=(0.5, 1.5), distances=distances)
-    low, middle, high = (rows_at(actuator, d, SolverSettings(order=3)) for d in distances)
-    slope = -(high["coenergy_J"] - low["coenergy_J"]) / (2.0 * step)
-    np.testing.assert_allclose(middle["force_N"], slope, rtol=5e-3)

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from femfit.device.electrics import HallElement, PickupCoil
-from femfit.device.summary import sweep_manifest_entry
+from femfit.device.load import sweep_manifest_entry
 from femfit.field.layout import layout_of
-from femfit.field.linear_point import LinearActuator
+from femfit.field.problem import LinearActuator
 from femfit.field.tolerance import SolverSettings
 from femfit.fit.build import fit_model
 from femfit.tables.sweep_table import SweepTable

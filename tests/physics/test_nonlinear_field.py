@@ -7,14 +7,14 @@ import pytest
 from scipy.optimize import brentq
 
 from femfit.core.numerics import MU_0
-from femfit.device.bh import BHCurve
+from femfit.device.materials import BHCurve
 from femfit.device.parts import LinearMaterial, Region
 from femfit.field.layout import layout_of
-from femfit.field.linear_point import LinearActuator
-from femfit.field.newton import TOLERANCE, minimise
+from femfit.field.newton import minimise
+from femfit.field.problem import LinearActuator
 from femfit.field.tolerance import SolverSettings
 from support.actuators import assembly, magnet, rectangle, swept_at
-from support.field import finer_settings, prepared
+from support.field import prepared
 from support.reference import REFERENCE, needs_reference
 from support.saturating import STEEL, bobbin, rig_with_core, rows_at, straight
 
@@ -112,30 +112,6 @@ def test_newtons_iteration_converges_quadratically():
     assert max(orders) > 1.7
 
 
-def test_a_kept_derivative_leads_to_the_same_state_as_a_renewed_one():
-    problem = prepared(bobbin(), 0.005)
-    system = problem.coarse
-    system.move()
-    start = np.zeros(system.space.ndof)
-    kept, renewed = (minimise(system, np.array([8.0]), start, renewal_cost=cost).state for cost in (math.inf, 0.0))
-    difference, scale = (system.evaluate(state, np.array([0.0])).square for state in (kept - renewed, renewed))
-    assert math.sqrt(difference / scale) < TOLERANCE
-
-
-def test_every_correction_lowers_the_energy_until_it_is_resolved():
-    system = prepared(bobbin(), 0.005).coarse
-    energies = []
-    for limit in range(1, 8):
-        system.move()  # forgets the kept derivative, so that each run repeats the one before
-        state = minimise(system, np.array([12.0]), np.zeros(system.space.ndof), limit=limit).state
-        energies.append(system.evaluate(state, np.array([12.0])).energy)
-    assert (np.diff(energies) < 0.0).all()
-
-
-STEP = 1e-4
-DISTANCES = tuple(round(0.004 + k * STEP, 6) for k in range(-1, 2))
-
-
 def magnet_with_steel_back():
     """A magnet between the face and a disc of steel that it saturates in part: permanent and induced magnetisation."""
     back = Region("back", rectangle(0.0, 0.0055, 0.003, 0.004), STEEL)
@@ -146,38 +122,6 @@ DISC, BACK = (
     pytest.param(mover, id=name)
     for name, mover in (("steel disc", None), ("magnet with steel back", magnet_with_steel_back()))
 )
-
-
-@pytest.mark.nightly  # the stress tensor's force is a slope in test_force_consistency.py
-@pytest.mark.parametrize("mover", [DISC, BACK])  # both magnetisations are in the second
-def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
-    currents = (1.0, 1.1, 1.2, 7.9, 8.0, 8.1)
-    actuator = bobbin(distances=DISTANCES, currents=currents, mover=mover)
-    problem = prepared(actuator, DISTANCES[1])
-    at = [1, 4]  # the middle ones of each three
-    low, middle, high = (
-        {name: np.array(values) for name, values in problem.rows(d, some).items()}
-        for d, some in zip(DISTANCES, (currents[1::3], currents, currents[1::3]), strict=True)
-    )
-    force = middle["force_N"]
-    np.testing.assert_allclose(force[at], -(high["coenergy_J"] - low["coenergy_J"]) / (2.0 * STEP), rtol=2e-3)
-    by_flux = -(high["flux_linkage_Wb"] - low["flux_linkage_Wb"]) / (2.0 * STEP)
-    by_force = (force[[2, 5]] - force[[0, 3]]) / (np.array(currents)[[2, 5]] - np.array(currents)[[0, 3]])
-    np.testing.assert_allclose(by_force, by_flux, rtol=5e-3)
-    flux = middle["flux_linkage_Wb"]
-    np.testing.assert_allclose((flux[[2, 5]] - flux[[0, 3]]) / 0.2, middle["inductance_H"][at], rtol=2e-3)
-
-
-@pytest.mark.nightly  # the peers' forces are below
-@pytest.mark.parametrize("mover", [DISC, BACK])
-def test_force_error_covers_the_error_against_a_finer_run(mover):
-    actuator = bobbin(distances=(0.003,), currents=(2.0, 8.0), mover=mover)
-    rows, finer = rows_at(actuator), rows_at(actuator, settings=finer_settings(SolverSettings()))
-    error = np.abs(rows["force_N"] - finer["force_N"])
-    assert (error < 1e-3 * np.abs(finer["force_N"])).all()
-    ratio = rows["force_error_N"] / error
-    assert (ratio > 1.0).all()
-    assert np.median(ratio) < 10.0
 
 
 def test_self_force_of_a_magnet_with_a_steel_back_is_the_error_of_the_plain_stress():

@@ -1,21 +1,18 @@
 """The force on the mover against the reaction on the fixed parts and against virtual work."""
 
-import dataclasses
-
 import ngsolve as ng
 import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
 
 from femfit.device.load import read_actuator
-from femfit.field.currents import sources
-from femfit.field.force import AROUND_FIXED, LayerForce, quadratic
 from femfit.field.layout import FIXED, MOVING, layout_of
-from femfit.field.linear_point import LinearActuator
-from femfit.field.point_rows import DISAGREEMENT, DistanceSolution, superpose
+from femfit.field.point_rows import DISAGREEMENT, DistanceSolution, sources, superpose
+from femfit.field.problem import LinearActuator
 from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem
-from support.actuators import GEOMETRY, assembly, magnet, rectangle
-from support.field import coefficients, finer_settings, in_current, prepared
+from femfit.field.weak_form import AROUND_FIXED, LayerForce, quadratic
+from support.actuators import GEOMETRY
+from support.field import coefficients, in_current, prepared
 from support.saturating import bobbin
 
 LOW, HIGH, NODES = 0.018, 0.024, 14
@@ -106,17 +103,3 @@ class _Level:
 def test_a_row_solved_to_a_tolerance_states_the_disagreement_where_it_is_larger():
     problem = ToleranceProblem(_Level(), SolverSettings(), LevelChoice(1, ((0.0,), (1.0,)), (0.1, 0.1)))
     assert problem.rows(0.01, (0.0, 1.0))["force_error_N"] == [0.5, 0.4]
-
-
-def test_a_rough_mesh_states_an_error_that_covers_the_true_one():
-    # Order 2, corners of a third: the bodies differ as much as the orders do.
-    iron = dataclasses.replace(magnet(0.0, 0.01, 0.01, permeability=450.0, name="iron"))
-    core = dataclasses.replace(iron, vertices_m=rectangle(0.0, 0.01, -0.03, -0.001))
-    actuator = assembly(
-        fixed=[core], moving=[magnet(1.3, 0.005, 0.005)], distances=(0.004,), coil=rectangle(0.011, 0.02, -0.02, -0.005)
-    )
-    rough = prepared(actuator, 0.004, SolverSettings(order=2, corner_fraction=0.3)).rows(0.004, (0.0, 300.0))
-    fine = prepared(actuator, 0.004, finer_settings(SolverSettings())).rows(0.004, (0.0, 300.0))
-    error = np.abs(np.subtract(rough["force_N"], fine["force_N"]))
-    assert np.all(np.array(rough["force_error_N"]) >= error)
-    assert np.all(np.array(rough["force_error_N"]) >= rough[DISAGREEMENT])

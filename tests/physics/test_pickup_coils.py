@@ -9,8 +9,8 @@ from femfit.core.errors import FieldSolverError
 from femfit.device.electrics import PickupCoil
 from femfit.device.parts import Coil
 from femfit.field.layout import layout_of
-from femfit.field.linear_point import LinearActuator, section_nodes
 from femfit.field.nonlinear_point import NonlinearActuator
+from femfit.field.problem import LinearActuator, section_nodes
 from femfit.field.tolerance import SolverSettings
 from support.actuators import magnet, rectangle
 from support.devices import coil_on_a_magnet, device, push_solenoid

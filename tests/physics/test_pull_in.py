@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 
 import femfit as ff
 from femfit.device.load import actuator_from_toml
-from femfit.field.force import LayerForce
 from femfit.field.harmonic import ConductorPoints, add_eddy_form, conductors
 from femfit.field.layout import layout_of
 from femfit.field.linear_system import SummedInverse
@@ -19,6 +18,7 @@ from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.nonlinear_system import BiasedSystem, NonlinearSystem
 from femfit.field.tolerance import SolverSettings
+from femfit.field.weak_form import LayerForce
 from femfit.model.dynamics import state_derivative
 from support.eddy_transient import GAMMA
 from support.small_drawing import DRAWINGS

@@ -6,17 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.device.load import read_actuator
-from femfit.device.summary import sweep_manifest_entry
+from femfit.device.load import read_actuator, sweep_manifest_entry
 from femfit.estimate.noise import ConsistencyBand
 from femfit.fit.build import fit_model
 from femfit.heat.find_temperatures import temperatures_at_supply
-from femfit.report.field_cells import FieldSample
+from femfit.report.field_sample import FieldSample
 from femfit.report.page import ReportContent
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_facts import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.simulation.study import ClosedLoopStudy
+from femfit.simulation.summary import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
@@ -63,7 +62,6 @@ def made_up_field(distance=0.022):
         flux_density_T=6e-8 / size**3,
         flux_Wb=4e-7 * r**2 / size**3,
         force_N=0.0427,
-        self_force_N=1.4e-6,
         part_flux_density_T={"sleeve": 0.097, "magnet": 0.99},
         unknowns=11806,
     )
@@ -118,15 +116,6 @@ def made_up_study(design, held=2, runs=2):
                 *(known * x for x in (1e-5, 1e-5, 1e-5, 1e-4, 1e-6)),
             ),
         ),
-        acquisition=(
-            FaultRow(
-                Experiment("backstepping", "ekf", (0.022,), believed_m=0.03),
-                runs,
-                outcomes,
-                None if held else 0.1,
-                *[nan] * 5,
-            ),
-        ),
         series=tuple(series(c, "ukf") for c in CONTROLLERS),
         spectra=tuple(SpectrumPair(c, frequency, 1e-5 * flat, 1e-6 * flat) for c in CONTROLLERS),
     )
@@ -151,7 +140,6 @@ def rig_content():
         study=made_up_study(design_loop(fit.model)),
         field=made_up_field(),
         strongest=made_up_field(0.015),
-        timings_s=(("sweep", 5.25), ("fit", 2.5)),
         hashes=(("model.json", "ab" * 32),),
     )
 
@@ -163,7 +151,7 @@ def plunger_content():
     table = sweep_of(actuator, magnet=0.0)
     fit = fit_model(table, law="all")
     model = reference(table)
-    heat = temperatures_at_supply(actuator, model)
+    heat = temperatures_at_supply(actuator)
     return ReportContent(model, actuator, table, fit, heat=heat, no_study="The model has no sensor.")
 
 
@@ -171,12 +159,6 @@ def plunger_content():
 def lost_study(rig_content):
     """A study in which no run was held."""
     return made_up_study(rig_content.study.design, held=0)
-
-
-@pytest.fixture(scope="session")
-def partly_lost_study(rig_content):
-    """A study in which one of two runs was held."""
-    return made_up_study(rig_content.study.design, held=1)
 
 
 @pytest.fixture

@@ -8,12 +8,12 @@ import pytest
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.numerics import MU_0
-from femfit.device.load import read_actuator
-from femfit.device.summary import actuator_from_record
+from femfit.device.load import actuator_from_record, read_actuator
+from femfit.device.materials import BHCurve
 from femfit.field.sweep import plan_sweep, solve_task
 from femfit.field.tolerance import SolverSettings
-from femfit.report.field_cells import field_cells, sample_field, solve_point
-from femfit.report.field_figures import write_views
+from femfit.report.field_figures import soft_permeability, write_views
+from femfit.report.field_sample import sample_field, sample_of, solve_point, write_vtu
 from support.actuators import GEOMETRY, assembly, magnet
 from support.exact import axis_field_of_cylinder
 from support.saturating import bobbin
@@ -64,44 +64,30 @@ def test_the_potential_in_the_paraview_file_gives_the_flux_through_a_disc(grid):
         assert grid["flux"][k] == pytest.approx(through, rel=5e-4)
 
 
-def test_the_paraview_file_names_regions_and_states_its_point(grid):
-    names = list(grid.field_data["regions"])
-    centres = grid.cell_centers().points
-    inside = (centres[:, 0] < RADIUS) & (np.abs(centres[:, 1] - DISTANCE - HEIGHT / 2) < HEIGHT / 2)
-    assert {names[k] for k in grid["region"][inside]} == {"moving:magnet"}
-    assert grid.field_data["distance_m"][0] == DISTANCE
-    assert grid.compute_cell_sizes()["Area"].sum() > 0.0
+def test_the_paraview_file_tells_parts_and_h_opposes_the_magnetisation_in_a_magnet(grid):
+    """H = (B - B_r) / mu_0 in the magnet and B / mu_0 elsewhere."""
+    fields, body = grid.point_data, grid["region"] == 1
+    assert grid.points[body].max(axis=0)[:2] == pytest.approx([RADIUS, DISTANCE + HEIGHT])
+    assert set(fields) == {"A_phi", "flux", "B", "H", "mu_r", "region"}
+    np.testing.assert_allclose(fields["H"], (fields["B"] - body[:, None] * [0.0, REMANENCE, 0.0]) / MU_0, rtol=1e-9)
+    assert np.median(fields["H"][body, 1]) < 0.0
 
 
-def test_h_in_a_magnet_opposes_its_magnetisation_and_is_b_over_mu_0_in_air(point):
-    cells = field_cells(point)
-    body = cells.point_region == cells.regions.index("moving:magnet")
-    np.testing.assert_allclose(
-        cells.field_A_per_m[body], (cells.flux_density_T[body] - [0.0, REMANENCE]) / MU_0, rtol=1e-12, atol=1e-6
-    )
-    np.testing.assert_allclose(cells.field_A_per_m[~body], cells.flux_density_T[~body] / MU_0, rtol=1e-12)
-    assert np.median(cells.field_A_per_m[body, 1]) < 0.0
-
-
-def test_permeability_falls_where_the_core_saturates():
+def test_permeability_falls_where_the_core_saturates_in_picture_and_file(tmp_path):
     actuator = bobbin(distances=(0.005,), currents=(0.0, 12.0))
-    weak, strong = (field_cells(solve_point(actuator, 0.005, i)) for i in (0.5, 12.0))
-    sleeve = weak.point_region == weak.regions.index("fixed:sleeve")
-    assert np.median(weak.relative_permeability[sleeve]) > 1000.0
-    assert np.median(strong.relative_permeability[sleeve]) < 200.0
-    steel = np.hypot(*strong.flux_density_T[sleeve].T) / np.hypot(*strong.field_A_per_m[sleeve].T) / MU_0
-    np.testing.assert_allclose(strong.relative_permeability[sleeve], steel, rtol=1e-9)
-
-
-def test_cells_cover_each_element_once(point):
-    cells = field_cells(point, subdivisions=3)
-    corners = cells.points_m[cells.triangles]
-    sides = corners[:, 1:] - corners[:, :1]
-    area = 0.5 * (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-    assert len(cells.triangles) == 9 * len(cells.elements)
-    assert (np.sign(area) == np.sign(area[0])).all()
-    body = cells.triangle_region == cells.regions.index("moving:magnet")
-    assert np.abs(area[body]).sum() == pytest.approx(RADIUS * HEIGHT, rel=1e-12)
+    point = solve_point(actuator, 0.005, 12.0)
+    weak, strong = (
+        soft_permeability(actuator, sample) for sample in (sample_field(actuator, 0.005, 0.5), sample_of(point))
+    )
+    assert np.nanmedian(weak) > 1000.0
+    assert np.nanmedian(strong) < 200.0
+    write_vtu(point, tmp_path / "field.vtu")
+    cells = pytest.importorskip("pyvista").read(tmp_path / "field.vtu")
+    steel = cells["region"] == 1 + [region.name for region in actuator.regions].index("sleeve")
+    b, h = (np.linalg.norm(cells[name][steel], axis=1) for name in ("B", "H"))
+    np.testing.assert_allclose(cells["mu_r"][steel], b / h / MU_0, rtol=1e-9)
+    drawn = next(region.material for region in actuator.regions if region.name == "sleeve")
+    np.testing.assert_allclose(h, BHCurve(drawn.flux_density_T, drawn.field_A_per_m).field(b), rtol=2e-3)
 
 
 def test_a_damaged_record_is_refused_with_its_key():

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
@@ -18,7 +17,7 @@ from support.added_effects import usual
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.readings import LASER
-from support.solenoids import LinearInductance, NoField, inductance, solenoid
+from support.solenoids import NoField, inductance, solenoid
 from support.steps import runge_kutta_step
 
 
@@ -92,19 +91,6 @@ def test_a_body_pressed_on_its_stop_rests_until_the_force_exceeds_that_of_the_sp
     assert np.all(motion.table["distance_m"][motion.table["time_s"] < start.time_s] == 4e-3)
 
 
-def test_a_solenoid_with_a_constant_slope_moves_as_scipy_says():
-    model = replace(solenoid(), magnetics=LinearInductance(), motion=Mechanics(0.025, 9.80665))
-    found = simulate(model, voltage_V=9.0, start_m=4e-3, duration_s=0.02).table
-
-    def rates(_, x):
-        d, v, i = x
-        return v, 9.80665 - 2.5 * i**2 / 0.025, (9.0 - 20.0 * i + 5.0 * v * i) / (0.05 - 5.0 * d)
-
-    exact = solve_ivp(rates, (0.0, 0.02), [4e-3, 0.0, 0.0], rtol=1e-11, atol=1e-14).y[:, -1]
-    for name, value in zip(("distance_m", "velocity_m_s", "current_A"), exact, strict=True):
-        assert found[name][-1] == pytest.approx(value, rel=1e-8)
-
-
 @pytest.mark.parametrize("effect", ["", "viscous_friction", "eddy_current_lag", "coil_temperature"])
 def test_without_events_the_motion_is_that_of_the_fixed_step_plant(levitation_model, effect):
     model = replace(levitation_model, circuits=(Circuit(2.69, -3.0, 3.0),))
@@ -163,18 +149,6 @@ def test_plant_and_filters_stay_on_a_stop_with_the_current_of_a_motion_with_even
         assert np.abs(states[:, 2] - current).max() < 0.05 * current.max()
 
 
-def test_the_body_stops_and_goes_on_as_a_profile_tells_it():
-    pulse = Profile("voltage", np.array([0.0, 0.07]), np.array([12.0, 0.0]))
-    motion = simulate(solenoid(), drive=pulse, duration_s=0.2)
-    assert [one.kind for one in motion.switchings] == ["pull_in", "drop_out"]
-    pull_in, drop_out = motion.switchings
-    assert pull_in.command_s == 0.0
-    assert drop_out.command_s == 0.07
-    assert 0.07 < drop_out.started_s < drop_out.reached_s < 0.2
-    assert pull_in.bounces == sum(e.name == "hits_near" for e in motion.events) - 1
-    assert str(motion).startswith("Pull-in")
-
-
 def test_a_start_that_rounding_keeps_from_the_stop_is_on_it():
     given = simulate(solenoid(), voltage_V=12.0, start_m=4e-3 * (1.0 - 1e-15))
     assert given.switchings == simulate(solenoid(), voltage_V=12.0).switchings
@@ -186,19 +160,6 @@ def test_a_body_pressed_on_a_stop_that_gives_way_comes_to_rest_in_it():
     motion = simulate(model, voltage_V=0.0, duration_s=0.02)
     assert not motion.switchings
     assert motion.table["distance_m"][-1] == pytest.approx(4e-3 + 5.0 / 1e6, abs=1e-9)
-
-
-def test_eddy_currents_delay_the_pull_in_and_take_energy_also_while_the_diode_blocks():
-    bare = solenoid(drive=Drive(diode_V=0.7))
-    lagging = with_effects(bare, [usual(effect_by_name("eddy_current_lag"), 0.5)])
-    command = Profile("voltage", np.array([0.0, 0.07]), np.array([12.0, 0.0]))
-    quick, slow = (simulate(one, drive=command, duration_s=0.12) for one in (bare, lagging))
-    assert slow.switchings[0].started_s > quick.switchings[0].started_s
-    assert slow.energy.remainder_J > 1e-4 * slow.energy.supplied_J
-    assert slow.table["current_A"].min() == 0.0
-    stops = next(event.time_s for event in slow.events if event.name == "current_stops")
-    assert np.all(slow.table["current_A"][slow.table["time_s"] > stops] == 0.0)
-    assert [one.kind for one in slow.switchings] == ["pull_in", "drop_out"]
 
 
 TIMES = (8e-3, 1e-5)

@@ -13,7 +13,6 @@ from femfit.report.motion_figures import open_loop_figure
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.profile import Profile, read_profiles
 from support.bearing import table_of
-from support.eddies import magnets_alone
 from support.halves import NAMES, cut_in_two
 from support.solenoids import solenoid
 
@@ -107,16 +106,6 @@ def test_an_amplifier_feels_what_the_other_circuit_induces(bearing):
     rate = 3.0 / inductance[0, 0]  # of the first moment
     assert motion.table["voltage_upper_V"][0] == pytest.approx(inductance[0, 1] * rate, rel=1e-6)
     np.testing.assert_allclose(motion.table["current_upper_A"], 0.0, atol=1e-12)
-
-
-def test_magnets_alone_fall_without_a_command(levitation_model):
-    model = magnets_alone(levitation_model)
-    motion = simulate(model, duration_s=0.02, start_m=0.03)
-    assert "current_A" not in motion.table
-    assert motion.table["distance_m"][-1] > 0.03
-    assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
-    with pytest.raises(UsageError):
-        simulate(model, voltage_V=1.0)
 
 
 def test_a_command_and_the_end_of_the_domain_name_their_circuits(bearing):

@@ -168,13 +168,3 @@ def test_chopping_is_one_command_from_its_beginning(noise):
     points = [(time, value + noise * random.uniform(-1.0, 1.0)) for time, value in points]
     assert command_before(held(points), 0.01503) == 0.0  # the first level is that of the pulses
     assert command_before(held(points), 0.0207) == pytest.approx(0.02)
-
-
-def test_a_chopped_supply_switches_as_late_as_its_mean():
-    """The current follows the mean voltage, for a period is far below its time constant."""
-    model = solenoid()
-    period, share = 1e-4, 0.97
-    mean = simulate(model, voltage_V=11.64, duration_s=0.07).switchings[0]
-    pulses = simulate(model, drive=held(chopped(0.0, 0.07, period, share, 12.0))[0], duration_s=0.07).switchings[0]
-    assert pulses.command_s == 0.0
-    assert pulses.switching_time_s == pytest.approx(mean.switching_time_s, abs=3.0 * period)

@@ -15,7 +15,7 @@ from support.command import worked
 from support.readings import LASER
 from support.solenoids import solenoid
 
-RUNS = 200
+RUNS = 100
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +87,7 @@ def test_what_a_filter_remembers_of_a_late_sensor_begins_where_the_body_was(mode
     assert found.rms_m[0] < found.claimed_m[0] < 1e-3
 
 
+@pytest.mark.nightly
 def test_a_slow_sensor_is_not_read_between_its_readings(model):
     laser = replace(LASER, noise=5e-5)
     slow = replace(laser, sample_time_s=20.0 * model.sample_time_s)

@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.electrics import CurrentSensor, Drive
+from femfit.device.electrics import Drive
 from femfit.device.mechanics import Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.simulation.close_loop import close_loop, run_loops
+from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
-from femfit.simulation.experiment import Experiment
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant
 from support.bearing import ENTRY, Symmetric, table_with_hall
 from support.readings import LASER_10_V as LASER
 
@@ -57,19 +55,6 @@ def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball
     assert np.nanmin(currents) >= 0.0
 
 
-def test_an_amplifier_follows_its_command_as_its_bandwidth_and_voltage_allow(ball):
-    model = driven(ball, kind="current", bandwidth_Hz=50.0)
-    plant, state = Plant(model), np.array([[0.018, 0.0, 0.50]])
-    moved = plant.step(state, np.array([0.52]))
-    kept = np.exp(-2.0 * np.pi * 50.0 * model.sample_time_s)
-    assert moved[0, 2] == pytest.approx(0.52 - 0.02 * kept, rel=1e-12)
-    slow = plant.step(state, np.array([50.0]))[0, 2]
-    at_full = Plant(replace(model, circuits=(replace(model.circuit, drive=Drive()),))).step(state, np.array([3.0]))[
-        0, 2
-    ]
-    assert slow == pytest.approx(at_full, rel=1e-12)
-
-
 @pytest.mark.nightly
 def test_a_body_that_springs_hold_has_a_position_loop(levitation_model):
     """A stiff spring makes every rest stable; the reference still asks for other places."""
@@ -108,17 +93,6 @@ def test_a_body_is_lost_where_it_meets_a_stop_whether_it_stays_or_bounces(ball):
 
 
 @pytest.mark.nightly
-def test_a_current_sensor_alone_is_said_not_to_tell_a_body_at_rest(ball):
-    blind = replace(ball, other_sensors=(CurrentSensor(name="shunt", circuit="coil", noise=0.2),))
-    assert design_loop(blind).settled_errors is None or design_loop(blind).settled_errors[0] > 1e-5
-    both = replace(ball, other_sensors=(LASER, CurrentSensor(name="shunt", circuit="coil", noise=1e-3)))
-    design = design_loop(both)
-    assert design.sensors == ("laser", "shunt")
-    assert design.settled_errors[0] <= design_loop(ball).settled_errors[0]
-    assert close_loop(both, runs=2, seconds=0.3).held == 2
-
-
-@pytest.mark.nightly
 def test_a_bearing_is_held_by_the_direct_measurement_of_a_hall_element_that_all_currents_reach():
     entry = {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}
     fitted = fit_model(table_with_hall(Symmetric(), entry, noise_V=1e-4)).model
@@ -127,33 +101,3 @@ def test_a_bearing_is_held_by_the_direct_measurement_of_a_hall_element_that_all_
     assert loop.held == 1
 
     assert loop.estimate_rms_m.median < 2e-7
-
-
-def held(model, plant, runs=4, seconds=0.4, **options):
-    design = design_loop(model)
-    experiment = Experiment("backstepping", "ukf", (0.022,), **options)
-    return run_loops(design, experiment, np.random.default_rng(3), runs=runs, duration_s=seconds, plant=plant)
-
-
-@pytest.fixture(scope="module")
-def warm(levitation_model):
-    """The same actuator with a winding that is 8 K warmer: 3.1 % more resistance."""
-    circuit = replace(levitation_model.circuit, resistance_ohm=1.031 * levitation_model.circuit.resistance_ohm)
-    return replace(levitation_model, circuits=(circuit,), name="warm")
-
-
-@pytest.mark.nightly
-def test_the_model_itself_as_plant_changes_nothing(levitation_model):
-    own, none = (held(levitation_model, plant, runs=1, seconds=0.1) for plant in (levitation_model, None))
-    assert own.estimate_rms_m == none.estimate_rms_m
-    assert own.tracking_rms_m == none.tracking_rms_m
-
-
-@pytest.mark.nightly
-def test_a_warmer_winding_than_believed_moves_the_estimate_and_shows_in_the_innovations(levitation_model, warm):
-    believed, true = held(levitation_model, warm), held(warm, warm)
-    assert believed.outcomes == true.outcomes == {"HELD": 4}
-    assert true.innovation_band.contains(true.normalised_innovation_squared)
-    assert believed.normalised_innovation_squared > 1.5 * true.innovation_band.upper
-    assert believed.estimate_rms_m.median > 2.0 * true.estimate_rms_m.median
-    assert believed.tracking_rms_m.median > 2.0 * true.tracking_rms_m.median

@@ -21,7 +21,6 @@ from femfit.simulation.targets import reference_steps
 from support.added_effects import added
 from support.eddies import with_eddies
 from support.halves import cut_in_two
-from support.readings import hall_voltage
 from support.solenoids import solenoid
 from support.steps import runge_kutta_step
 
@@ -92,28 +91,6 @@ def test_runs_with_forces_of_their_own_step_as_each_alone_does(levitation_model,
         np.testing.assert_allclose(batch.magnetics.force(d, i), scales * base.force(d, i), rtol=1e-14)
         motional = batch.magnetics.motional_constant(d, i)
         np.testing.assert_allclose(motional, scales[:, None] * base.motional_constant(d, i), rtol=1e-14)
-        ends = [batch.magnetics.flux_linkage(d + s * 1e-6, i) for s in (1.0, -1.0)]
-        np.testing.assert_allclose(motional, (ends[1] - ends[0]) / 2e-6, rtol=1e-5)  # 1e-16 Wb over 2e-6 m
-        # The motional constant moves the inductance by 0.01 % for 1 % of force
-        np.testing.assert_allclose(batch.magnetics.inductance(d, i), base.inductance(d, i), rtol=1e-2)
-    if name == "eddy currents":
-        wanted = runge_kutta_step(batch, state, volts[:, 0], model.sample_time_s, 100)
-        np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-7)
-        np.testing.assert_array_equal(hall_voltage(batch, state), hall_voltage(model, state))
-
-
-@pytest.mark.parametrize("circuits", [1, 2])
-def test_the_plant_steps_with_its_eddy_currents(levitation_model, circuits):
-    model = with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model), (10e-3, 2e-4))
-    start, point = a_start(model)
-    plant = Plant(model)
-    state = plant.start(start)
-    assert state.shape == (3, 2 + circuits + 2)
-    command = point.commands + np.array([[-0.3], [0.0], [0.4]])
-    found = plant.step(state, command)
-    wanted = runge_kutta_step(model, state, command[:, 0] if circuits == 1 else command, model.sample_time_s, 400)
-    np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-6)
-    assert (found[[0, 2], 2 + circuits :] != 0.0).all()
 
 
 def test_the_fastest_pattern_does_not_shorten_the_steps():
@@ -128,17 +105,6 @@ def test_the_fastest_pattern_does_not_shorten_the_steps():
         exact = runge_kutta_step(model, exact, volts, model.sample_time_s, 100)
     moved = np.abs(exact - start).max(axis=0)
     assert (np.abs(state - exact).max(axis=0) < 2e-5 * moved).all()
-
-
-@pytest.mark.parametrize("bandwidth", [None, 300.0])
-def test_an_amplifier_brings_the_current_to_its_target_against_eddy_currents(levitation_model, bandwidth):
-    circuit = replace(levitation_model.circuit, voltage_min_V=-60.0, voltage_max_V=60.0)
-    circuit = replace(circuit, drive=Drive("current", bandwidth_Hz=bandwidth))
-    model = with_eddies(replace(levitation_model, circuits=(circuit,)))
-    plant, start = Plant(model), np.array([[DISTANCE_M, 0.0, 0.3]])
-    moved = plant.step(plant.start(start), np.array([0.5]))
-    kept = 0.0 if bandwidth is None else np.exp(-2.0 * np.pi * bandwidth * model.sample_time_s)
-    assert moved[0, 2] == pytest.approx(0.5 - 0.2 * kept, rel=1e-3)
 
 
 def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):

@@ -8,11 +8,10 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import DomainError, MissingPartError
-from femfit.model.json_file import write_model
 from femfit.model.validity import ValidityBox
 from femfit.simulation.close_loop import close_loop, run_loops
 from femfit.simulation.constants import UNCERTAIN
-from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
+from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.plant import with_force_scale
@@ -25,18 +24,6 @@ SUPPORT = 300
 def run(design, *experiments, runs=4, steps=600, seed=1, **options):
     options = {"supported_steps": SUPPORT, "windows": (slice(steps // 2, steps),), **options}
     return run_experiments(design, experiments, np.random.default_rng(seed), runs=runs, steps=steps, **options)
-
-
-@pytest.mark.nightly
-def test_both_controllers_follow_8_mm_steps_on_every_filter(design):
-    filters = [name for name in OBSERVERS if name != "direct"]
-    experiments = [Experiment(c, f, design.targets_m) for c in CONTROLLERS for f in filters]
-    for result in run(design, *experiments, runs=2, steps=1500):
-        assert set(result.outcomes()) == {LoopOutcome.HELD}
-        series = result.series
-        # an eighth of the step: 5 times the noise of 0.1 mm and the lag of the coil on the way
-        assert np.abs(series.distance_m - series.reference_m).max() < 1e-3
-        assert np.abs(series.estimated_distance_m - series.distance_m).max() < 3e-4  # 6 sigma at 30 mm, 4 states
 
 
 def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(design):
@@ -186,29 +173,12 @@ def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
     assert (lost.cause.code, lost.cause.numbers) == ("asked-for", {"asked_for": ("plant",)})
 
 
-@pytest.mark.nightly
-def test_a_name_from_a_model_file_does_not_steer_the_terminal(levitation_model):
-    named = replace(levitation_model, name="\x1b[31mrig")
-    loop = close_loop(named, plant=named, runs=1, seconds=0.01)
-    assert "\x1b" not in str(loop)
-    assert "[31mrig" in str(loop)
-
-
-def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_path):
-    write_model(levitation_model, tmp_path / "model.json")
-    loop = close_loop(str(tmp_path / "model.json"), runs=3, seconds=0.2, rng=1)
-    assert str(loop).startswith("Held: 3 of 3 runs")
-    assert loop.cause is None
-    assert "Held: 3 of 3" in loop._repr_html_()
-
-
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
         ({"controller": "x"}, "backstepping, pid"),
         ({"estimator": "x"}, "ukf4"),
         ({"runs": 0}, "runs=0"),
-        ({"runs": -3}, "runs=-3"),
         ({"runs": 1.5}, "runs=1.5"),
         ({"recorded": -1}, "recorded=-1"),
         ({"rng": -1}, "-1"),
@@ -221,14 +191,8 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
         ({"targets_m": 0.02}, "targets_m must be a list of distances in m; instead received 0.02"),
         ({"targets_m": ("near",)}, "near"),
         ({"seconds": -1.0}, "seconds=-1"),
-        ({"seconds": 0.0}, "seconds=0"),
-        ({"seconds": float("nan")}, "seconds=nan"),
         ({"seconds": 1e12}, "fewer seconds"),
-        ({"seconds": 1e300}, "fewer seconds"),
         ({"sensors": ("lidar",)}, "hall"),
-        ({"controller": "state-feedback", "poles_rad_s": [-10.0]}, "-10"),
-        ({"controller": "state-feedback", "poles_rad_s": [-300.0, -200.0, -120.0 + 60.0j, -40.0]}, "conjugate"),
-        ({"controller": "state-feedback", "poles_rad_s": [-300.0, -9.0 + 2.0j, -9.0 + 2.0j, -40.0]}, "conjugate"),
     ],
 )
 def test_a_loop_that_cannot_be_run_is_refused_with_what_can(levitation_model, wrong, named):

@@ -11,7 +11,6 @@ from femfit.model.sensors import sampled_readings, sensor_named
 from femfit.simulation.sensor import (
     History,
     SensorErrors,
-    between,
     convert,
     loop_sensors,
     read_sensors,
@@ -116,15 +115,6 @@ def test_a_late_sensor_reads_what_was_there_before(several):
         late = true_readings(several, sensors, history)[0, 0]
         if k >= 2:  # before that the body was at rest
             assert late == pytest.approx(state((k - 1.3) * STEP_S)[0, 0], abs=1e-15)
-
-
-def test_between_two_states_a_cubic_is_met_exactly():
-    step = 0.1
-    ends = [np.array([[t**3, 3 * t**2, 1.0 + t]]) for t in (0.0, step)]
-    for part in (0.0, 0.3, 1.0):
-        state = between(*ends, part, step)[0]
-        assert state[0] == pytest.approx((part * step) ** 3, abs=1e-18)
-        assert state[2] == pytest.approx(1.0 + part * step, rel=1e-15)
 
 
 def test_a_slow_sensor_is_not_read_between_its_samples_and_a_fault_is_of_the_sensor_that_has_it(several):

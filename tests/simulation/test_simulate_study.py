@@ -8,10 +8,8 @@ import pytest
 
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
-from femfit.simulation.controllers import pid_of_parts
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.sensor import amplitude_spectrum
-from femfit.simulation.state_feedback import pattern_search
 from femfit.simulation.study import closed_loop_study
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
@@ -28,33 +26,21 @@ def test_the_steps_compare_direct_measurement_and_filter_for_all_controllers(stu
     for controller in CONTROLLERS:
         # less than the 5.5 to 6.2 at rest, with the steps' transients in it
         assert rms[controller, "direct"] > 4.5 * rms[controller, "ukf"]
+        assert 1e-4 < rms[controller, "direct"] < 2e-4  # the paper's 123 and 157 um of the same noise, 3.2 mV
 
 
 @pytest.mark.nightly
-def test_filters_reach_the_noise_bound_at_both_ends_of_the_range(study):
+def test_filters_reach_the_noise_bound_at_both_ends_of_the_range_and_are_consistent(study):
     assert len(study.holds) == 12
     for row in study.holds:
         assert row.held >= 0.95 * row.runs
         assert row.ratio > 5.0
         assert row.ratio == pytest.approx(row.bound, rel=0.18)  # 6 % statistical: 16 runs of ten time constants
-
-
-@pytest.mark.nightly
-def test_normalised_innovations_lie_in_their_band(study):
+        assert abs(row.normalised_innovation_squared - 1.0) < 0.04  # 16 runs of 600
     inside = [row.innovation_band.contains(row.normalised_innovation_squared) for row in study.holds]
-    # each of six independent holds (UKF and EKF share theirs) leaves a 95 % band once in twenty
-    assert sum(inside) >= 10
-    assert all(abs(row.normalised_innovation_squared - 1.0) < 0.04 for row in study.holds)  # 16 runs of 600
-
-
-@pytest.mark.nightly
-def test_ekf_equals_ukf_at_rest_and_is_worse_only_in_acquisition(study):
+    assert sum(inside) >= 10  # each of six independent holds leaves a 95 % band once in twenty
     by_filter = {f: [row.filtered_rms_m for row in study.holds if row.filter == f] for f in ("ukf", "ekf")}
     np.testing.assert_allclose(by_filter["ekf"], by_filter["ukf"], rtol=0.02)
-    ukf, ekf = ([row for row in study.acquisition if row.experiment.observer == f] for f in ("ukf", "ekf"))
-    assert all(row.held == row.runs for row in ukf)
-    for extended, unscented in zip(ekf, ukf, strict=True):
-        assert extended.held < extended.runs or extended.estimate_rms_m > 1.5 * unscented.estimate_rms_m
 
 
 def faults(study, observer, **fields):
@@ -175,41 +161,8 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
     assert study.data()["no_direct"] == ""
 
 
-@pytest.fixture(scope="module")
-def sluggish(levitation_model):
-    """A coil whose current answers more slowly than the body falls."""
-    return replace(
-        levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=0.15, voltage_min_V=0.0),)
-    )
-
-
 def test_what_a_study_must_leave_out_is_known_from_its_design(turning):
     assert "it turns at 36.8 mm" in design_loop(turning).why_no_direct
-
-
-@pytest.mark.nightly
-def test_a_coil_slower_than_the_body_gets_a_loop_of_its_current(levitation_model, sluggish):
-    """A position loop alone has hardly any margin there: its poles sum up to the coil's."""
-    assert design_loop(levitation_model).controller("pid").current_gain_ohm == 0.0
-    design = design_loop(sluggish)
-    pid = design.controller("pid")
-    assert pid.current_gain_ohm > 5.0 * sluggish.circuit.resistance_ohm
-    alone = tuned_pid_without_current(design)
-    with_loop, without = (min(m.modulus for m in design.bench("exact").judge(one)) for one in (pid, alone))
-    assert with_loop > 2.0 * without
-
-
-def tuned_pid_without_current(design):
-    bench = design.bench("exact")
-    first = replace(pid_of_parts(design.model, **{**design.controller("pid").parts, "current": 0.0}))
-
-    def made(logs):
-        kp, ki, kd, rate = np.exp(logs)
-        return pid_of_parts(design.model, kp, ki, kd, rate)
-
-    start = np.log([max(first.parts[name], 1e-6) for name in ("kp", "ki", "kd", "filter_rad_s")])
-    found = pattern_search(lambda logs: bench.score(made(logs)), start, np.full(4, np.inf), 1.0)
-    return made(found)
 
 
 def test_the_spectrum_of_a_sine_peaks_at_its_amplitude_and_that_of_white_noise_is_flat():

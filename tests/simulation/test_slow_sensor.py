@@ -13,10 +13,8 @@ from femfit.model.drive import circuit_terms
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.loop_facts import judged_loop
 from femfit.simulation.observers import DirectObserver, distance_inverse
 from femfit.simulation.open_loop import simulate
-from femfit.simulation.words import sentence
 from support.bearing import CIRCUITS, ENTRY, table_of
 from support.pickups import SHARE, search_coil
 from support.readings import LASER
@@ -41,32 +39,6 @@ def slow(levitation_model):
 def prompt(levitation_model):
     """Read at each sample, with noise that tells the filter as much."""
     return design_with(levitation_model, NOISE * np.sqrt(PERIOD), 1)
-
-
-def command_rms(design):
-    (result,) = run_experiments(
-        design,
-        [Experiment("backstepping", "ekf", (DISTANCE,))],
-        np.random.default_rng(3),
-        runs=16,
-        steps=1000,
-        supported_steps=300,
-    )
-    assert result.held.all()
-    return result.series.commands[400:, :, 0].std()
-
-
-@pytest.mark.nightly
-def test_the_share_of_noise_grows_with_the_time_between_readings_as_runs_do(slow, prompt):
-    one, other = (design.margins("backstepping", "ekf")[0].noise_share for design in (slow, prompt))
-    # 16 runs of 0.3 s about a loop of 24 rad/s know their rms to some 5 % each
-    assert one / other == pytest.approx(command_rms(slow) / command_rms(prompt), rel=0.15)
-
-
-@pytest.mark.nightly
-def test_noise_that_comes_between_samples_without_a_reading_is_told_as_a_lower_bound(slow, prompt):
-    words = [sentence("loop", "standing", one, judged_loop(one, "pid", "ekf")) for one in (slow, prompt)]
-    assert ["at least" in each for each in words] == [True, False]
 
 
 def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, prompt):

@@ -6,14 +6,13 @@ import numpy as np
 import pandas as pd
 
 from femfit.device.load import actuator_from_toml
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.field.sweep import run_sweep
 from femfit.identify.bench import conditions_of
 from femfit.model.json_file import write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from support.campaign import campaign, settings
+from support.campaign import hidden as hidden_effect
 from support.command import femfit, separate_femfit
 from support.fem_files import suspension
 from support.replays import TRUE, damped, logs
@@ -27,7 +26,7 @@ ONCE = {
     "new": "new ball -o ball.toml",
     "sweep": "sweep small.toml --signatures --workers 1 -o runs/small --json sweep.json",
     "run": "run sleeved.toml --workers 1 -o runs/sleeved --json run.json",
-    "view": "view runs/small --row 1 --what flux-density -o view.png --json view.json",
+    "view": "view small.toml --distance-mm 5 --current-A 0 --what flux-density -o view.png --json view.json",
     "import": "import kraft.csv -o imported --json import.json",
     "import-fem": "import-fem 'pull magnet.fem' -o pull.toml --distance-mm 2:6:0.5 --current-A 0,1 --mass-g 2.5"
     " --json import-fem.json",
@@ -41,8 +40,8 @@ ONCE = {
     "tolerance": "tolerance runs/small --distance-mm 5 --current-A 0.5 --json tolerance.json",
     "observe": "observe damped.json log.csv --filter ukf,ekf --sensors current,laser --csv seen.csv --picture seen.png"
     " --json observe.json --write-noise tuned.json",
-    "compare": "compare model.json clean.csv --json compare.json --pictures pictures",
-    "diagnose": "diagnose model.json bench.csv --bootstrap 1 --json diagnose.json",
+    "compare": "compare model.json clean.csv --json compare.json --report compare.html",
+    "diagnose": "diagnose model.json bench.csv --json diagnose.json",
     "add": "add model.json hall_offset bench.csv --with distance_offset -o more.json --json add.json --report add.html",
     "calibrate": f"calibrate drawn.toml taller.csv --numbers {FACE} --with force_offset --noise force_N=5e-5"
     " -o calibrated.toml --runs runs/calibration --workers 1 --json calibrate.json",
@@ -56,7 +55,7 @@ ONCE = {
 FIRST = {"slopes": "sweep sleeved.toml --signatures --workers 1 -o runs/sleeved"}
 """Of the drawing that is run."""
 
-AFTER = {"view": "sweep", "fit": "sweep", "tolerance": "sweep", "run": "slopes"}
+AFTER = {"fit": "sweep", "tolerance": "sweep", "run": "slopes"}
 """Commands that go on with what another has written."""
 
 
@@ -84,11 +83,6 @@ class Case:
             assert done.returncode == 0, done.stderr
             self.done[name] = done
         return self.done[name]
-
-
-def hidden_effect(name, **values):
-    effect = effect_by_name(name)
-    return AddedEffect(effect, effect.null() | values)
 
 
 def write_inputs(model, folder):

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from femfit.device.load import read_actuator
-from femfit.trial.device import Conditions, Device, Family
-from femfit.trial.field_table import FieldTable
+from femfit.trial.field_table import Conditions, Device, Family, FieldTable
 
 N = 5
 D = np.array([0.0163, 0.0221, 0.0307, 0.0412, 0.0441])

@@ -11,6 +11,7 @@ import pandas as pd
 from femfit.fit.build import fit_model
 from femfit.tables.sweep_table import SweepTable
 from support import bearing, saturating_bearing
+from support.saturating_bearing import SteelBearing
 from support.saturating_circuit import SaturatingCircuit
 from support.sweeps import ACTUATOR, DISTANCES, MASS, ClosedForm, force_table, full_table
 
@@ -111,31 +112,14 @@ def straight(flux_linkage):
     return Device(table, truth, VOICE_POINTS, most, {} if flux_linkage else {"inductance_H": 1e-3})
 
 
-class Saturating:
-    """W' = sum of E (sqrt(1 + q_k^2) - 1), q_1 = (i_1 + l i_2 + b) r / (d + r), q_2 the same from the other side."""
+class Saturating(SteelBearing):
+    """A bearing that saturates, with a magnet: both currents' and its ampere-turns add."""
 
-    ENERGY, REACH, MIX = 0.02, 0.6e-3, np.array([[1.0, 0.15], [0.15, 1.0]])
-
-    def parts(self, d, i):
-        d, i = np.asarray(d)[..., None], np.asarray(i)
-        gap = np.concatenate([d + self.REACH, 1e-3 + self.REACH - d], axis=-1)
-        q = 1.2 * (i @ self.MIX + 0.3) * self.REACH / gap
-        return q, np.array([-1.0, 1.0]) / gap, 1.2 * self.REACH / gap  # and dq/dd over q
-
-    def force(self, d, i):
-        q, rising, _ = self.parts(d, i)
-        return -np.sum(self.ENERGY * q**2 * rising / np.sqrt(1.0 + q**2), axis=-1)
-
-    def flux_linkage(self, d, i):
-        q, _, per_ampere = self.parts(d, i)
-        return (self.ENERGY * q / np.sqrt(1.0 + q**2) * per_ampere) @ self.MIX
+    def __init__(self):
+        super().__init__(0.02, 0.6e-3, 1.2 * np.array([[1.0, 0.15], [0.15, 1.0]]), 1.2 * 0.3)
 
     def table(self, distances=bearing.DISTANCES, currents=(-2.0, -1.3333, -0.6667, 0.0, 0.6667, 1.3333, 2.0)):
-        d, i = bearing.grid(distances, np.array(currents), np.array(currents))
-        flux = self.flux_linkage(d, i)
-        rows = pd.DataFrame({"distance_m": d, "force_N": self.force(d, i), "force_error_N": 0.0, "status": "ok"})
-        for k, name in enumerate(bearing.NAMES):
-            rows[f"current_{name}_A"], rows[f"flux_linkage_{name}_Wb"] = i[:, k], flux[:, k]
+        rows = self.rows(bearing.NAMES, distances, currents, currents).assign(force_error_N=0.0)
         return replace(bearing.table_of(), rows=rows)
 
 
@@ -233,13 +217,7 @@ def fit_of(name):
 @cache
 def steel_sweep(bottom, top, distances=tuple(saturating_bearing.DISTANCES)):
     """The table of a bearing whose steel saturates, at these currents in A."""
-    d, i = bearing.grid(np.array(distances), np.array(bottom), np.array(top))
-    flux, slopes = saturating_bearing.flux_linkage(d, i), saturating_bearing.inductance(d, i)
-    rows = pd.DataFrame({"distance_m": d, "force_N": saturating_bearing.force(d, i), "status": "ok"})
-    for k, circuit in enumerate(saturating_bearing.NAMES):
-        rows[f"current_{circuit}_A"], rows[f"flux_linkage_{circuit}_Wb"] = i[:, k], flux[:, k]
-        rows[f"inductance_{circuit}_H"] = slopes[:, k, k]
-    rows["inductance_bottom_top_H"] = slopes[:, 0, 1]
+    rows = saturating_bearing.swept_rows(bottom, top, distances)
     return SweepTable(rows, {"kind": "sweep", "name": "steel-bearing", "actuator": saturating_bearing.ENTRY})
 
 

@@ -3,7 +3,6 @@
 import shutil
 import time
 
-import numpy as np
 import pytest
 
 from femfit.core import compiled
@@ -17,7 +16,7 @@ needs_compiler = pytest.mark.skipif(
 def waited_for(compilation, after=Compilation.after):
     """Its library."""
     until = time.monotonic() + 60.0
-    while (library := after(compilation, 100)) is None and compilation._next < np.inf and time.monotonic() < until:
+    while (library := after(compilation, 100)) is None and not compilation._over and time.monotonic() < until:
         time.sleep(0.01)
     return library
 
@@ -27,15 +26,13 @@ def compile_at_once(monkeypatch, folder):
     libraries = []
 
     def after(compilation, _points):
-        if compilation._library is None:
-            vars(compilation).pop("_command", None)  # of a test before, which did without a compiler
-            compilation._next = 0.0
+        if compilation._library is None:  # of a test before, which did without a compiler, too
+            compilation._over, compilation._work = False, None
         libraries.append(waited_for(compilation))
         return libraries[-1]
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
     monkeypatch.delenv("FEMFIT_COMPILER", raising=False)
     monkeypatch.setattr(compiled, "OFTEN", 100)
-    monkeypatch.setattr(compiled, "ASKED", 1)
     monkeypatch.setattr(Compilation, "after", after)
     return libraries

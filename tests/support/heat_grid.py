@@ -15,7 +15,7 @@ from scipy.sparse.linalg import spsolve
 
 from femfit.device.parts import Coil
 from femfit.device.thermal import AIR_CONDUCTIVITY, thermal_of
-from femfit.heat.walls import winding_heat
+from femfit.heat.network import winding_heat
 
 OUTSIDE, AIR = -2, -1
 STEP = 0.5e-3

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from femfit.fit.network_fit import fit_network
 from femfit.fit.rows import rows_of_table
+from femfit.fit.soft_iron import fit_network
 from femfit.tables.sweep_table import SweepTable
 
 SWEEPS = pd.read_csv(Path(__file__).parents[1] / "fit" / "saturating_plungers.csv", comment="#")

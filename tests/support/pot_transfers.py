@@ -10,14 +10,19 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import femfit as ff
+from femfit.core.numerics import central_differences
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
+from femfit.model.dynamics import state_scale
 from support.eddy_transient import mesh_for
+from support.linearised import by_volt
+from support.model_kinds import held
+from support.readings import hall_voltage
 
 DRAWING = Path(__file__).parents[2] / "geometry" / "pot-magnet.toml"
 DISTANCES_MM = (0.75, 1.75, 4.0)
 FREQUENCIES_HZ = (1.0, 10.0, 100.0, 1e3, 1e4)
-KINDS = {"impedance": "ohm", "force of an ampere at 1 A": "N/A", "Hall field of an ampere": "T/A"}
+KINDS = ("impedance", "force of an ampere at 1 A", "Hall field of an ampere")
 
 
 @cache
@@ -38,14 +43,20 @@ def both():
         found[1, 0, k] = direct.force[:, 0, 0] + direct.force[:, 1, 0]
         found[2, 0, k] = direct.hall[:, 0]
         found[0, 1, k] = model.impedance(distance, 1.0, frequencies)
-        found[1, 1, k] = np.ravel(model.force_transfer(distance, 1.0, frequencies))
-        found[2, 1, k] = np.ravel(model.hall_transfer(distance, 1.0, frequencies))
+        bias, still = np.ones(1), held(model)
+        force = model.windings.magnetics.motional_constant(np.asarray(distance), np.eye(model.windings.count)[0])
+        state = np.r_[distance, 0.0, 1.0, np.zeros(model.order - 3)][None]
+        volts = central_differences(lambda x: hall_voltage(model, x)[:, None], state, state_scale(model))[0, 0, 2:]
+        for m, frequency in enumerate(frequencies):
+            currents = by_volt(still, distance, bias, frequency)[:, 0]
+            found[1, 1, k, m] = force @ currents / currents[0]
+            found[2, 1, k, m] = volts @ currents / currents[0] / model.sensor.sensitivity_V_per_T
     return found
 
 
 def off(kind):
     """The largest departure of a kind, amplitude and phase, over the amplitude."""
-    direct, ours = both()[list(KINDS).index(kind)]
+    direct, ours = both()[KINDS.index(kind)]
     return float(np.abs(ours / direct - 1.0).max())
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from femfit.device.load import read_actuator
-from femfit.field.currents import swept_currents
 from femfit.field.layout import layout_of
+from femfit.field.point_rows import swept_currents
 from femfit.field.problem import prepare
 from femfit.field.tolerance import settings_for
 from support.field import prepared

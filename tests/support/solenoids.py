@@ -51,13 +51,3 @@ class NoField(Magnetics):
 
     def expression(self, _, currents):
         return 0.005 * currents[0] ** 2
-
-
-class LinearInductance(Magnetics):
-    """L(d) = L_0 - a d with a constant slope: F = a i^2 / 2."""
-
-    def __init__(self, at_zero_H=0.05, slope_H_m=5.0):
-        self.at_zero, self.slope = at_zero_H, slope_H_m
-
-    def expression(self, distance, currents):
-        return 0.5 * (self.at_zero - self.slope * distance) * currents[0] ** 2

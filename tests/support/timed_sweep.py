@@ -3,8 +3,9 @@
 import resource
 import subprocess
 import time
+from importlib.resources import files
 
-from femfit.device.load import starter_names, starter_text
+from femfit.device.load import starter_text
 from support.actuators import GEOMETRY
 from support.command import FEMFIT
 
@@ -40,7 +41,7 @@ def timed_sweep(label, directory):
     name, solver = SWEEPS[label]
     directory.mkdir(parents=True)
     actuator = directory / "actuator.toml"
-    known = name in starter_names()
+    known = (files("femfit.device") / f"examples/{name}.toml").is_file()
     text = starter_text(name) if known else (GEOMETRY / f"{name}.toml").read_text(encoding="utf-8")
     actuator.write_text(text + solver, encoding="utf-8")
     seconds = timed([FEMFIT, "sweep", str(actuator), "-o", str(directory / "run"), "--workers", "2"])

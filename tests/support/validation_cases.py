@@ -3,7 +3,6 @@
 The tests of ``tests/physics`` and the page ``docs/validation.md`` take their numbers from here.
 """
 
-import dataclasses
 import math
 from functools import cache
 
@@ -16,13 +15,12 @@ from scipy import special
 
 from femfit.core.numerics import MU_0
 from femfit.device.electrics import HallElement
-from femfit.device.load import read_actuator
 from femfit.device.parts import Coil, LinearMaterial, Region
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density, stiffness
-from support.actuators import GEOMETRY, assembly, magnet, rectangle
+from support.actuators import assembly, magnet, rectangle
 from support.devices import device
-from support.field import fields, finer_settings, in_current, prepared, solved
+from support.field import fields, finer_settings, prepared, solved
 from support.reference import REFERENCE
 from support.saturating import bobbin, rows_at
 
@@ -41,18 +39,6 @@ def loops_exact(a, b, z):
     step = 1e-4 * a
     slope = (8.0 * (mutual(z + step) - mutual(z - step)) - mutual(z + 2 * step) + mutual(z - 2 * step)) / (12.0 * step)
     return mutual(z), slope
-
-
-@cache
-def loops(a, b, z):
-    """M and dM/dz of a loop of radius a, as a coil of a hundredth of it, and a circle of radius b at z."""
-    side = 0.01 * a  # a section this small changes M by (side / a)^2 / 24
-    coil = rectangle(a - side / 2.0, a + side / 2.0, -side / 2.0, side / 2.0)
-    actuator = assembly(moving=[magnet(DUMMY, 0.02 * a, 0.02 * a)], distances=(3.0 * a,), coil=coil, hall=(b, z))
-    problem = prepared(actuator, 3.0 * a)
-    w = fields(problem, 3.0 * a)[1]
-    point = problem.mesh(b, z)
-    return 2.0 * math.pi * b**2 * w(point), -2.0 * math.pi * b * flux_density(w)[0](point)
 
 
 LOOP_SIDE = 0.01
@@ -104,16 +90,6 @@ def radial_ring_exact(z):
 
     mantles = ends(lambda h: outer / math.hypot(outer, h) - inner / math.hypot(inner, h))
     return mantles - ends(lambda h: math.asinh(outer / abs(h)) - math.asinh(inner / abs(h)))
-
-
-def solenoid(length):
-    """L per turn squared of a solenoid of radius 1 m: two thicknesses extrapolated to none, the error is linear."""
-    values = []
-    for thickness in (0.02, 0.01):
-        coil = rectangle(1.0 - thickness / 2.0, 1.0 + thickness / 2.0, -length, 0.0)
-        actuator = assembly(moving=[magnet(DUMMY, 0.05, 0.05)], distances=(2.0,), coil=coil)
-        values.append(solved(actuator).flux_linkage[1])
-    return 2.0 * values[1] - values[0]
 
 
 def brooks(settings=None):
@@ -190,22 +166,6 @@ def image_of_a_magnet(permeability):
     return solved(assembly(fixed=[plate], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.005,), coil=coil)).force[0]
 
 
-def image_of_a_dipole():
-    """F d^4 in N m^4 of a magnet whose octupole vanishes, before a wide plate of mu_r 1e6."""
-    radius, height, distance = 0.0055, math.sqrt(3.0) * 0.0055, 0.06
-    plate = Region("plate", rectangle(0.0, 3.0, -2.0, 0.0), LinearMaterial("iron", 1e6))
-    gap = distance - height / 2.0
-    coil = rectangle(3.2, 3.25, -0.1, -0.05)
-    force = solved(assembly(fixed=[plate], moving=[magnet(1.44, radius, height)], distances=(gap,), coil=coil)).force[0]
-    return force * distance**4
-
-
-def image_of_a_dipole_exact():
-    """3 mu_0 m^2 / (32 pi) for the moment of that magnet."""
-    moment = 1.44 / MU_0 * math.pi * 0.0055**2 * math.sqrt(3.0) * 0.0055
-    return 3.0 * MU_0 * moment**2 / (32.0 * math.pi)
-
-
 def ball(permeability, inner=None):
     """B / B_0 at the centre of a sphere, or of a shell with an inner radius, in a uniform field; outer radius 1."""
     radius, order = 3.0, 6
@@ -265,39 +225,6 @@ def team_23_recoil():
 def large_magnets(gap):
     """Pull in kg of two magnets S-45-30-N, N45 with 1.32 T."""
     return magnet_pair(1.32, (0.0225, 0.03), (0.0225, 0.03), gap) / 9.80665
-
-
-@cache
-def linear_rig():
-    """Force at 20 mm and 1 A of the rig, its -dW'/dd, dF/di, and -d(flux linkage)/dd, on one stretched mesh."""
-    step, current = 2e-4, 1.0
-    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
-    axes = dataclasses.replace(rig.sweep, distances_m=(0.02 - step, 0.02, 0.02 + step))
-    problem = prepared(dataclasses.replace(rig, sweep=axes), 0.02)
-    low, middle, high = (in_current(problem.solve(d)) for d in axes.distances_m)
-
-    def coenergy(s):
-        return s.coenergy + s.flux_linkage[0] * current + 0.5 * s.flux_linkage[1] * current**2
-
-    def flux(s):
-        return s.flux_linkage[0] + s.flux_linkage[1] * current
-
-    force = float(np.polynomial.polynomial.polyval(current, middle.force))
-    constant = middle.force[1] + 2.0 * middle.force[2] * current
-    return force, (coenergy(low) - coenergy(high)) / (2 * step), constant, (flux(low) - flux(high)) / (2 * step)
-
-
-@cache
-def saturated_disc():
-    """The same for the steel disc before a bobbin of steel at 4 mm and 8 A."""
-    step, current, change = 1e-4, 8.0, 0.1
-    distances = (0.004 - step, 0.004, 0.004 + step)
-    currents = (current - change, current, current + change)
-    problem = prepared(bobbin(distances=distances, currents=currents), 0.004)
-    low, middle, high = ({k: np.array(v) for k, v in problem.rows(d, currents).items()} for d in distances)
-    work = (low["coenergy_J"][1] - high["coenergy_J"][1]) / (2 * step)
-    constant = (middle["force_N"][2] - middle["force_N"][0]) / (2 * change)
-    return middle["force_N"][1], work, constant, (low["flux_linkage_Wb"] - high["flux_linkage_Wb"])[1] / (2 * step)
 
 
 LDX_LIFT = (0.246, 0.70, 0.1, 3500.0 * 80.0)

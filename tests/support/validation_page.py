@@ -35,25 +35,15 @@ class Row:
     cheap: bool = True
 
 
-EXACT, ON_BENCH, PEERS, ITSELF = "Closed forms", "Measured", "Another solver", "Against itself"
+EXACT, ON_BENCH, PEERS = "Closed forms", "Measured", "Another solver"
 PRINTED = "Finite elements that others printed"
 INDUCED = "Eddy currents"
 
 
 def rows() -> list[Row]:
     """Every line of the page."""
-    return [
-        *_coils(),
-        *_magnets(),
-        *_fields(),
-        *_eddies(),
-        *_reduced(),
-        *_transients(),
-        *_measured(),
-        *_peers(),
-        *_printed(),
-        *_itself(),
-    ]
+    parts = (_coils, _magnets, _eddies, _transients, _measured, _printed)
+    return [row for part in parts for row in part()]
 
 
 def _part(k: int, case: Callable[..., tuple[float, ...]], *arguments: float) -> Callable[[], float]:
@@ -61,20 +51,12 @@ def _part(k: int, case: Callable[..., tuple[float, ...]], *arguments: float) -> 
 
 
 def _coils() -> Iterator[Row]:
-    for a, b, z in ((0.1, 0.1, 0.1), (0.1, 0.05, 0.05), (0.02, 0.015, 0.01), (0.25, 0.2, 0.1), (0.01, 0.0055, 0.015)):
-        mutual, slope = cases.loops_exact(a, b, z)
-        name, source = f"loops of {1e3 * a:g} and {1e3 * b:g} mm, {1e3 * z:g} mm apart", "elliptic integrals (Maxwell)"
-        yield Row(EXACT, f"{name}: M", source, "H", mutual, _part(0, cases.loops, a, b, z), 2e-4)
-        yield Row(EXACT, f"{name}: dM/dz", source, "H/m", slope, _part(1, cases.loops, a, b, z), 5e-4)
     for a, b, z in ((0.1, 0.1, 0.1), (0.1, 0.05, 0.05), (0.02, 0.015, 0.01)):
         mutual, slope = cases.loops_exact(a, b, z)
         name = f"a fixed coil of {1e3 * a:g} mm and a moving one of {1e3 * b:g} mm, {1e3 * z:g} mm apart"
         source = "elliptic integrals (Maxwell)"
         yield Row(EXACT, f"{name}: M", source, "H", mutual, _part(0, cases.two_coils, a, b, z), 2e-4)
         yield Row(EXACT, f"{name}: force at 1 A", source, "N", -slope, _part(1, cases.two_coils, a, b, z), 5e-4)
-    for length, henry in ((2.0, 1.3588917590e-6), (1.0, 2.0746304193e-6), (0.5, 2.8853346103e-6)):
-        name = f"thin solenoid, radius 1 m, length {length:g} m: L / N²"
-        yield Row(EXACT, name, "Lyle, Nagaoka", "H", henry, partial(cases.solenoid, length), 5e-4, cheap=False)
     name, source, henry = "Brooks coil of 10 mm: L / N²", "loops over its section", cases.brooks_exact()
     yield Row(EXACT, name, source, "H", henry, cases.brooks, 5e-4)
     yield Row(EXACT, f"{name}, ten times finer", source, "H", henry, partial(cases.brooks, cases.FINER), 5e-6)
@@ -116,11 +98,6 @@ def _magnets() -> Iterator[Row]:
         tesla = cases.radial_ring_exact(height)
         name = f"ring of 8 to 15 mm magnetised radially, on the axis at {1e3 * height:g} mm: B"
         yield Row(EXACT, name, "closed form", "T", tesla, partial(cases.radial_ring, height), 3e-4)
-
-
-def _fields() -> Iterator[Row]:
-    name, exact = "dipole before a plate: F d⁴", cases.image_of_a_dipole_exact()
-    yield Row(EXACT, name, "image, 3 µ₀ m² / (32 π)", "N m⁴", exact, cases.image_of_a_dipole, 1e-4)
     for mu in (2, 10, 100, 1000):
         ours = partial(cases.ball, mu)
         yield Row(EXACT, f"sphere of µr {mu}: B / B₀", "3 µr / (µr + 2)", "", cases.sphere_exact(mu), ours, 1e-8)
@@ -138,17 +115,9 @@ def _eddies() -> Iterator[Row]:
                 exact, ours = (partial(one, case, body, frequency) for one in (eddies.exact, eddies.solved))
                 yield Row(INDUCED, f"{name}: R", source, "ohm", exact()[0], _part(0, ours), 1e-3)
                 yield Row(INDUCED, f"{name}: L", source, "H", exact()[1], _part(1, ours), 1e-3)
-
-
-def _reduced() -> Iterator[Row]:
-    source = "direct solution, one order finer"
-    for k, (kind, unit) in enumerate(pot.KINDS.items()):
-        for j, distance in enumerate(pot.DISTANCES_MM):
-            for i, frequency in enumerate(pot.FREQUENCIES_HZ):
-                exact, ours = (partial(lambda *at: float(abs(pot.both()[at])), k, side, j, i) for side in (0, 1))
-                name = f"solid pot, {distance:g} mm, {frequency:g} Hz: {kind}"
-                yield Row(INDUCED, name, source, unit, exact, ours, 0.01, cheap=False)
+    for kind in pot.KINDS:
         name = f"solid pot, 8 states, 1 Hz to 10 kHz: {kind}, with its phase"
+        source = "direct solution, one order finer"
         yield Row(INDUCED, name, source, "", None, partial(pot.off, kind), 0.01, cheap=False)
 
 
@@ -178,9 +147,6 @@ def _measured() -> Iterator[Row]:
         name = f"two magnets S-45-30-N, {1e3 * gap:g} mm apart: pull"
         ours = partial(cases.large_magnets, gap)
         yield Row(ON_BENCH, name, "maker's figure, whole kg", "kg", kilogram, ours, 0.06)
-
-
-def _peers() -> Iterator[Row]:
     source = "xfemm, first-order elements"
     tables = (("", "up to 3 A", 0.01), ("_fine", "up to 3 A, its finer mesh", 0.01), ("_saturated", "4 to 12 A", 0.04))
     for table, words, bound in tables:
@@ -212,15 +178,6 @@ def _printed() -> Iterator[Row]:
     for height in (8e-3, 14e-3):
         name = f"moving coil of {1e3 * height:g} mm, in its middle: force at -3 A"
         yield Row(PRINTED, name, source, "N", repelled, partial(published.moving_coil_of_height, height), 0.015)
-
-
-def _itself() -> Iterator[Row]:
-    linear, saturated = ("rig, 20 mm, 1 A", cases.linear_rig), ("saturated steel disc, 4 mm, 8 A", cases.saturated_disc)
-    for name, case in (linear, saturated):
-        force = (f"{name}: F and -dW'/dd", "virtual work", "N", _part(1, case), _part(0, case), 2e-3)
-        constant = (f"{name}: dF/di and -dψ/dd", "reciprocity", "N/A", _part(3, case), _part(2, case), 5e-3)
-        for row in (force, constant):
-            yield Row(ITSELF, *row, cheap=case is cases.linear_rig)
 
 
 COLUMNS = "| case | reference is | unit | reference | femfit | error |\n|---|---|---|---:|---:|---:|"

@@ -14,7 +14,7 @@ import shapely
 from femfit.core.errors import FemfitError
 from femfit.device.load import actuator_from_toml
 from femfit.device.outlines import flattened
-from femfit.tables.femm.options import FemOptions
+from femfit.tables.femm.model import FemOptions
 from femfit.tables.femm.read import import_fem
 from support.expected import cases, rounded, unmentioned
 

@@ -1,18 +1,16 @@
 """FEMM files: the same actuator however it is drawn, every offer is taken, no text brings another error."""
 
-import pickle
 import re
-import shlex
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from femfit.core.errors import FemFileError, FemfitError
 from femfit.device.load import actuator_from_toml
-from femfit.tables.femm.options import FemOptions, axis_option
-from femfit.tables.femm.read import import_fem
+from femfit.tables.femm.model import FemOptions
+from femfit.tables.femm.read import axis_option, import_fem
 from support.fem_files import AIR, COPPER, MAGNET, STEEL, UNIT_MM, suspension
 
 MODEL = suspension()
@@ -78,28 +76,6 @@ def test_every_mover_that_a_message_offers_is_taken_at_once():
         assert (f"'{name}'" in moving and f", {z})" in moving) or "moves = true" in toml
 
 
-def test_every_face_and_axis_that_is_offered_is_taken_at_once():
-    remedies = {one.code: one.remedy for one in imported(suspension()).findings}
-    offered = [float(word) for word in re.findall(r"-?\d+\.?\d*", remedies["frame"].split("--face-mm: ")[1])]
-    assert offered == [-1.0, -11.0, -12.0]
-    for face in (*offered, -3.5):  # a height without a corner too
-        assert imported(suspension(), face_mm=face).distance_m == pytest.approx(4e-3 - 1e-3 * face)
-    words = dict(
-        word.split("=") for word in shlex.split(remedies["one-point"].removesuffix(".")) if word.startswith("--")
-    )
-    axes = (axis_option(words[option], option) for option in ("--distance-mm", "--current-A"))
-    result = imported(suspension(), **dict(zip(("distances_mm", "currents_A"), axes, strict=True)))
-    assert len(result.actuator.sweep.distances_m) >= 10
-    assert actuator_from_toml(result.toml) == result.actuator
-
-
-@pytest.mark.parametrize("key", ["mass_g", "density_g_per_cm3", "resistance_ohm", "arc_degrees"])
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
-def test_options_out_of_range_are_refused_with_their_name(key, value):
-    with pytest.raises(FemFileError, match="--" + key.replace("_", "-")):
-        FemOptions(**{key: value})
-
-
 @pytest.mark.parametrize(
     "text", ["", "a", "1:2", "1:2:-1", "1:2:0.3", "2:1:0.5", "1,,2", "1:2:1,3", "nan", "1e9", "0:1:1e-9"]
 )
@@ -108,31 +84,10 @@ def test_axes_that_are_none_are_refused(text):
         axis_option(text, "--distance-mm")
 
 
-def test_the_error_survives_a_process():
-    error = FemFileError("model.fem", ["one", "two"])
-    assert isinstance(error, ValueError)
-    assert str(pickle.loads(pickle.dumps(error))) == str(error)  # noqa: S301  our own bytes
-
-
-@QUICK
-@given(content=st.binary(max_size=300))
-@example(content=b"[Format]\n[NumPoints]\n[NumBlockLabels]")
-def test_random_bytes(content):
-    outcome(content)
-
-
 @QUICK
 @given(lines=st.lists(st.sampled_from([*LINES, "", "<BeginBlock>", "[NumHoles] = 1", "[", "<", '"']), max_size=80))
 def test_lines_of_a_model_in_any_order(lines):
     outcome("\n".join(["[Format] = 4.0", *lines]).encode())
-
-
-@QUICK
-@given(drop=st.sets(st.integers(0, len(LINES) - 1), max_size=4))
-@example(drop=set())
-def test_lines_left_out(drop):
-    result = outcome("\n".join(line for n, line in enumerate(LINES) if n not in drop).encode())
-    assert drop or result is not None
 
 
 @QUICK

@@ -8,13 +8,11 @@ from pathlib import Path
 
 import pytest
 
-import femfit as ff
 import femfit.tables
 from femfit.core.errors import TableError
 from femfit.tables.columns import column_option
 from femfit.tables.findings import catalogue, finding
 from femfit.tables.measurement_file import read_measurement
-from support.solenoids import solenoid
 
 ROOM = Path(femfit.tables.__file__).parent
 SOURCES = {path: path.read_text(encoding="utf-8") for path in ROOM.parent.rglob("*.py")}
@@ -95,15 +93,6 @@ def test_a_shell_reads_the_header_as_the_file_has_it(header, tmp_path):
         assert "voltage_V" in read_measurement(path, columns=options).given
 
 
-def test_columns_are_offered_by_their_words_before_their_units(tmp_path):
-    path = tmp_path / "scope.csv"
-    path.write_text(
-        "Time (s),trigger [V],CH1 voltage (V),CH2 current (A)\n" + "".join(f"{k},0,{k},1\n" for k in "0123")
-    )
-    options, _ = refusal(read_measurement, path)
-    assert (options["CH1 voltage (V)"], options["CH2 current (A)"]) == ("voltage_V", "current_A")
-
-
 def test_a_column_that_is_not_used_is_offered_where_its_words_say_what_it_may_be(tmp_path):
     path = tmp_path / "bench.csv"
     path.write_text("distance_mm,current_A,Kraft ges. [N],note\n" + "".join(f"{k},1,{k},x\n" for k in range(2, 6)))
@@ -112,10 +101,3 @@ def test_a_column_that_is_not_used_is_offered_where_its_words_say_what_it_may_be
         path, columns={"note": "force_N", "Kraft ges. [N]": "hall_V"}, units={"Kraft ges. [N]": "V"}
     )
     assert "unused-column" not in {one.code for one in table.findings}
-
-
-@pytest.mark.parametrize("header", ["V", "Spannung am Ventil [mV]"])
-def test_a_filter_without_its_command_is_told_the_option_once(tmp_path, header):
-    path = tmp_path / "scope.csv"
-    path.write_text(f"t [s],{header},i [A]\n" + "".join(f"{k / 10},{k},1\n" for k in range(9)))
-    assert refusal(lambda path: ff.observe(solenoid(), path), path) == ({header: "voltage_V"}, 1)

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.tables.circuit_columns import circuit_columns
 from femfit.tables.measurement_file import read_measurement
 
 FREQUENCY = np.geomspace(20.0, 20e3, 13)
@@ -69,8 +68,3 @@ def test_readings_above_the_winding_s_resonance_are_set_aside(tmp_path):
     assert capacitive.any()
     assert (table.rows["inductance_H"].isna() == capacitive).all()
     assert "resonance" in {one.code for one in table.findings}
-
-
-def test_brackets_name_no_circuits_without_an_impedance():
-    assert circuit_columns(["time [s]", "current_coil [A]", "voltage_supply [V]"]) == ()
-    assert circuit_columns(["impedance_coil [ohm]", "phase_coil [°]"]) == ("impedance_coil_ohm", "phase_coil_deg")

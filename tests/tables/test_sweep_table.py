@@ -2,14 +2,11 @@
 
 import json
 
-import numpy as np
 import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.tables.eddy_table import EddyTable, write_eddy
-from femfit.tables.sweep_table import SweepTable, read_sweep_table, write_sweep_table
-from femfit.tables.variant_choice import choose_variant
+from femfit.tables.sweep_table import SweepTable, choose_variant, read_sweep_table, write_sweep_table
 from support.expected import unmentioned
 
 ROWS = pd.DataFrame(
@@ -41,61 +38,6 @@ def test_a_failed_write_leaves_the_earlier_table(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="space"):
         write_sweep_table(SweepTable(ROWS.iloc[:1]), tmp_path)
     pd.testing.assert_frame_equal(read_sweep_table(tmp_path).rows, ROWS)
-
-
-def eddy_of(circuits, distances_m):
-    """One pattern."""
-    places, sources = len(distances_m), 2 + len(circuits)
-    return EddyTable(
-        circuits=circuits,
-        distances_m=np.array(distances_m),
-        frequencies_Hz=np.array([100.0]),
-        force=np.zeros((places, sources, sources)),
-        flux_linkage=np.ones((places, sources - 1, sources)),
-        hall=None,
-        checked_Hz=np.array([100.0]),
-        errors=np.zeros((1, 3)),
-        braking_error=0.0,
-        materials=("iron",),
-        conductivities_S_per_m=np.array([5e6]),
-        resistances=np.ones((1, 1, 1)),
-        asked_error=0.01,
-    )
-
-
-OF_ONE = SweepTable(ROWS, {"kind": "sweep", "actuator": {"circuits": [{"name": "coil"}]}})
-OF_TWO = SweepTable(ROWS.rename(columns={"current_A": "current_a_A"}).assign(current_b_A=0.0), {"kind": "sweep"})
-NO_MANIFEST = SweepTable(ROWS, {})
-
-
-@pytest.mark.parametrize(
-    ("table", "circuits", "distances", "mentions"),
-    [
-        (OF_ONE, ("coil",), [0.01, 0.015], ["10, 20 mm", "15 mm"]),
-        (OF_ONE, ("coil",), [0.03], ["30 mm"]),
-        (OF_ONE, ("other",), [0.01, 0.02], ["(coil)", "of other"]),
-        (OF_ONE, (), [0.01, 0.02], ["(coil)", "of none"]),
-        (OF_TWO, ("coil",), [0.01, 0.02], ["(a, b)", "of coil"]),
-        (OF_TWO, ("b", "a"), [0.01, 0.02], ["(a, b)", "b, a"]),
-        (NO_MANIFEST, ("a", "b"), [0.01, 0.02], ["a, b"]),
-    ],
-)
-def test_eddy_currents_of_another_sweep_are_refused(tmp_path, table, circuits, distances, mentions):
-    write_sweep_table(table, tmp_path)
-    write_eddy(eddy_of(circuits, distances), tmp_path)
-    with pytest.raises(TableError) as refused:
-        read_sweep_table(tmp_path)
-    assert not unmentioned(mentions, str(refused.value))
-
-
-@pytest.mark.parametrize(
-    ("table", "circuits"), [(OF_ONE, ("coil",)), (OF_TWO, ("a", "b")), (NO_MANIFEST, ("coil",)), (NO_MANIFEST, ())]
-)
-@pytest.mark.parametrize("distances", [[0.01, 0.02], [0.01 * (1.0 + 1e-15)]])
-def test_eddy_currents_at_some_of_a_sweeps_distances_are_its_own(tmp_path, table, circuits, distances):
-    write_sweep_table(table, tmp_path)
-    write_eddy(eddy_of(circuits, distances), tmp_path)
-    assert read_sweep_table(tmp_path).eddy.circuits == circuits
 
 
 VARIED = pd.DataFrame(

@@ -18,9 +18,8 @@ from femfit.device.mechanics import Stop
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.json_file import write_model
 from femfit.simulation.plant import Plant
-from femfit.targets import directory
-from femfit.targets.directory import NEW
-from femfit.targets.estimator import FILE, export_estimator
+from femfit.targets import estimator
+from femfit.targets.estimator import FILE, NEW, export_estimator
 from femfit.targets.targets import TARGETS, export
 from support.added_effects import under_effects
 from support.eddies import with_eddies
@@ -324,7 +323,7 @@ def test_an_export_that_fails_leaves_nothing_and_keeps_an_earlier_one(levitation
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(directory, "write_model", full)
+    monkeypatch.setattr(estimator, "write_model", full)
     for place in (earlier, earlier.parent / "new"):
         with pytest.raises(OSError, match="No space") as caught:
             export_estimator(replace(levitation_model, name="second"), place)

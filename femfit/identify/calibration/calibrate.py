@@ -24,19 +24,18 @@ from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.words import titled, titles_of
 from femfit.identify.add_effects import of_last_run
-from femfit.identify.allowances import beyond_noise
 from femfit.identify.bench import measurement_of
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, CalibrationResult, open_combinations, remarks, verdict
-from femfit.identify.checked_refit import unseen_error
 from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
 from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis, verdict_sentence
 from femfit.identify.lack_of_fit import pattern_space
-from femfit.identify.misfit import ErrorFall, error_fall
+from femfit.identify.left_out import unseen_error
+from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
 
@@ -103,13 +102,14 @@ def calibrate(
     first = swept(source, directory / "drawn", measured, workers)
     if wanted is None:
         say("Diagnosing")
-        choice = _diagnosed(diagnose(first.model, measured, bootstrap=0), suspects)
+        choice = _diagnosed(diagnose(first.model, measured), suspects)
     else:  # of all, those that these readings show
         choice = Choice(tuple(number for number in wanted if wanted is not source.each or first.shows(number)))
         if not choice.numbers:
             raise TableError("These data show no number of the drawing: none of them changes any of the readings.")
     if beside is not None:
-        choice = replace(choice.without(choice.beside), beside=beside)
+        remarks_of_numbers = {k: text for k, text in choice.remarks.items() if k not in choice.beside}
+        choice = Choice(choice.numbers, beside, remarks_of_numbers)
     task = _Task(source, measured, directory / "calibrated", workers, say)
     now = estimate(first, choice, np.array([number.value for number in choice.numbers]))
     now = task.settled(now) if beside is not None else task.completed(now, asked=wanted is not None)
@@ -167,7 +167,7 @@ class _Task:
     def completed(self, now: Estimate, *, asked: bool) -> Estimate:
         """The same with what is missing beside it, as a diagnosis with the numbers free names it after each step."""
         for _ in range(MOST_ROUNDS):
-            now = _without_absent(self.settled(now, 1))
+            now = self.settled(now, 1)
             self.say("Diagnosing what is left")
             decision, choice = decide_beside(now, self.measured), now.choice
             wider = with_named(choice, decision, self.source.suspects, asked=asked) if decision else choice
@@ -175,17 +175,7 @@ class _Task:
             now = estimate(now.redrawn, wider, np.append(now.values, drawn))
             if (wider.numbers, wider.beside) == (choice.numbers, choice.beside):
                 break
-        return self.settled(_without_absent(self.settled(now)))
-
-
-def _without_absent(now: Estimate) -> Estimate:
-    """Without effects that were named beside earlier values of the numbers and are absent beside the present ones."""
-    absent = []
-    for added in now.beside:
-        limits = [(p, *added.ci95.get(p.name, (np.inf, -np.inf))) for p in added.effect.amplitudes]
-        if all(added.parameters[p.name] == p.null or low <= p.null <= high for p, low, high in limits):
-            absent.append(added.effect.name)
-    return estimate(now.redrawn, now.choice.without(absent), now.values) if absent else now
+        return self.settled(now)
 
 
 def _moved(source: Drawing, now: Estimate, share: float) -> tuple[Drawing, FloatArray]:
@@ -225,10 +215,7 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     test = pattern_space(whitening).test(residual, fit.jacobian[:, ~fit.active])
     sds = (np.sqrt(np.diag(covariance)).tolist() for covariance in (now.error, now.covariance))
     numbers = tuple(
-        replace(CalibratedNumber.of(*values), held=held, by_data=by_data)
-        for *values, (held, by_data) in zip(
-            now.choice.numbers, now.values.tolist(), *sds, now.without_assumed, strict=True
-        )
+        CalibratedNumber.of(*values) for values in zip(now.choice.numbers, now.values.tolist(), *sds, strict=True)
     )
     undetermined = open_combinations(numbers, now.covariance)
     return CalibrationResult(

@@ -26,14 +26,12 @@ from femfit.fit.build import fit_model
 from femfit.identify.add_effects import in_their_runs, whitening_beside
 from femfit.identify.bench import placed
 from femfit.identify.calibration.numbers import Choice, Drawing
-from femfit.identify.constants import HELD
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.refit import Refit, refit, starting_point
 from femfit.identify.signatures import columns_at, effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drawn_effect import POSSIBLE
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
 from femfit.tables.sweep_table import SweepTable
@@ -125,30 +123,6 @@ class Estimate:
     def step(self) -> float:
         """Length of the change in standard deviations, of well determined combinations too, root mean square."""
         return float(np.sqrt(self.change @ self.information @ self.change / len(self.change)))
-
-    @property
-    def without_assumed(self) -> list[tuple[bool, tuple[float, float] | None]]:
-        """Of each number whether an assumed tolerance holds it, and value and error without all assumed tolerances.
-
-        To first order: where Q is what the data and declared tolerances know, in units of the tolerances, and D is 1
-        for each assumed one, the estimate x away from the drawing is x + Q^-1 D x without them. A number that Q leaves
-        open by more than the largest error that it can have is none that the data tell.
-        """
-        numbers = self.choice.numbers
-        tolerance = np.array([number.deviation for number in numbers])
-        assumed = np.array([not number.declared for number in numbers])
-        away = (self.values + self.change - [number.value for number in numbers]) / tolerance
-        sizes, directions = np.linalg.eigh(self.information * np.outer(tolerance, tolerance) - np.diag(1.0 * assumed))
-        inverse = (directions / np.maximum(sizes, 1e-12)) @ directions.T
-        error, free = np.sqrt(np.diag(self.covariance)) / tolerance, np.sqrt(np.diag(inverse))
-        pulled = inverse @ (assumed * away)
-        held = assumed & (((error / free) ** 2 < 1.0 - HELD) | (np.abs(pulled) > error))
-        result: list[tuple[bool, tuple[float, float] | None]] = []
-        for k, value in enumerate(self.values):
-            determined = free[k] < POSSIBLE
-            by_data = float(value + pulled[k] * tolerance[k]), float(free[k] * tolerance[k])
-            result.append((bool(held[k]), by_data if determined else None))
-        return result
 
     def cost(self, like: "Estimate") -> float:
         """Weighted sum of squares that the drawing leaves, by the noise of another estimate, and of its tolerances."""

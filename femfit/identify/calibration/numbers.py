@@ -22,7 +22,7 @@ from femfit.device.rewrite import rewritten
 from femfit.device.schema import BODIES
 from femfit.device.tolerances import KINDS, read_tolerances
 from femfit.effects.catalogue import effect_by_name, known_effect
-from femfit.effects.tolerances import RESISTANCE
+from femfit.effects.circuit import RESISTANCE
 from femfit.identify.decision.naming import Decision
 
 ALL = "all"
@@ -133,12 +133,6 @@ class Choice:
     beside: Mapping[str, Runs] = field(default_factory=dict)  # Effects that are no numbers of the drawing
     # What was decided where the data leave it open, by the key path or the effect that it is about
     remarks: Mapping[str, str] = field(default_factory=dict)
-
-    def without(self, effects: Iterable[str]) -> "Choice":
-        """The same without some of the effects beside."""
-        out = set(effects)
-        beside = {name: runs for name, runs in self.beside.items() if name not in out}
-        return Choice(self.numbers, beside, {k: text for k, text in self.remarks.items() if k not in out})
 
 
 def with_named(choice: Choice, decision: Decision, suspects: Sequence[NumberFacts], *, asked: bool = False) -> Choice:

@@ -6,7 +6,6 @@ Its sentences say whether noise is left, what the data leave open, and what is u
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any, Self
 
 import numpy as np
@@ -17,19 +16,15 @@ from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
-from femfit.identify.allowances import allowed
 from femfit.identify.calibration.fit import Estimate
-from femfit.identify.constants import ALIKE, IN_COMBINATION, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
+from femfit.identify.constants import IN_COMBINATION, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
 from femfit.identify.lack_of_fit import LackOfFit
-from femfit.identify.misfit import ErrorFall
+from femfit.identify.misfit import ErrorFall, allowed
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.words import Result, plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
 from femfit.tables.sweep_table import SweepTable
-
-HELD_TEXT = "held"
-"""In place of an interval that an assumed tolerance makes."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +40,6 @@ class CalibratedNumber:
     tolerance: float  # Standard deviation before the data
     unit: str  # Of all five; empty of a pure number, and of the factor of a curve
     label: str = ""  # What a machinist calls it
-    # Whether a tolerance that the drawing does not give decides it; and what the data alone say, where they do: the
-    # value and its standard deviation
-    held: bool = False
-    by_data: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, facts: NumberFacts, value: float, sd: float, sd_as_drawn: float) -> Self:
@@ -64,17 +55,12 @@ class CalibratedNumber:
     @property
     def texts(self) -> tuple[str, ...]:
         """A row of the printed table."""
-        value = with_error(self.value, self.sd)
-        value = value.partition(" ")[0] if self.held else value
-        rest = HELD_TEXT if self.held else f"± {rounded(self.sd_as_drawn, 2)}"
+        rest = f"± {rounded(self.sd_as_drawn, 2)}"
+        # Value and standard deviation both to the second digit of that
+        places = max(0, 1 - math.floor(math.log10(self.sd))) if self.sd > 0.0 else 6
+        value = f"{self.value:.{places}f} ± {self.sd:.{places}f}"
         numbers = (f"{self.drawn:g}", value, rest, rounded(self.tolerance, 2))
-        return (self.name, *(text if text == HELD_TEXT else f"{text} {self.unit}".rstrip() for text in numbers))
-
-
-def with_error(value: float, sd: float) -> str:
-    """A value with its standard deviation, both to the second digit of that."""
-    places = max(0, 1 - math.floor(math.log10(sd))) if sd > 0.0 else 6
-    return f"{value:.{places}f} ± {sd:.{places}f}"
+        return (self.name, *(f"{text} {self.unit}".rstrip() for text in numbers))
 
 
 @dataclass(frozen=True)
@@ -181,22 +167,14 @@ def open_combinations(numbers: Sequence[CalibratedNumber], covariance: FloatArra
 
 def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Sequence[Combination]) -> tuple[str, ...]:
     """What a reader of the numbers must know besides."""
-    alike = [
-        (numbers[j], numbers[k], correlation)
-        for j, k in combinations(range(len(numbers)), 2)
-        if abs(correlation := now.covariance[j, k] / (numbers[j].sd_as_drawn * numbers[k].sd_as_drawn)) > ALIKE
-    ]
     away = [abs(number.value - number.drawn) / number.tolerance for number in numbers]
     text = printed(
         "calibration_remarks",
         remarks=now.choice.remarks.values(),
-        held=[number for number in numbers if number.held],
         undetermined=undetermined,
         by_key={number.key: number for number in numbers},
-        alike=alike,
         mostly_unfitted=any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers),
         checked=zip(numbers, now.choice.numbers, away, strict=True),
-        with_error=with_error,
         UNUSUAL=UNUSUAL,
         SHOWN=SHOWN,
     )

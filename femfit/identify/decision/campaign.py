@@ -17,14 +17,13 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import Effect
-from femfit.identify.checked_refit import left_out_groups
 from femfit.identify.constants import CORRELATIONS, LEVEL, POWER
 from femfit.identify.lack_of_fit import PatternSpace, pattern_space
+from femfit.identify.left_out import left_out_groups
 from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.contrasts import rho_of
 from femfit.identify.noise.whitening import NoiseModel, Whitening
@@ -58,12 +57,6 @@ class Campaign:
     def patterns(self) -> PatternSpace:
         """Smooth patterns of a lack of fit."""
         return pattern_space(self.whitening)
-
-    def with_readings(self, value: FloatArray) -> "Campaign":
-        """The same settings with other readings, of shape (M,), and their own noise estimate."""
-        observations = self.observations.with_values(value)
-        whitening = Whitening(observations, estimate_noise(observations) or self.noise, self.whitening.misfit)
-        return self.by(whitening)
 
     def by(self, whitening: Whitening) -> "Campaign":
         """The same effects with another noise."""

@@ -93,9 +93,6 @@ EXPLAINED = 0.5
 """Conventional: part of the squared misfit above the noise that effects of another form must explain, fitted to all
 readings, where the search names them: less than where one effect is called most of it though the search names none."""
 
-FALSE_NAMES = 0.1
-"""Conventional: share of simulated clean campaigns that are given a name, above which no name is certain."""
-
 CERTAIN = 0.5
 """Conventional: probability of just what is named below which it is not certain."""
 
@@ -120,9 +117,6 @@ domain."""
 LARGEST_BENDING = 0.5
 """Assumed: what first-order columns at the trial values of the nonlinear parameters leave of a signal, a refit of these
 parameters may lower from up to this share."""
-
-SMALL = 3.0
-"""Conventional: a small effect in a plan, over the smallest that the plan would show."""
 
 NEAR_SHARE, DISTANCES, CURRENTS = 0.25, 24, 6
 """Assumed: a usual sweep has so many distances and currents; most effects are largest in its nearest quarter."""

@@ -6,14 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.errors import TableError
-from femfit.core.public import random_generator
 from femfit.core.results import Finding
-from femfit.core.text import quoted
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.bench import placed
-from femfit.identify.constants import CLEAN_CAMPAIGNS
 from femfit.identify.decision.campaign import (
     Campaign,
     campaign_remarks,
@@ -24,13 +20,12 @@ from femfit.identify.decision.campaign import (
     lasting_noises,
 )
 from femfit.identify.decision.constants import CERTAIN
-from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
+from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.evidence import score_effects
 from femfit.identify.decision.naming import Decision, decide, dominant, look_alikes
 from femfit.identify.misfit import error_fall
-from femfit.identify.noise.components import simulated_noise
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Refit, plausible
+from femfit.identify.refit import plausible
 from femfit.identify.where import Where, where_it_fails
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
@@ -45,8 +40,6 @@ def diagnose(
     data: Measurement | str | Path,
     *,
     exclude: Sequence[str] = (),
-    bootstrap: int = CLEAN_CAMPAIGNS,
-    rng: int | np.random.Generator | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Compare measurements with a model and name the physical effect that is missing.
@@ -59,10 +52,6 @@ def diagnose(
         What was measured.
     exclude : sequence of str
         Effects that are not considered.
-    bootstrap : int
-        Number of clean campaigns that are simulated to count how often something is named in them; 0 for none.
-    rng : int, Generator or None
-        Randomness of that simulation; None for a fixed seed.
 
     Returns
     -------
@@ -72,26 +61,18 @@ def diagnose(
     Raises
     ------
     TableError
-        If no reading can be compared, or ``bootstrap`` is no whole number >= 0.
-    DomainError
-        If ``rng`` is no seed.
+        If no reading can be compared.
 
     Examples
     --------
-    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv", bootstrap=0)
+    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv")
     >>> found.verdict, [one.name for one in found.missing]
     ('named', ['coil_temperature', 'core_saturation'])
     """
     say = progress or (lambda _: None)
-    if not isinstance(bootstrap, int | np.integer) or bootstrap < 0:
-        raise TableError(
-            "The number of simulated clean campaigns must be a whole number >= 0; instead received "
-            f"{quoted(bootstrap)}. Give bootstrap=0 for none."
-        )
-    rng = random_generator(rng)
     say("Reading")
     model = model_of(model)
-    return diagnose_observations(model, placed(model, data), exclude=exclude, bootstrap=bootstrap, rng=rng, say=say)
+    return diagnose_observations(model, placed(model, data), exclude=exclude, say=say)
 
 
 def diagnose_observations(
@@ -99,8 +80,6 @@ def diagnose_observations(
     observations: Observations,
     *,
     exclude: Sequence[str] = (),
-    bootstrap: int = 0,
-    rng: int | np.random.Generator | None = None,
     say: Progress = lambda _: None,
 ) -> Diagnosis:
     """Diagnose readings that stand beside their model."""
@@ -110,32 +89,18 @@ def diagnose_observations(
         return _no_verdict(model, observations, campaign, exclude)
     say("Scoring the effects")
     decision = decide(campaign)
-    clean = None
-    if bootstrap:
-        say("Simulating clean campaigns")
-        clean = clean_campaigns(campaign, bootstrap, random_generator(rng))
-    return replace(_diagnosis(model, campaign, decision, clean), excluded=tuple(dict.fromkeys(exclude)))
+    return replace(_diagnosis(model, campaign, decision), excluded=tuple(dict.fromkeys(exclude)))
 
 
-def clean_campaigns(campaign: Campaign, count: int, rng: np.random.Generator) -> CleanCampaigns:
-    """Count the simulated clean campaigns in which something is named: a parametric bootstrap of the whole decision.
-
-    Settings and noise are the campaign's; each simulated campaign's noise model is estimated anew.
-    """
-    named = 0
-    for _ in range(count):
-        clean = campaign.observations.base + simulated_noise(campaign.whitening, rng)
-        named += decide(campaign.with_readings(clean)).verdict in {"named", "form_insufficient"}
-    return CleanCampaigns(named, count)
-
-
-def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, clean: CleanCampaigns | None) -> Diagnosis:
+def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> Diagnosis:
     observations, fit = campaign.observations, decision.chosen.fit if decision.chosen else None
     after = observations.predict(fit.effects) if fit else observations.base
     scores = score_effects(campaign)
     # What the patterns cannot see of an effect between them counts as well
     excess = max(campaign.patterns.excess(campaign.whitening.residual), *(s.chi2_fall for s in scores), 0.0)
     missing = _named_effects(campaign, decision, scores, excess)
+    fits, share = dominant(campaign, decision, scores, excess)
+    tied = {fit.names[0]: fit.effects[0] for fit in fits}
     alike = look_alikes(decision)
     remarks = campaign_remarks(campaign)
     if decision.posterior.ended:
@@ -146,13 +111,12 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     return Diagnosis(
         verdict=decision.verdict,
         missing=missing,
-        dominant=_dominant(campaign, decision, scores, excess),
+        dominant=_named(campaign, fits[0].effects[0], tuple(tied), tied, scores, share) if fits else None,
         ranking=_ranking(campaign, decision, scores, excess),
         where=where,
         error_fall=error_fall(observations, observations.base, after, campaign.noise.known),
         noise_floor=campaign.noise.known,
         detectable=detectable_magnitudes(campaign),
-        clean=clean,
         model=model,
         observations=observations,
         probability=decision.probability,
@@ -166,7 +130,6 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
         confident=bool(
             decision.verdict == "named"
             and not alike
-            and not (clean and clean.name_too_often)
             and decision.probability_of_chosen > CERTAIN
             and "guess" not in campaign.noise.source.values()
             and not lasting_noises(campaign.noise)
@@ -186,24 +149,20 @@ def _ranking(
     """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
     before, by_name = campaign.whitening.residual, {score.name: score for score in scores}
     alone = {names[0]: fit for names, fit in decision.fits.items() if len(names) == 1}
-    refitted = [
-        replace(
-            by_name[name],
-            chi2_fall=float(before @ before) - fit.chi2,
-            explained_share=explained_share(campaign, fit, excess),
-            error_left=_error_left(campaign, fit),
-        )
-        for name, fit in alone.items()
-    ]
-    return (*refitted, *(score for score in scores if score.name not in alone))
-
-
-def _error_left(campaign: Campaign, fit: Refit) -> float:
-    """Rms error with a fit over the noise of one reading, as the fall of the error has it; all channels together."""
-    observations, noise = campaign.observations, campaign.noise
+    observations, noise, refitted = campaign.observations, campaign.noise, []
     judged = np.array([name in noise.source for name in noise.channels])[observations.channel]
-    residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
-    return float(np.sqrt(np.mean(residual[judged] ** 2)))
+    for name, fit in alone.items():
+        # Over the noise of one reading, as the fall of the error has it; all channels together
+        residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
+        refitted.append(
+            replace(
+                by_name[name],
+                chi2_fall=float(before @ before) - fit.chi2,
+                explained_share=explained_share(campaign, fit, excess),
+                error_left=float(np.sqrt(np.mean(residual[judged] ** 2))),
+            )
+        )
+    return (*refitted, *(score for score in scores if score.name not in alone))
 
 
 def _named_effects(
@@ -224,14 +183,6 @@ def _named_effects(
         }
         named.append(_named(campaign, by_name[members[0]], members, others, scores, share))
     return tuple(named)
-
-
-def _dominant(
-    campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
-) -> NamedEffect | None:
-    fits, share = dominant(campaign, decision, scores, excess)
-    tied = {fit.names[0]: fit.effects[0] for fit in fits}
-    return _named(campaign, fits[0].effects[0], tuple(tied), tied, scores, share) if fits else None
 
 
 def _named(

@@ -1,25 +1,14 @@
-"""What a diagnosis says: the stable result of ``femfit diagnose``, and the facts that it prints beside its own.
-
-One of these is how late the field follows a current. Where the current i changes slowly, eddy currents are e = -R^-1
-C^T L di/dt. The field is that of i + C e, so that it follows late by C R^-1 C^T L. What ``eddy_current_lag`` finds adds
-its own shares times their time constants.
-"""
+"""What a diagnosis says: the stable result of ``femfit diagnose``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from scipy import stats
-
 from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, known_effect
-from femfit.effects.lags import EDDY_CURRENT_LAG, slow_lag
 from femfit.effects.words import smallest_visible, titled, titles_of
-from femfit.identify.allowances import Allowed, allowed, finer_sweep
-from femfit.identify.decision.constants import FALSE_NAMES
 from femfit.identify.lack_of_fit import LackOfFit
-from femfit.identify.misfit import ErrorFall
+from femfit.identify.misfit import Allowed, ErrorFall, allowed, finer_sweep
 from femfit.identify.observations import Observations
 from femfit.identify.signatures import CHANGES_NOTHING
 from femfit.identify.where import Where
@@ -78,29 +67,6 @@ class ScoredEffect:
     error_left: float = float("nan")
 
 
-@dataclass(frozen=True)
-class CleanCampaigns:
-    """How often the whole decision names something in simulated campaigns of this noise in which nothing is missing."""
-
-    named: int
-    campaigns: int
-
-    @property
-    def bound(self) -> float:
-        """Upper end of the 95 % interval of the rate (Clopper and Pearson, Biometrika 26 (1934) 404)."""
-        if self.named == self.campaigns:
-            return 1.0
-        return float(stats.beta.ppf(0.975, self.named + 1, self.campaigns - self.named))
-
-    @property
-    def name_too_often(self) -> bool:
-        """Whether noise alone is given a name so often that no name is certain."""
-        return self.named > FALSE_NAMES * self.campaigns
-
-    def __str__(self) -> str:
-        return f"{self.named} of {self.campaigns} simulated clean campaigns, at most {100.0 * self.bound:.2g} %"
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Result):
     """The result of a diagnosis; printed, it is what ``femfit diagnose`` prints.
@@ -119,8 +85,6 @@ class Diagnosis(Result):
         Standard deviation of one reading per channel in which it is known.
     detectable : mapping of str to mapping of str to float
         Smallest magnitude of each effect's parameters that these data would have shown.
-    clean : CleanCampaigns or None
-        The bootstrap; None where none was asked for.
     probability : mapping of str to float
         Of each verdict but ``compare_only``.
     p_value : float
@@ -138,7 +102,7 @@ class Diagnosis(Result):
         and not been listed.
     confident : bool
         Whether the verdict is ``named``, without look-alikes among the effects considered, with every parameter in
-        its plausible range, and noise alone is seldom given a name. The drawing's dimensions are among the effects
+        its plausible range. The drawing's dimensions are among the effects
         considered where ``dimensions_suspected`` says so.
     excluded : tuple of str
         Effects that were not considered: nothing is certain beside them.
@@ -148,13 +112,13 @@ class Diagnosis(Result):
     Examples
     --------
     >>> import femfit as ff
-    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv", bootstrap=0)
+    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv")
     >>> found.verdict
     'named'
     """
 
     data = (
-        *("verdict", "probability", "noise_floor", "detectable", "false_naming_rate", "p_value", "look_alikes"),
+        *("verdict", "probability", "noise_floor", "detectable", "p_value", "look_alikes"),
         *("confident", "dimensions_suspected", "excluded", "missing", "dominant", "ranking", "where", "error_fall"),
         *("lack_of_fit_before", "lack_of_fit_after", "findings"),
     )
@@ -168,7 +132,6 @@ class Diagnosis(Result):
     missing: tuple[NamedEffect, ...] = ()
     noise_floor: Mapping[str, float] = field(default_factory=dict)
     detectable: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    clean: CleanCampaigns | None = None
     probability: Mapping[Verdict, float] = field(default_factory=dict)
     p_value: float = 1.0
     own_misfit: bool = False
@@ -183,11 +146,6 @@ class Diagnosis(Result):
     findings: tuple[Finding, ...] = ()
     campaign: "Campaign | None" = None
     decision: "Decision | None" = None
-
-    @property
-    def false_naming_rate(self) -> float | None:
-        """Share of simulated clean campaigns in which something would have been named."""
-        return None if self.clean is None else self.clean.named / self.clean.campaigns
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -206,8 +164,7 @@ class Diagnosis(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        clean = self.clean and {**vars(self.clean), "bound": self.clean.bound}
-        return super().to_dict() | {"rms": self.error_fall.rms_before, "clean_campaigns": clean}
+        return super().to_dict() | {"rms": self.error_fall.rms_before}
 
     @property
     def allowed(self) -> Allowed:
@@ -217,7 +174,6 @@ class Diagnosis(Result):
 
     def __str__(self) -> str:
         after, nominal = self.allowed, self.observations.nominal
-        misses = bool(after.apart) or self.verdict not in {"nothing_missing", "named"}
         effects, named = device_effects(nominal.circuits, nominal.drawn), {effect.name for effect in self.missing}
         shown = [effect for effect in (*self.missing, self.dominant) if effect]
         hidden: dict[str, list[str]] = {}
@@ -229,7 +185,6 @@ class Diagnosis(Result):
             d=self,
             a=after,
             symptoms={effect.name: getattr(known_effect(effect.name), "symptom", "") for effect in shown},
-            lagging=None if misses else _lag(self),
             blind=hidden.get(CHANGES_NOTHING, []),  # it may be missing all the same, since it changes no reading
             finer=finer_sweep(self.model),
             visible={
@@ -250,35 +205,3 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
 def certainty_sentence(diagnosis: Diagnosis) -> str:
     """How far what is named can be trusted against other causes."""
     return sentence("diagnosis", "certainty", diagnosis)
-
-
-@dataclass(frozen=True)
-class _Lag:
-    """How late the field follows a slow current, as drawn, and by how much more; None where it is as drawn."""
-
-    drawn_s: float
-    more_s: float | None
-    distance_m: float
-    current_A: float
-
-
-def _lag(diagnosis: Diagnosis) -> _Lag | None:
-    """The lag, where the drawing has eddy currents, the data show them, and nothing else could stand for it.
-
-    The conductivity of one of several materials changes the lag, too, but the model's states do not say by how much.
-    """
-    base = diagnosis.model.without_effects
-    lags = {EDDY_CURRENT_LAG.name, *(number.key for number in base.drawn if number.conducts)}
-    named = {effect.name: effect.parameters for effect in diagnosis.missing if effect.name in lags}
-    alike = {name for effect in diagnosis.missing for name in effect.members if effect.name not in lags}
-    if base.eddy is None or len(base.circuits) != 1 or not (named or lags & diagnosis.detectable.keys()):
-        return None
-    parts = {number.key for number in base.drawn if number.key.endswith("conductivity_MS_per_m")} - lags
-    if (lags | parts) & alike or diagnosis.observations.away_from_bias:
-        return None
-    setting = diagnosis.observations.covariates[["distance_m", "current_A"]].mean()
-    d, i = np.asarray(setting["distance_m"]), np.asarray(setting["current_A"])
-    inductance, (forms,) = base.magnetics.inductance(d, i[..., None])[..., 0, 0], base.eddy.forms(d)
-    drawn = float((forms.coupling[0] ** 2 / base.eddy.resistances_ohm).sum() * inductance)
-    more = [slow_lag(p) if name == EDDY_CURRENT_LAG.name else drawn * p["change"] for name, p in named.items()]
-    return _Lag(drawn, sum(more) if named else None, float(d), float(i))

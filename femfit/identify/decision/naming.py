@@ -34,7 +34,7 @@ from femfit.identify.decision.constants import (
 from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import Linear, density_of
-from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
+from femfit.identify.decision.search import Explanation, Posterior, explain
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.refit import Refit, Start, at_bounds, plausible, refit, starting_point
 from femfit.identify.signatures import columns_at
@@ -91,15 +91,10 @@ def times_own(campaign: Campaign) -> float:
     """
     observations, noise = campaign.observations, campaign.noise
     sigma = noise.sigma[observations.channel]
-    own_misfit = float(np.sum((observations.own_misfit / sigma) ** 2))
+    own_misfit = float(np.sum((observations.tolerance / sigma) ** 2))
     freedom = len(sigma) + float(np.sum((observations.distance_slope * noise.mount_m / sigma) ** 2))
     beyond = max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
     return float(np.sqrt(beyond / own_misfit)) if own_misfit > 0.0 else np.inf
-
-
-def fails_surely(campaign: Campaign) -> bool:
-    """Whether something is missing, whatever a search for its name would find."""
-    return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
 
 
 def decide(campaign: Campaign) -> Decision:
@@ -179,25 +174,21 @@ def dominant(
     """
     if decision.verdict != "unexplained":
         return (), 0.0
-    fits = [fit for fit in _leading(campaign, decision, scores) if not at_bounds(fit) and not _spoils(campaign, fit)]
+    # The effects that alone leave the least to first order, refitted: the search takes none up for its size alone
+    before = float(np.sum(campaign.whitening.residual**2)) - len(campaign.whitening.residual)
+    tested = ranked([score for score in scores if not score.note], lambda score: score.chi2_fall, ROUNDING)
+    best = _alike(tested, [before - score.chi2_fall for score in tested])[:RIVALS_REFITTED]
+    effects, whitening = {start.name: start.columns.effect for start in campaign.effects}, campaign.whitening
+    leading = [
+        decision.fits.get((score.name,)) or refit(whitening, starting_point(whitening, [effects[score.name]]))
+        for score in best
+    ]
+    fits = [fit for fit in leading if not at_bounds(fit) and not _spoils(campaign, fit)]
     fits = _alike(fits, [fit.chi2 - len(fit.whitened_residual) for fit in fits])
     # Plausible sizes before unusual ones, then the fewest parameters that the fit moved
     fits.sort(key=lambda fit: (not all(map(plausible, fit.effects)), int(np.count_nonzero(~fit.active))))
     share = explained_share(campaign, fits[0], excess) if fits else 0.0
     return (tuple(fits), share) if share >= DOMINANT else ((), 0.0)
-
-
-def _leading(campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect]) -> list[Refit]:
-    """The effects that alone leave the least to first order, refitted: the search takes none up for its size alone."""
-    before = float(np.sum(campaign.whitening.residual**2)) - len(campaign.whitening.residual)
-    tested = ranked([score for score in scores if not score.note], lambda score: score.chi2_fall, ROUNDING)
-    best = _alike(tested, [before - score.chi2_fall for score in tested])[:RIVALS_REFITTED]
-    effects = {start.name: start.columns.effect for start in campaign.effects}
-    whitening = campaign.whitening
-    return [
-        decision.fits.get((score.name,)) or refit(whitening, starting_point(whitening, [effects[score.name]]))
-        for score in best
-    ]
 
 
 def _alike(items: Sequence[Item], above_noise: Sequence[float]) -> list[Item]:
@@ -240,7 +231,7 @@ def _as_its_own(campaign: Campaign) -> bool:
     missed, variance = observations.mean_square(observations.residual), noise.sigma**2
     uncertain = variance * BEYOND_NOISE * np.sqrt(2.0 / np.bincount(observations.channel))
     put_back = observations.mean_square(observations.distance_slope * noise.mount_m)
-    misfit = OWN_MISFIT**2 * observations.mean_square(observations.own_misfit)
+    misfit = OWN_MISFIT**2 * observations.mean_square(observations.tolerance)
     # Where mounts make more than the own misfit, a misfit that they could make is no sign of it
     if np.any(missed > variance + uncertain + misfit + np.minimum(misfit, put_back)):
         return False

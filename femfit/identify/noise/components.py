@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 from scipy import stats
-from scipy.sparse.linalg import splu
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.identify.constants import (
     EXACT,
     LEAST_REPEATS,
@@ -32,7 +31,7 @@ from femfit.identify.noise.scatter import (
     known_scatter,
     repeated_readings,
 )
-from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns, random_effects, setting_errors
+from femfit.identify.noise.whitening import NoiseModel, random_effects
 from femfit.identify.observations import Observations
 from femfit.identify.settings import quantisation_step
 from femfit.tables.measurement import OF_RUNS
@@ -137,7 +136,10 @@ def _variances(
     scale, u = np.concatenate([scale, start]), len(used)
     none = np.concatenate([np.zeros(u), trust])
     alone = restricted_estimate(parts, group, second, scale, none)
-    n = _differences(parts, group, second, np.sqrt(start), random.differences[used])
+    # How many differences of mounts, and of runs, are left once fixed effects, drifts above all, are taken out
+    scaled = np.concatenate([of_channel.columns / s for of_channel, s in zip(parts, np.sqrt(start), strict=True)])
+    ranks = [np.linalg.matrix_rank(scaled[:, (group == k) & ~second], rtol=1e-6) for k in range(u)]
+    n = np.minimum(np.array(ranks, dtype=np.float64), random.differences[used])
     # A difference of which readings alone tell with the variance b tells of v with the variance 2 (v + b)^2
     shown = np.maximum(np.sqrt(n * alone.spread_alone[:u] / 2.0), alone.variance[:u])
     read = shown - alone.variance[:u]
@@ -172,15 +174,6 @@ def _variances(
     }
 
 
-def _differences(
-    parts: Sequence[Contrasts], group: IntArray, second: BoolArray, sigma: FloatArray, most: FloatArray
-) -> FloatArray:
-    """How many differences of mounts, and of runs, are left once fixed effects, drifts above all, are taken out."""
-    columns = np.concatenate([contrasts.columns / s for contrasts, s in zip(parts, sigma, strict=True)])
-    ranks = [np.linalg.matrix_rank(columns[:, (group == k) & ~second], rtol=1e-6) for k in range(len(most))]
-    return np.minimum(np.array(ranks, dtype=np.float64), most)
-
-
 def _student(degrees_of_freedom: FloatArray) -> FloatArray:
     """Square of Student's quantile over the normal one, at the tests' level."""
     return np.asarray((stats.t.isf(TEST_LEVEL, degrees_of_freedom) / stats.norm.isf(TEST_LEVEL)) ** 2)
@@ -201,19 +194,3 @@ def _degrees_of_freedom(observations: Observations, scatter: Sequence[Scatter], 
     slow = np.where(rho > 0.0, 2.0 / ((1.0 - rho**2) * np.maximum(count, 1)), 0.0)
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / (slow + 1.0 / np.maximum(independent, 1e-300)))
-
-
-def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> FloatArray:
-    """Draw everything in the readings that is neither model nor effect, shape (M,), in their units.
-
-    It is AR(1) noise along each run, re-mounts, run offsets, and what errors of the settings make.
-    """
-    observations, noise = whitening.observations, whitening.noise
-    fresh = generator.standard_normal(len(observations.value))
-    value = splu(whitening.along_runs.tocsc()).solve(fresh)
-    columns, deviations = random_columns(observations, noise.mount_m, noise.run)
-    random = columns @ (deviations * generator.standard_normal(len(deviations)))
-    value = value * noise.sigma[observations.channel] + random
-    for number, size in setting_errors(observations, noise.stop_m):
-        value += size * generator.standard_normal(number.max() + 1)[number]
-    return np.asarray(value)

@@ -69,18 +69,6 @@ def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntA
     return [(number, size) for number, size in errors if size.any()]
 
 
-def rough_misfit(observations: Observations) -> list[tuple[IntArray, FloatArray]]:
-    """Of impedances the model's own misfit as no smooth pattern has it, as :func:`setting_errors`.
-
-    The states of eddy currents are chosen for the smallest largest error, which ripples over the frequency and from one
-    bias to the next. Repeats of a setting share it.
-    """
-    if not observations.of_impedances or not observations.tolerance.any():
-        return []
-    each = setting_cells(observations) * len(observations.channels) + observations.channel
-    return [(np.unique(each, return_inverse=True)[1], observations.tolerance)]
-
-
 @once_for_settings
 def places(observations: Observations) -> FloatArray:
     """Place of each reading along its channel, run after run in their sequence, shape (M,).
@@ -234,8 +222,11 @@ class Whitening(WithoutCache):
         observations = self.observations
         maps: list[sparse.csr_array] = []
         errors = setting_errors(observations, self.noise.test_stop_m)
-        if self.misfit is not None:
-            errors += rough_misfit(observations)
+        if self.misfit is not None and observations.of_impedances and observations.tolerance.any():
+            # The states of eddy currents are chosen for the smallest largest error, which ripples over the frequency
+            # and from one bias to the next: no smooth pattern has it, and repeats of a setting share it
+            each = setting_cells(observations) * len(observations.channels) + observations.channel
+            errors.append((np.unique(each, return_inverse=True)[1], observations.tolerance))
         for number, size in errors:
             error = _shrunk(size / self.noise.sigma[observations.channel], maps)
             length = np.sqrt(np.bincount(number, error**2))

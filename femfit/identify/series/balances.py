@@ -33,7 +33,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
-from femfit.identify.series.constants import SLOWEST
+from femfit.identify.constants import SLOWEST
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, at_rest

@@ -23,8 +23,8 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.friction import REST
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import converter_step, white_noise
+from femfit.identify.constants import LEAST_FOLLOWING, LEAST_VARIANCE, METHOD_ACCURACY
 from femfit.identify.series.balances import FORCE_BALANCE, EddiesAlong, induced_along, pull_of, voltage_balances
-from femfit.identify.series.constants import LEAST_FOLLOWING, LEAST_VARIANCE, METHOD_ACCURACY
 from femfit.identify.series.samples import Samples, between_samples, held_from
 from femfit.identify.series.weights import Weights, Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel

@@ -25,6 +25,7 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.estimate.record import with_distance
+from femfit.identify.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, SLOPE_STEP, TURNS_OF_MISFIT
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.patterns import smooth_patterns
@@ -36,7 +37,6 @@ from femfit.identify.series.balances import (
     model_readings,
     voltage_balances,
 )
-from femfit.identify.series.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, SLOPE_STEP, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
     MeasuredChannel,
     Recorded,

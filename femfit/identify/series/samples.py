@@ -17,16 +17,15 @@ from femfit.core.results import Finding
 from femfit.core.sweep_columns import voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
 from femfit.estimate.record import white_noise
-from femfit.estimate.record_checks import suspect_settings
-from femfit.estimate.record_voltage import given_voltage
+from femfit.estimate.record_checks import given_voltage, suspect_settings
 from femfit.estimate.rests import Rest, Track, find_rests
+from femfit.identify.constants import EVEN, ON_STOP
 from femfit.identify.plausible import at_ends_of_range, within_domain
-from femfit.identify.series.constants import EVEN, ON_STOP
 from femfit.identify.settings import current_names, currents_in, leading_current
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensed_effects import true_setting_of
 from femfit.model.sensors import reading_of, sensors_of
+from femfit.model.with_effects import true_setting_of
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import POSITION_IN_VOLTS
 

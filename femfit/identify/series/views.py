@@ -19,8 +19,8 @@ from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
+from femfit.identify.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.series.balances import Motion
-from femfit.identify.series.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, window_weights
 
@@ -126,6 +126,12 @@ def _covariates(
     before = np.concatenate([[0.0], np.cumsum(longest)[:-1]])
     current = mean @ _known(samples, "current_A")
     new = np.diff(run, prepend=-1) != 0
+    temperatures, magnitude = {}, abs(mean)
+    for name in _TEMPERATURES:  # the mean over the samples of a window that have it; NaN where none has
+        values = samples.columns[name]
+        share = np.asarray(magnitude @ np.isfinite(values).astype(np.float64))
+        total = np.asarray(magnitude @ np.nan_to_num(values))
+        temperatures[name] = np.where(share > 0.0, total / np.maximum(share, 1e-300), np.nan)
     return pd.DataFrame(
         {
             "run": run,
@@ -135,7 +141,7 @@ def _covariates(
             "current_A": current,
             **{name: mean @ _known(samples, name) for name in samples.currents if name != "current_A"},
             "branch": _branch(current, new, PLAY * (nominal.current_max_A - nominal.current_min_A)),
-            **{name: _mean_where_known(samples, mean, name) for name in _TEMPERATURES},
+            **temperatures,
             "order": order,
             "elapsed": before[run] + order,
             "time_s": within,
@@ -167,14 +173,6 @@ def _nearest(samples: Samples, windows: Windows) -> IntArray:
     return np.array(result, dtype=int)
 
 
-def _mean_where_known(samples: Samples, mean: sparse.csr_array, name: str) -> FloatArray:
-    """Mean over the samples of a window that have it; NaN where none has."""
-    values, magnitude = samples.columns[name], abs(mean)
-    share = np.asarray(magnitude @ np.isfinite(values).astype(np.float64))
-    total = np.asarray(magnitude @ np.nan_to_num(values))
-    return np.where(share > 0.0, total / np.maximum(share, 1e-300), np.nan)
-
-
 def _motion(
     samples: Samples,
     windows: Windows,
@@ -192,12 +190,14 @@ def _motion(
     within = covariates["time_s"].to_numpy()[row] + time - windows.centre_s[row]
     campaign = (covariates["elapsed"] - covariates["order"]).to_numpy()[row]
     cycle = covariates.groupby("run")["current_A"]
+    commands = [level @ _known(samples, name) for name in samples.commands]
+    volts = commands[0] if len(commands) == 1 else np.array(commands).reshape(len(commands), level.shape[0]).T
     return Motion(
         time_s=time,
         first=first,
         distance_m=_path(samples, level),
         current_A=level @ samples.current,
-        voltage_V=_in_one(level, samples, samples.commands),
+        voltage_V=volts,
         at=Conditions(
             nominal=nominal,
             branch=covariates["branch"].to_numpy()[row],
@@ -210,12 +210,6 @@ def _motion(
             current_turn_A=(cycle.transform("min").to_numpy()[row], cycle.transform("max").to_numpy()[row]),
         ),
     )
-
-
-def _in_one(level: sparse.csr_array, samples: Samples, names: tuple[str, ...]) -> FloatArray:
-    """Columns at the nodes: of one alone (n,), else (n, columns)."""
-    each = [level @ _known(samples, name) for name in names]
-    return each[0] if len(each) == 1 else np.array(each).reshape(len(each), level.shape[0]).T
 
 
 def local_polynomials(

@@ -17,8 +17,7 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree, box
 
-from femfit.tables.femm.model import FemLabel, FemLine, FemMaterial, FemModel
-from femfit.tables.femm.options import Notes
+from femfit.tables.femm.model import FemLabel, FemLine, FemMaterial, FemModel, Notes
 from femfit.tables.femm.parse import DIGITS
 
 GRID = 10.0**-DIGITS
@@ -92,7 +91,7 @@ def find_faces(model: FemModel, arc_degrees: float, notes: Notes) -> tuple[FemFa
         return ()
     noded = shapely.unary_union(MultiLineString(strings), grid_size=GRID)
     rings, cuts, dangles, _ = shapely.polygonize_full([noded])
-    polygons = [shapely.transform(polygon, _rounded) for polygon in rings.geoms]
+    polygons = [shapely.transform(polygon, lambda points: np.round(points, DIGITS) + 0.0) for polygon in rings.geoms]
     polygons = [polygon for polygon in polygons if polygon.area >= MIN_AREA and polygon.is_valid]
     if not polygons:
         notes.say("drawing open")
@@ -119,22 +118,14 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: No
     for n, polygon in enumerate(polygons):
         owner = owners.get(n, [default] if default else [])
         if not owner:
-            notes.say("label missing", place=_where(polygon))
+            point, (r0, z0, r1, z1) = polygon.representative_point(), polygon.bounds
+            place = f"around (r, z) = ({point.x:.6g}, {point.y:.6g}) mm, r [{r0:g}, {r1:g}], z [{z0:g}, {z1:g}],"
+            notes.say("label missing", place=place)
         elif len(owner) > 1:
             notes.say("label twice", places=" and ".join(label.place for label in owner))
         else:
             faces.append(FemFace(polygon, owner[0]))
     return tuple(faces)
-
-
-def _rounded(points: np.ndarray) -> np.ndarray:
-    return np.round(points, DIGITS) + 0.0
-
-
-def _where(polygon: Polygon) -> str:
-    point = polygon.representative_point()
-    r0, z0, r1, z1 = polygon.bounds
-    return f"around (r, z) = ({point.x:.6g}, {point.y:.6g}) mm, r [{r0:g}, {r1:g}], z [{z0:g}, {z1:g}],"
 
 
 Edge = tuple[float, float, float]

@@ -5,29 +5,24 @@ part hangs below is mirrored without a change of the axial magnets or the curren
 reverses B and leaves the force; it is done where the moving magnet points along -z, so that a positive current
 attracts.
 
-A winding that touches what moves against it gives way by a clearance that hardly changes its field.
+The wire of the windings: the user's, the file's, or an assumption that is called one.
 
 Everything that was found in a FEMM model, and what the user said beside it.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 
 import shapely
-from shapely import Polygon, box
+from shapely import box
 
+from femfit.device.parts import smallest_winding_area, wire_resistance
 from femfit.tables.femm.faces import GRID, MIN_AREA, ArcFinder, Edge, without_holes
-from femfit.tables.femm.model import Direction, FemModel
-from femfit.tables.femm.movers import Body, FemBodies, outline_of
-from femfit.tables.femm.options import FemOptions, Notes
+from femfit.tables.femm.model import Direction, FemModel, FemOptions, Notes
+from femfit.tables.femm.movers import FemBodies, outline_of
 from femfit.tables.femm.parse import DIGITS
-from femfit.tables.femm.parts import FemPart, volume_mm3
-from femfit.tables.femm.winding import FemCoil, FemWinding, FemWire
-
-MOST_LISTED = 6
-"""Heights that a message names; a drawing with arcs has hundreds of corners."""
+from femfit.tables.femm.parts import FemCoil, FemPart, FemWinding, volume_mm3
 
 
 @dataclass(frozen=True)
@@ -70,11 +65,9 @@ def find_frame(bodies: FemBodies, windings: Sequence[FemWinding], options: FemOp
     fixed, moving = _upwards(outline_of(bodies.standing), up), _upwards(outline_of(bodies.mover), up)
     face = _face(fixed, moving, notes) if options.face_mm is None else up * options.face_mm
     face = round(face, DIGITS)
-    corners = sorted({round(float(z), DIGITS) + 0.0 for z in shapely.get_coordinates(fixed)[:, 1]}, reverse=True)
     distance = round(moving.bounds[1] - face, DIGITS) + 0.0
     frame = FemFrame(up * face + 0.0, up, distance, _polarity(bodies))
-    nearest = sorted((z for z in corners if z != face), key=lambda z: abs(moving.bounds[1] - z))
-    _say(frame, windings, [] if options.face_mm is not None else [up * z + 0.0 for z in nearest], notes)
+    _say(frame, windings, notes)
     return frame
 
 
@@ -121,15 +114,6 @@ def _before(fixed: shapely.Geometry, moving: shapely.Geometry) -> float | None:
     return float(met.bounds[3]) if met.area > MIN_AREA else None
 
 
-def _listed(heights: Sequence[float]) -> str:
-    shown = [f"{z:.9g}" for z in heights[:MOST_LISTED]]
-    return (
-        f"{', '.join(shown)} or one of {len(heights) - MOST_LISTED} more"
-        if len(heights) > MOST_LISTED
-        else (" or ".join(shown))
-    )
-
-
 def _polarity(bodies: FemBodies) -> float:
     """Sign of the moving part's axial magnetic moment; of the fixed magnets' where it has none."""
     for parts in (bodies.moving, bodies.fixed):
@@ -141,10 +125,9 @@ def _polarity(bodies: FemBodies) -> float:
     return 1.0
 
 
-def _say(frame: FemFrame, windings: Sequence[FemWinding], heights: Sequence[float], notes: Notes) -> None:
+def _say(frame: FemFrame, windings: Sequence[FemWinding], notes: Notes) -> None:
     turned = "which is mirrored, for the moving part lies below" if frame.up < 0 else "as it stands"
-    remedy = f"Count from another height with --face-mm: {_listed(heights)}." if heights else ""
-    notes.say("frame", face=frame.face_mm, distance=frame.distance_mm, turned=turned, heights=remedy)
+    notes.say("frame", face=frame.face_mm, distance=frame.distance_mm, turned=turned)
     turned_round = [repr(winding.circuit.name) for winding in windings if frame.current_sign(winding) < 0]
     if turned_round:
         notes.say("current-sign", circuits=", ".join(turned_round))
@@ -152,56 +135,43 @@ def _say(frame: FemFrame, windings: Sequence[FemWinding], heights: Sequence[floa
         notes.say("field-sign")
 
 
-CLEARANCE = 0.02
-"""Of the winding's smaller side: the field changes less than by the tolerance of a winding's mean radius."""
+PLAIN_WIRE = 3
+"""``LamType`` of round magnet wire; it and above are wound, below are solid."""
+
+COPPER_FILL = 0.5
+"""Copper in a winding's section, usual for round wire (geometry/plunger-solenoid.toml has 0.53)."""
 
 
-def trim_windings(
-    windings: Sequence[FemWinding], bodies: FemBodies, notes: Notes
-) -> tuple[tuple[FemWinding, ...], FemBodies]:
-    """Windings that touch the other body keep clear of it, in the windings and in the bodies alike."""
-    trimmed = {id(coil): _trimmed(coil, bodies.mover, notes) for coil in bodies.fixed_coils}
-    standing: Body = [*bodies.fixed, *(trimmed[id(coil)] for coil in bodies.fixed_coils)]
-    trimmed |= {id(coil): _trimmed(coil, standing, notes) for coil in bodies.moving_coils}
-    return (
-        tuple(replace(winding, coils=tuple(trimmed[id(coil)] for coil in winding.coils)) for winding in windings),
-        replace(
-            bodies,
-            fixed_coils=tuple(trimmed[id(coil)] for coil in bodies.fixed_coils),
-            moving_coils=tuple(trimmed[id(coil)] for coil in bodies.moving_coils),
-        ),
-    )
+@dataclass(frozen=True)
+class FemWire:
+    """What an actuator file says of the wire; a resistance without an origin follows from the diameter, at 20 degC."""
+
+    resistance_ohm: float
+    resistance_origin: str = ""
+    diameter_mm: float | None = None
+    diameter_origin: str = ""
 
 
-def _trimmed(coil: FemCoil, obstacles: Body, notes: Notes) -> FemCoil:
-    """The winding with all its turns on a section that keeps clear of the others, if it touches one of them."""
-    contacts = [obstacle.polygon.intersection(coil.polygon) for obstacle in obstacles]
-    touching = shapely.union_all([contact for contact in contacts if not contact.is_empty])
-    if touching.is_empty:
-        return coil
-    r0, z0, r1, z1 = coil.polygon.bounds
-    clearance = round(CLEARANCE * min(r1 - r0, z1 - z0), DIGITS)
-    section = coil.polygon.difference(_around(touching, coil.polygon, clearance), grid_size=GRID)
-    if not isinstance(section, Polygon) or section.interiors or section.is_empty:
-        notes.say("circuit contact", place=coil.labels[0].place)
-        return coil
-    notes.say("trimmed-winding", place=coil.labels[0].place, clearance=clearance)
-    return replace(coil, polygon=section)
+def find_wire(coil: FemCoil, options: FemOptions, notes: Notes) -> FemWire:
+    """A winding's wire and resistance."""
+    material = coil.material
+    diameter, origin = options.wire_diameter_mm, "given"
+    round_wire = material.lamination_type == PLAIN_WIRE and material.wire_diameter_mm > 0.0
+    if diameter is None and round_wire and _fits(coil, material.wire_diameter_mm):
+        diameter, origin = material.wire_diameter_mm, f"WireD of {material.name!r}"
+    if options.resistance_ohm is not None:
+        return FemWire(options.resistance_ohm, "given", diameter, origin)
+    if diameter is None:
+        section = COPPER_FILL * coil.polygon.area / abs(coil.turns)
+        diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
+        origin = f"ASSUMED: the file has no wire that fits; {100 * COPPER_FILL:g} % of the winding is copper"
+        notes.say("assumed-wire", place=coil.labels[0].place, diameter=diameter, copper=100 * COPPER_FILL)
+    resistance = wire_resistance(abs(coil.turns), coil.polygon.centroid.x * 1e-3, diameter * 1e-3)
+    return FemWire(resistance, "", diameter, origin)
 
 
-def _around(touching: shapely.Geometry, winding: Polygon, clearance: float) -> shapely.Geometry:
-    """What a winding gives up: along straight sides its whole length, for the other body slides along them."""
-    r0, z0, r1, z1 = winding.bounds
-    strips = []
-    for line in shapely.get_parts(shapely.get_parts(touching)):
-        ends = shapely.get_coordinates(line)
-        for (r, z), (r_next, z_next) in pairwise(ends.tolist()):
-            if abs(r_next - r) <= GRID:
-                strips.append(box(r - clearance, z0, r + clearance, z1))
-            elif abs(z_next - z) <= GRID:
-                strips.append(box(r0, z - clearance, r1, z + clearance))
-        strips.append(line.buffer(clearance))
-    return shapely.union_all(strips)
+def _fits(coil: FemCoil, diameter: float) -> bool:
+    return bool(smallest_winding_area(abs(coil.turns), diameter) <= coil.polygon.area)
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,16 @@
 """What a FEMM magnetics file says: frozen data, lengths in mm, indices resolved to the objects that they name.
 
-What it may hold and an actuator file cannot say, each with the remedy; and what of it is taken in another form:
-lamination, magnets with a curve, formulas that are a number.
+What a user can say where the file does not say it; what it may hold and an actuator file cannot say, each with the
+remedy; and what of it is taken in another form: lamination.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 from femfit.core.numerics import MU_0
-from femfit.tables.femm.options import Notes
+from femfit.core.results import Finding
+from femfit.tables.findings import finding
 
 TOLERANCE = 0.01
 """dB/dH below mu_0 by more than this is no rounding; actuator files have the same limit."""
@@ -27,20 +26,17 @@ NON_MAGNETIC = 1e-3
 class FemMaterial:
     """A block property.
 
-    A linear magnet has B = mu_0 mu_r (H + H_c), H_c in A/m; its own angle is what format 4.0 solvers leave out for the
-    block label's. Lamination types from 3 on are kinds of wire. The curve has points (B in T, H in A/m), or none.
+    A linear magnet has B = mu_0 mu_r (H + H_c), H_c in A/m. Lamination types from 3 on are kinds of wire. The curve has
+    points (B in T, H in A/m), or none.
     """
 
     name: str
     mu_x: float = 1.0
     mu_y: float = 1.0
     coercivity: float = 0.0
-    coercivity_angle: float = 0.0
     current_density: float = 0.0
-    conductivity: float = 0.0
     lamination_type: int = 0
     lamination_fill: float = 1.0
-    strands: int = 0
     wire_diameter_mm: float = 0.0
     curve: tuple[tuple[float, float], ...] = ()
 
@@ -165,19 +161,56 @@ class FemLabel:
 
 @dataclass(frozen=True)
 class FemModel:
-    """A whole file; ``previous_solution`` is the file that the solution starts from, empty for none."""
+    """A whole file."""
 
     source: str
-    version: float
     problem_type: str
     frequency: float
     unit: str
-    previous_solution: str
-    previous_type: int
     comment: str
     points: tuple[FemPoint, ...]
     lines: tuple[FemLine, ...]
     labels: tuple[FemLabel, ...]
+
+
+@dataclass(frozen=True)
+class FemOptions:
+    """Choices and values that a ``.fem`` file does not hold, as the command's options of the same names say them.
+
+    Moving blocks are named by their material, moving bodies by the number of one of their block labels; the face's
+    height is in the file's z; the file's own point is added to
+    the ascending axes of the sweep.
+    """
+
+    moving_groups: tuple[int, ...] = ()
+    moving_blocks: tuple[str, ...] = ()
+    moving_labels: tuple[int, ...] = ()
+    circuits: tuple[str, ...] = ()
+    mover_side: Literal["auto", "above", "below"] = "auto"
+    face_mm: float | None = None
+    distances_mm: tuple[float, ...] = ()
+    currents_A: tuple[float, ...] = ()
+    mass_g: float | None = None
+    resistance_ohm: float | None = None
+    wire_diameter_mm: float | None = None
+    arc_degrees: float = 3.0
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Filled by the steps of an import, each in its turn."""
+
+    problems: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+    def say(self, key: str, /, **facts: Any) -> None:
+        """Remark on the model by a key of ``findings.toml``; an error refuses it, when everything was looked at."""
+        remark = finding(key, **facts)
+        if remark.severity == "error":
+            self.problems.append(str(remark))
+        else:
+            self.findings.append(remark)
 
 
 ANGLE_TOLERANCE = 0.01
@@ -189,7 +222,8 @@ SIGNIFICANT_SHARE = 1e-6
 
 def check_limits(model: FemModel, notes: Notes) -> None:
     """Report everything in the file's properties that cannot be taken."""
-    _check_kind(model, notes)
+    if model.problem_type != "axisymmetric":
+        notes.say("kind planar", kind=model.problem_type[:40])
     used = [label for label in model.labels if label.meshed and not label.external]
     materials = list(dict.fromkeys(label.material for label in used))
     for n, material in enumerate(materials):
@@ -201,11 +235,8 @@ def check_limits(model: FemModel, notes: Notes) -> None:
             notes.say("label formula", place=label.place, formula=label.direction_formula)
     for point in model.points:
         held = point.property
-        place = f"point property {held.name!r} at (r, z) = ({point.r:g}, {point.z:g}) mm" if held else ""
-        if held and held.current_A:
-            notes.say("point filament", place=place, current=held.current_A)
-        elif held and point.r > 0:
-            notes.say("point held", place=place, potential=held.potential)
+        if held and (held.current_A or point.r > 0):
+            notes.say("point", name=held.name, r=point.r, z=point.z)
 
 
 Direction = tuple[float, float]
@@ -224,19 +255,12 @@ def magnet_direction(label: FemLabel) -> Direction | None:
     return round(r, 12) + 0.0, round(z, 12) + 0.0
 
 
-def _check_kind(model: FemModel, notes: Notes) -> None:
-    if model.problem_type != "axisymmetric":
-        notes.say("kind planar", kind=model.problem_type[:40])
-    if model.version != 4.0:
-        notes.say("kind version", version=model.version)
-    if model.previous_solution and model.previous_type:
-        notes.say("kind incremental", kind=model.previous_type, solution=model.previous_solution[:60])
-
-
 def _check_material(material: FemMaterial, notes: Notes) -> None:
     name, mu_x, mu_y = material.name, material.mu_x, material.mu_y
     if min(mu_x, mu_y) <= 0:
         notes.say("material permeability", name=name, mu=min(mu_x, mu_y))
+    elif material.coercivity and material.curve:
+        notes.say("material magnet", name=name)
     elif abs(mu_x - mu_y) > SIGNIFICANT_SHARE * mu_x and not material.curve:
         notes.say("material anisotropic", name=name, mu_x=mu_x, mu_y=mu_y)
     if material.lamination_type in {0, 1, 2} and material.lamination_fill != 1.0 and material.magnetic:
@@ -248,17 +272,9 @@ def in_terms_of_femfit(model: FemModel, notes: Notes) -> FemModel:
     if model.frequency:
         notes.say("frequency", frequency=model.frequency)
     used = dict.fromkeys(label.material for label in model.labels if label.meshed and not label.external)
-    taken = {material: _straightened(_solid(material, notes), notes) for material in used}
-    return replace(model, labels=tuple(_with(label, taken) for label in model.labels))
-
-
-def _with(label: FemLabel, taken: Mapping[FemMaterial, FemMaterial]) -> FemLabel:
-    material = taken.get(label.material, label.material)
-    try:
-        angle = float(label.direction_formula)
-    except ValueError:
-        return replace(label, material=material)
-    return replace(label, material=material, magnetization=angle, direction_formula="")
+    taken = {material: _solid(material, notes) for material in used}
+    labels = (replace(label, material=taken.get(label.material, label.material)) for label in model.labels)
+    return replace(model, labels=tuple(labels))
 
 
 def _solid(material: FemMaterial, notes: Notes) -> FemMaterial:
@@ -273,25 +289,4 @@ def _solid(material: FemMaterial, notes: Notes) -> FemMaterial:
         mu_y=fill * material.mu_y + 1.0 - fill,
         curve=tuple((fill * flux + (1.0 - fill) * MU_0 * field, field) for flux, field in material.curve),
         lamination_fill=1.0,
-    )
-
-
-def _straightened(material: FemMaterial, notes: Notes) -> FemMaterial:
-    """A magnet with a demagnetisation curve as its recoil line, with the slope of the curve's upper half."""
-    if not material.coercivity or len(material.curve) < 2:
-        return material
-    flux, field = (np.array(values) for values in zip(*material.curve, strict=True))
-    coercivity = abs(material.coercivity)
-    remanence, half = np.interp([coercivity, 0.5 * coercivity], field, flux)
-    mu = max(1.0, float(2.0 * (remanence - half) / (MU_0 * coercivity)))
-    inside = field <= coercivity
-    line = np.maximum(remanence - MU_0 * mu * (coercivity - field[inside]), 0.0)
-    off = float(np.max(np.abs(line - flux[inside]), initial=0.0) / remanence) if remanence > 0 else 0.0
-    notes.say("magnet-curve", size=off, name=material.name, remanence=remanence, mu=mu, percent=100 * off)
-    return replace(
-        material,
-        mu_x=mu,
-        mu_y=mu,
-        coercivity=float(np.copysign(remanence / (MU_0 * mu), material.coercivity)),
-        curve=(),
     )

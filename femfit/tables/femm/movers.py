@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import shapely
 
 from femfit.tables.femm.faces import GRID, FemFace
-from femfit.tables.femm.options import FemOptions, Notes
-from femfit.tables.femm.parts import FemPart, volume_mm3
-from femfit.tables.femm.winding import FemCoil
+from femfit.tables.femm.model import FemOptions, Notes
+from femfit.tables.femm.parts import FemCoil, FemPart, volume_mm3
 
 Body = list[FemPart | FemCoil]
 
@@ -55,14 +54,10 @@ def divide(
         notes.say("mover alone", place=pieces[0].place)
         return None
     bodies = _connected(pieces)
-    named = options.moving_groups or options.moving_blocks or options.moving_labels
     if len(bodies) == 1:
-        bodies = [*_connected(parts), *_connected(coils)]  # a winding may give way to what moves beside it
-        if len(bodies) == 1 or not named:
-            key = "mover single" if len(bodies) == 1 else "mover touching"
-            places = " and ".join(piece.place for body in bodies for piece in body)
-            notes.say(key, places=places, candidates=_candidates(bodies))
-            return None
+        notes.say("mover touching", places=" and ".join(piece.place for piece in pieces))
+        return None
+    named = options.moving_groups or options.moving_blocks or options.moving_labels
     moving = _named(bodies, options, notes) if named else _inferred(bodies, notes)
     return _divided(parts, coils, moving, air, notes) if moving else None
 
@@ -70,22 +65,23 @@ def divide(
 def _divided(
     parts: Sequence[FemPart], coils: Sequence[FemCoil], moving: Body, air: Sequence[FemFace], notes: Notes
 ) -> FemBodies | None:
-    """What stands still and what moves; None where parts of the two touch, but for windings, which can be trimmed."""
+    """What stands still and what moves, with the non-magnetic blocks that join it; None where the two touch."""
     touched = [
-        (part, neighbour)
-        for part in parts
-        for neighbour in parts
-        if part in moving and neighbour not in moving and part.polygon.distance(neighbour.polygon) <= GRID
+        (piece, neighbour)
+        for piece in moving
+        for neighbour in [*parts, *coils]
+        if neighbour not in moving and piece.polygon.distance(neighbour.polygon) <= GRID
     ]
     if touched:
         mover, neighbour = touched[0]
         notes.say("mover gap", place=mover.place, neighbour=neighbour.place)
         return None
-    moving_parts = [part for part in parts if part in moving]
-    spacers = _spacers(moving, air) if len(_connected(moving)) > 1 else ()
+    groups = {piece.group for piece in moving if piece.group} if len(_connected(moving)) > 1 else set()
+    joining = [face for face in air if face.label.meshed and face.label.group in groups]
+    spacers = [FemPart(face.polygon, face.label.material, (face.label,), None) for face in joining]
     return FemBodies(
         tuple(part for part in parts if part not in moving),
-        (*moving_parts, *spacers),
+        (*(part for part in parts if part in moving), *spacers),
         tuple(coil for coil in coils if coil not in moving),
         tuple(coil for coil in coils if coil in moving),
     )
@@ -212,13 +208,3 @@ def _connected(pieces: Sequence[FemPart | FemCoil]) -> list[Body]:
         bodies = [body for body in bodies if body not in joined]
         bodies.append([*(neighbour for body in joined for neighbour in body), piece])
     return bodies
-
-
-def _spacers(moving: Sequence[FemPart | FemCoil], air: Sequence[FemFace]) -> tuple[FemPart, ...]:
-    """Non-magnetic blocks of the moving groups that touch the body; without them it would be in pieces."""
-    groups = {piece.group for piece in moving if piece.group}
-    return tuple(
-        FemPart(face.polygon, face.label.material, (face.label,), None)
-        for face in air
-        if face.label.meshed and face.label.group in groups
-    )

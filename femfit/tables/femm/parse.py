@@ -45,13 +45,6 @@ DIGITS = 6
 LARGEST_MM = 1e5
 """As in actuator files."""
 
-OTHER_PHYSICS = {
-    "heat flow (.feh)": {"kx", "ky", "tkpoints"},
-    "current flow (.fec)": {"ox", "oy"},
-    "electrostatics (.fee)": {"ex", "ey"},
-}
-"""FEMM's other solvers, by keys that only their block properties have; the first that fits."""
-
 _KEY = re.compile(r"\[(\w+)\]\s*=?\s*(.*)")
 _PROPERTY = re.compile(r"<(\w+)>\s*=?\s*(.*)")
 _FIELD = re.compile(r'"[^"]*"?|\S+')
@@ -109,7 +102,11 @@ class _Reader:
         self.problems: list[str] = []
         self.header: dict[str, str] = {}
         entries = self.split(content)
-        self.check_kind(entries)
+        there = self.header.keys() | entries.keys()
+        missing = [name for name in ("[Format]", "[NumPoints]", "[NumBlockLabels]") if name[1:-1].lower() not in there]
+        if missing:
+            what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
+            raise FemFileError(self.source, [f"{what} Give a .fem file as FEMM saves it."])
         self.unit = self.header.get("lengthunits", "inches").lower()
         if self.unit not in UNITS_MM:
             units = ", ".join(UNITS_MM)
@@ -167,22 +164,6 @@ class _Reader:
         if value != str(count):
             says = f"{what} says {value[:40] or 'nothing'} but {count} follow"
             self.problems.append(f"{says}; the file is cut or edited wrongly.")
-
-    def check_kind(self, entries: Mapping[str, Sequence[Mapping[str, str]]]) -> None:
-        """Refuse a file of FEMM's other solvers by its name, and what is no file of FEMM at all."""
-        keys = {key for block in entries.get("blockprops", ()) for key in block}
-        physics = next((name for name, markers in OTHER_PHYSICS.items() if markers & keys), None)
-        if physics is None and "conductorprops" in self.header:
-            physics = "electrostatics, heat flow or current flow"
-        if physics is not None:
-            raise FemFileError(
-                self.source, [f"it is FEMM's {physics} file; femfit reads magnetics. Give the magnetics (.fem) file."]
-            )
-        there = self.header.keys() | entries.keys()
-        missing = [name for name in ("[Format]", "[NumPoints]", "[NumBlockLabels]") if name[1:-1].lower() not in there]
-        if missing:
-            what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
-            raise FemFileError(self.source, [f"{what} Give a .fem file as FEMM saves it."])
 
     def record(self, name: str, n: int, entry: Sequence[str] | Mapping[str, str]) -> Any:
         """What an entry is in the model; None for a row that is too short."""
@@ -284,12 +265,9 @@ def parse_fem(content: bytes, source: str) -> FemModel:
     header, made = reader.header, reader.made
     model = FemModel(
         source=source,
-        version=reader.number(header["format"], "[Format]"),
         problem_type=header.get("problemtype", "planar").lower(),
         frequency=reader.number(header.get("frequency", "0"), "[Frequency]"),
         unit=reader.unit,
-        previous_solution=header.get("prevsoln", ""),
-        previous_type=reader.integer(header.get("prevtype", "0"), "[PrevType]"),
         comment=_unquoted(header.get("comment", "")),
         points=tuple(made["numpoints"]),
         lines=(*made["numsegments"], *made["numarcsegments"]),

@@ -4,6 +4,8 @@ What surrounds the parts and is not needed: air, the shells of an open boundary,
 
 The field solver's domain is open, so whatever a FEMM user drew to end theirs is dropped. It is said how it
 ended, since FEMM's own numbers contain that.
+
+The windings: regions of uniform current density, in series with each other or on their own.
 """
 
 import math
@@ -14,9 +16,16 @@ from dataclasses import dataclass
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
-from femfit.tables.femm.faces import GRID, FemFace, FemPiece, connected_faces
-from femfit.tables.femm.model import Direction, FemBoundary, FemMaterial, FemModel, magnet_direction
-from femfit.tables.femm.options import Notes
+from femfit.tables.femm.faces import GRID, FemFace, FemPiece, connected_faces, without_holes
+from femfit.tables.femm.model import (
+    Direction,
+    FemBoundary,
+    FemCircuit,
+    FemMaterial,
+    FemModel,
+    Notes,
+    magnet_direction,
+)
 
 
 @dataclass(frozen=True)
@@ -56,7 +65,7 @@ _PERIODIC = {4, 5}
 
 def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -> tuple[FemFace, ...] | None:
     """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
-    meshed, kelvin = _interior([face for face in faces if face.label.meshed], notes)
+    meshed = _interior([face for face in faces if face.label.meshed], notes)
     if not meshed:
         return None
     domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
@@ -70,23 +79,25 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -
     for face in parts:
         if face.polygon.distance(rim) <= GRID:
             notes.say("surroundings rim", place=face.label.place)
-    boundaries = _check_boundaries(model, domain, kelvin, notes)
-    _say(boundaries, domain, shells, parts, kelvin, notes)
+    boundaries = _check_boundaries(model, domain, notes)
+    _say(boundaries, domain, shells, parts, notes)
     return parts
 
 
-def _interior(meshed: Sequence[FemFace], notes: Notes) -> tuple[list[FemFace], list[FemFace]]:
-    """The faces of the one piece of the drawing that holds parts, and those of a Kelvin transformation's outside."""
+def _interior(meshed: Sequence[FemFace], notes: Notes) -> list[FemFace]:
+    """The faces of the one piece of the drawing that holds parts, without the outside of a Kelvin transformation."""
     pieces = [joined for _, joined in connected_faces([face for face in meshed if not face.label.external])]
     holding = [piece for piece in pieces if any(_is_part(face) for face in piece)]
     if len(holding) > 1:
         places = "; ".join(next(face for face in piece if _is_part(face)).label.place for piece in holding)
         notes.say("surroundings pieces", pieces=len(holding), places=places)
-        return [], []
+        return []
     if not holding:
         notes.say("mover nothing")
-        return [], []
-    return holding[0], [face for face in meshed if face not in holding[0]]
+        return []
+    if outside := len(meshed) - len(holding[0]):
+        notes.say("kelvin", blocks=outside)
+    return holding[0]
 
 
 def _is_part(face: FemFace) -> bool:
@@ -121,25 +132,23 @@ def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
     return shapely.union_all(outlines).difference(LineString([(0.0, z0 - 1.0), (0.0, z1 + 1.0)]))
 
 
-def _check_boundaries(
-    model: FemModel, domain: Polygon, kelvin: Sequence[FemFace], notes: Notes
-) -> Collection[FemBoundary]:
+def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> Collection[FemBoundary]:
     """The boundaries on the domain's lines, each of them checked."""
     rim = _off_axis(domain)
     places: dict[FemBoundary, bool] = {}
+    joined = False  # to the outside that a Kelvin transformation draws
     for line in model.lines:
         if line.boundary is not None and not (line.angle == 0 and line.start.r == 0 and line.end.r == 0):
             ends = (Point(line.start.r, line.start.z), Point(line.end.r, line.end.z))
             if any(end.distance(domain) > GRID for end in ends):
-                continue  # of the outside that a Kelvin transformation draws
+                joined |= line.boundary.kind in _PERIODIC
+                continue
             outer = all(end.distance(rim) <= GRID for end in ends)
             places[line.boundary] = places.get(line.boundary, True) and outer
     for boundary, outer in places.items():
-        if boundary.kind in _PERIODIC and kelvin and outer:
-            continue
         faults = {
-            "periodic": boundary.kind in _PERIODIC,
-            "kind": boundary.kind not in {0, 2, _DUAL_IMAGE},
+            "periodic": boundary.kind in _PERIODIC and not (joined and outer),
+            "kind": boundary.kind not in {0, 2, _DUAL_IMAGE, *_PERIODIC},
             "drives": boundary.drives,
             "inside": not outer,
         }
@@ -153,21 +162,113 @@ def _say(
     domain: Polygon,
     shells: Sequence[FemFace],
     parts: Sequence[FemFace],
-    kelvin: Sequence[FemFace],
     notes: Notes,
 ) -> None:
     kinds = {boundary.kind for boundary in boundaries}
-    if kelvin:
-        notes.say("kelvin", blocks=len(kelvin))
-    if kelvin and kinds & _PERIODIC:
+    if kinds & _PERIODIC:
         return
     if shells:
         names = sorted({face.label.material.name for face in shells})
         notes.say("open-boundary", shells=len(shells), names=", ".join(names))
-    elif _DUAL_IMAGE in kinds:
-        notes.say("dual-image")
-    elif any(boundary.kind == 2 and boundary.c0 for boundary in boundaries):
+    elif any(boundary.kind == _DUAL_IMAGE or (boundary.kind == 2 and boundary.c0) for boundary in boundaries):
         notes.say("mixed-boundary")
     else:
         nearest = min((face.polygon.distance(_off_axis(domain)) for face in parts), default=0.0)
         notes.say("near-boundary", size=nearest, wall="A = 0" if 0 in kinds else "natural (no condition)")
+
+
+DENSITY_TOLERANCE = 1e-3
+"""Relative difference of the turns per area of two blocks that touch which still counts as one winding."""
+
+
+@dataclass(frozen=True)
+class FemCoil(FemPiece):
+    """A winding by its section; negative turns are wound the other way."""
+
+    turns: float
+
+
+@dataclass(frozen=True)
+class FemWinding:
+    """Coils in series, with the circuit that carries their current."""
+
+    circuit: FemCircuit
+    coils: tuple[FemCoil, ...]
+
+    @property
+    def sign(self) -> float:
+        """+1 where the first coil is wound as the actuator file's, -1 where a positive current flows the other way."""
+        return 1.0 if self.coils[0].turns > 0 else -1.0
+
+
+def find_windings(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> tuple[FemWinding, ...]:
+    """The windings among the faces in the file's order; none for a model without current."""
+    before = len(notes.problems)
+    chosen = _chosen(faces, names, notes)
+    windings = []
+    for circuit in chosen:
+        blocks = [face for face in faces if face.label.circuit == circuit]
+        _check(blocks, circuit, notes)
+        if len(notes.problems) == before:
+            windings.append(FemWinding(circuit, _coils([(b, b.label.turns / b.polygon.area) for b in blocks])))
+    for face in faces:
+        if face.label.material.current_density:
+            notes.say("circuit density", place=face.label.place)
+    return () if len(notes.problems) > before else tuple(windings)
+
+
+def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None:
+    if circuit.kind != 1 and len(blocks) > 1:
+        notes.say("circuit parallel", name=circuit.name, blocks=len(blocks))
+    for block in blocks:
+        material = block.label.material
+        facts = {"place": block.label.place, "name": circuit.name}
+        if material.magnetic:
+            notes.say("circuit magnetic", **facts)
+        if block.label.turns == 0:
+            notes.say("circuit turns", **facts)
+
+
+def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> list[FemCircuit]:
+    """The circuits that are taken: those that the user names, else those with current, all of coils alone."""
+    circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
+    materials = [face.label.material for face in faces]
+    if not names:
+        live = [circuit for circuit in circuits if circuit.current_A]
+        coils_alone = not any(material.magnetic for material in materials)  # which feel no force but each other's
+        taken = live if live and not coils_alone else circuits
+    else:
+        taken = [circuit for circuit in circuits if circuit.name in names]
+        unknown = [repr(name) for name in names if name not in {circuit.name for circuit in circuits}]
+        if unknown:
+            listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in circuits) or "none"
+            notes.say("circuit unknown", names=" or ".join(unknown), circuits=listed)
+    omitted = [circuit for circuit in circuits if circuit not in taken]
+    if omitted and taken:
+        listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in omitted)
+        notes.say("left-circuits", circuits=listed)
+    return taken
+
+
+def _coils(blocks: Sequence[tuple[FemFace, float]]) -> tuple[FemCoil, ...]:
+    """Coils of faces with their turns per area: blocks that touch and are wound alike are one."""
+    kinds: list[tuple[float, list[FemFace]]] = []
+    for face, density in blocks:
+        alike = (group for value, group in kinds if abs(density - value) <= DENSITY_TOLERANCE * abs(value))
+        group = next(alike, None)
+        if group is None:
+            kinds.append((density, [face]))
+        else:
+            group.append(face)
+    coils = []
+    for _, faces in kinds:
+        densities = {id(face): density for face, density in blocks}
+        for section, joined in connected_faces(faces):
+            turns = sum(densities[id(face)] * face.polygon.area for face in joined)
+            labels = tuple(face.label for face in joined)
+            material = labels[0].material
+            coils += [
+                FemCoil(polygon, material, labels, turns * polygon.area / section.area)
+                for polygon in without_holes(section)
+            ]
+    return tuple(sorted(coils, key=lambda coil: coil.labels[0].number))

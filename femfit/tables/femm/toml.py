@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
+from functools import partial
 from importlib.resources import files
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -14,16 +15,19 @@ from typing import Any, NamedTuple
 from jinja2 import StrictUndefined, Template
 
 from femfit.tables.femm.faces import Edge
-from femfit.tables.femm.frame import FemDevice
+from femfit.tables.femm.frame import COPPER_FILL, FemDevice, FemWire
 from femfit.tables.femm.model import FemMaterial
 from femfit.tables.femm.parts import FemPart, volume_mm3
-from femfit.tables.femm.winding import COPPER_FILL, FemWire
 
 EXACT = 17
 """Digits that print a double without loss: the sweep must hold the file's own point."""
 
 MAGNET_DENSITY, STEEL_DENSITY, COPPER_DENSITY = 7.5, 7.85, 8.96
 """Sintered NdFeB, low-carbon steel and copper in g/cm^3: makers' data sheets agree to 1 %."""
+
+
+_string = partial(json.dumps, ensure_ascii=False)
+"""A TOML basic string."""
 
 
 class _Region(NamedTuple):
@@ -66,11 +70,6 @@ def free_name(name: str, taken: set[str]) -> str:
     return free
 
 
-def string(text: str) -> str:
-    """A TOML basic string."""
-    return json.dumps(text, ensure_ascii=False)
-
-
 def plain(text: str) -> str:
     """On one line of a comment."""
     return "".join(character if character.isprintable() else " " for character in text)
@@ -103,8 +102,8 @@ def actuator_toml(device: FemDevice) -> str:
     template = Template(
         text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, undefined=StrictUndefined
     )
-    functions = {function.__name__: function for function in (number, string, plain, rectangle, corners, curve)}
-    return str(template.render(_facts(device) | functions))
+    functions = {function.__name__: function for function in (number, plain, rectangle, corners, curve)}
+    return str(template.render(_facts(device) | functions | {"string": _string}))
 
 
 def _facts(device: FemDevice) -> dict[str, Any]:
@@ -128,7 +127,7 @@ def _facts(device: FemDevice) -> dict[str, Any]:
     names, free = iter(coils), set[str]()
     circuits = {
         free_name(winding.circuit.name, free): [
-            string(f"{'-' if coil.turns * winding.sign < 0 else ''}{next(names).name}") for coil in winding.coils
+            _string(f"{'-' if coil.turns * winding.sign < 0 else ''}{next(names).name}") for coil in winding.coils
         ]
         for winding in device.windings
     }
@@ -169,18 +168,15 @@ def _mass(device: FemDevice) -> str:
     options, bodies = device.options, device.bodies
     if options.mass_g is not None:
         return number(options.mass_g)
-    density_given = options.density_g_per_cm3
     weights = [
-        (density_given or (MAGNET_DENSITY if part.direction else STEEL_DENSITY), volume_mm3(part.polygon) * 1e-3)
+        (MAGNET_DENSITY if part.direction else STEEL_DENSITY, volume_mm3(part.polygon) * 1e-3)
         for part in bodies.moving
         if part.material.magnetic
     ]
-    weights += [
-        (density_given or COPPER_FILL * COPPER_DENSITY, volume_mm3(coil.polygon) * 1e-3) for coil in bodies.moving_coils
-    ]
+    weights += [(COPPER_FILL * COPPER_DENSITY, volume_mm3(coil.polygon) * 1e-3) for coil in bodies.moving_coils]
     mass = sum(density * volume for density, volume in weights)
     shown = " + ".join(f"{volume:.5g} cm^3 x {density:g} g/cm^3" for density, volume in weights if volume)
-    return f"{number(mass, 5)} # {'' if density_given else 'ASSUMED density: '}{shown}; weigh the body and correct it"
+    return f"{number(mass, 5)} # ASSUMED density: {shown}; weigh the body and correct it"
 
 
 def _supply(device: FemDevice) -> tuple[float, float] | None:

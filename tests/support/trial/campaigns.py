@@ -15,9 +15,8 @@ import pandas as pd
 from femfit.core.errors import DomainError
 from femfit.core.files import write_json
 from femfit.trial.campaigns import write_campaign
-from femfit.trial.counts import Count, Share, is_shown, trial_lines
-from femfit.trial.device import Device, HiddenError
-from femfit.trial.judge import Outcome, right_names, says
+from femfit.trial.counts import Count, Outcome, Share, is_shown, right_names, says, trial_lines
+from femfit.trial.field_table import Device, HiddenError
 from femfit.trial.virtual_bench import LEVELS, Campaign, Extent, make_campaign
 from support.trial.sets import SETS, TruthSet
 from support.trial.truth import Group, PassingError

@@ -22,7 +22,7 @@ from femfit.device.drawn_faces import drawn_faces
 from femfit.device.file_numbers import Location
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, LinearMaterial, NonlinearMaterial
-from femfit.trial.device import HiddenError
+from femfit.trial.field_table import HiddenError
 from support.trial.truth import FIELD, Truth, always
 
 STEP = 0.04

@@ -8,9 +8,8 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator, LinearMaterial, Region
-from femfit.trial.device import HiddenError
-from femfit.trial.drawing_variants import has_magnet, is_linear_iron, is_magnet, is_soft, scaled_magnets, with_curve
-from femfit.trial.field_table import Fields
+from femfit.trial.field_table import HiddenError
+from femfit.trial.hidden import is_linear_iron, is_magnet, is_soft, saturable_core, scaled_magnets
 from support.trial.truth import FIELD, Drawings, Truth, always
 
 _STEP = 0.1
@@ -69,7 +68,7 @@ def weaker_magnets(how: Literal["scaled", "grade", "shell"]) -> Truth:
             fields=lambda device, size, settings: device.change(f"remanence-{how}", size, settings),
             names=("remanence", "magnet_demagnetisation") if how == "shell" else ("remanence",),
         ),
-        lacks=lambda drawn: "" if has_magnet(drawn) else "no magnet",
+        lacks=lambda drawn: "" if any(map(is_magnet, drawn.regions)) else "no magnet",
         families=lambda drawn: remanence_drawings(drawn, how),
     )
 
@@ -147,7 +146,7 @@ def saturating(name: str, law: Callable[[FloatArray], FloatArray]) -> Truth:
             fields=lambda device, size, settings: device.change(family, abs(size), settings),
         ),
         lacks=lacks,
-        families=lambda drawn: {family: {1.0: with_curve(drawn, law, _FERRITE_T)}},
+        families=lambda drawn: {family: {1.0: saturable_core(drawn, _FERRITE_T, law)}},
     )
 
 
@@ -162,7 +161,7 @@ def outer_field() -> Truth:
         area = device.actuator.coil.turns * np.pi * (r.max() ** 2 + r.max() * r.min() + r.min() ** 2) / 3.0
         iron = (region.material.relative_permeability for region in filter(is_soft, device.actuator.fixed))
         change = device.change("outer", (max(iron, default=1.0) - 1.0) * size, settings)
-        return Fields(change.force, change.flux_linkage + size * area, change.hall + size)
+        return change + size * np.array([[0.0], [area], [1.0]])
 
     def lacks(actuator):
         soft = list(filter(is_soft, actuator.fixed))

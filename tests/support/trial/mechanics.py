@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.trial.device import HiddenError
+from femfit.trial.field_table import HiddenError
 from support.trial.truth import Bend, Truth, always, bent, moved, of_force, of_reading, place
 
 

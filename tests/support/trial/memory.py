@@ -15,9 +15,8 @@ from scipy.stats import norm
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
-from femfit.trial.device import Conditions, Device, HiddenError
-from femfit.trial.drawing_variants import is_linear_iron, is_soft
-from femfit.trial.field_table import Fields
+from femfit.trial.field_table import Conditions, Device, HiddenError
+from femfit.trial.hidden import is_linear_iron, is_soft
 from support.trial.magnetics import magnetised_iron
 from support.trial.truth import FIELD, Bend, Drawings, Truth, always, bent, place
 
@@ -63,7 +62,7 @@ def kept_flux(bend: Bend) -> Truth:
     return always(HiddenError(_limit, FIELD, fields=fields), lacks=_no_iron, families=_drawings)
 
 
-def magnetised(device: Device, memory: FloatArray, settings: Conditions) -> Fields:
+def magnetised(device: Device, memory: FloatArray, settings: Conditions) -> FloatArray:
     """What the memory of the core, -1 to 1 times its size, adds to the fields.
 
     A linear core has it as a remanence in T along the winding's flux, which is solved. Iron with a curve has it as

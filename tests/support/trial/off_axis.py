@@ -23,9 +23,8 @@ import shapely
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator, Region
-from femfit.trial.device import Conditions, Device, HiddenError
-from femfit.trial.drawing_variants import is_magnet, is_soft
-from femfit.trial.field_table import Fields
+from femfit.trial.field_table import Conditions, Device, HiddenError
+from femfit.trial.hidden import is_magnet, is_soft
 from support.trial.magnetics import is_rectangle
 from support.trial.truth import FIELD, Drawings, Truth
 
@@ -66,7 +65,7 @@ def beside_the_axis(course: Literal["everywhere", "by mount", "tilted"]) -> Trut
     return Truth(build, lacks=_lacks, families=_drawings)
 
 
-def magnet_beside(device: Device, offset: FloatArray, largest: float, settings: Conditions) -> Fields:
+def magnet_beside(device: Device, offset: FloatArray, largest: float, settings: Conditions) -> FloatArray:
     """What the offset of a magnet, one a reading and up to ``largest`` in m, adds to the fields on the axis."""
     nodes = [largest * node for node in _NODES]
     solved = [displaced(device.actuator, node, device.drawn.distances) for node in nodes]
@@ -86,11 +85,9 @@ def magnet_beside(device: Device, offset: FloatArray, largest: float, settings: 
         device.drawn.at(settings.distance, settings.current),
         device.drawn.at(settings.distance, -settings.current),
     )
-    return Fields(
-        change("passive") * passive.force + change("coil") * 0.5 * (ahead.force - back.force),
-        change("flux") * passive.flux_linkage,
-        change("hall") * passive.hall,
-    )
+    changes = np.array([change("passive"), change("flux"), change("hall")]) * passive
+    changes[0] += change("coil") * 0.5 * (ahead[0] - back[0])
+    return changes
 
 
 def _lacks(actuator: Actuator) -> str:

@@ -7,8 +7,8 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import REFERENCE_TEMPERATURE
-from femfit.trial.device import Conditions, HiddenError
-from femfit.trial.drawing_variants import has_magnet
+from femfit.trial.field_table import Conditions, HiddenError
+from femfit.trial.hidden import is_magnet
 from support.trial.truth import (
     BY_CURRENT,
     FIELD,
@@ -175,7 +175,10 @@ def magnets(family: str, drawings, law: Warmth) -> Truth:
 
         return HiddenError(lambda device: 2.5, FIELD, fields=fields)
 
-    return Truth(build, lacks=lambda drawn: "" if has_magnet(drawn) else "no magnet", families=drawings)
+    def lacks(drawn):
+        return "" if any(map(is_magnet, drawn.regions)) else "no magnet"
+
+    return Truth(build, lacks=lacks, families=drawings)
 
 
 def hall_element(law: Warmth) -> Truth:

@@ -15,8 +15,7 @@ import numpy as np
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.load import read_actuator
-from femfit.trial.device import Device, Family
-from femfit.trial.field_table import solve_drawings
+from femfit.trial.field_table import Device, Family, solve_drawings
 from support.trial import magnetics, mechanics, memory, off_axis, readings
 from support.trial.drawing_numbers import number_truths
 from support.trial.truth import BENDS, Shape, Truth, only_in_some_runs

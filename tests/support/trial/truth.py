@@ -8,7 +8,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
-from femfit.trial.device import Conditions, Device, HiddenError
+from femfit.trial.field_table import Conditions, Device, HiddenError
 
 Group = Literal["catalogue", "drawing", "when", "unseen"]
 """An effect of the catalogue by other physics; a number of the drawing; an effect that begins or ends in the campaign;
@@ -137,7 +137,7 @@ def acting_only(error: HiddenError, course: Callable[[int], tuple[int, int]]) ->
         )
 
     def fields(device, size, settings):
-        return error.fields(device, size, settings).times(acts(settings).astype(np.float64))
+        return error.fields(device, size, settings) * acts(settings)
 
     def reading(device, size, settings, values):
         changed = error.reading(device, size, settings, values)

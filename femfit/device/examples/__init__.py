@@ -1,1 +1,0 @@
-"""Commented drawings to start from, one file each; ``femfit new`` copies them."""

@@ -1,0 +1,363 @@
+"""What no effect explains, learnt as one smooth bounded change of W'(d, i), and where that pays of one sensor.
+
+How large and how smooth each is follows from the restricted likelihood of penalised splines. Whitened readings are
+y = X beta + noise with beta ~ N(0, t^2 K). K is the correlation of a smooth function, so that 1 / t^2 is the penalty on
+what is large or rough. With Phi = X t K^(1/2) and the likelihood without a remainder as the unit,
+
+    log p = (z'z - log det(I + Phi'Phi)) / 2,    z = (I + Phi'Phi)^(-1/2) Phi'y.
+
+Nothing beside the penalised coefficients is fitted, so that restricted likelihood and likelihood are one.
+
+References
+----------
+S. N. Wood, Journal of the Royal Statistical Society B 73 (2011) 3: smoothing by restricted likelihood.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from femfit.core.errors import MissingPartError
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.effects.words import titled, titles_of
+from femfit.identify.add_result import AddResult, EffectSize, fit_facts, largest_changes
+from femfit.identify.bench import placed
+from femfit.identify.constants import (
+    CURVE_CELLS,
+    CURVE_SCALES,
+    FIELD_CELLS,
+    FIELD_SCALES,
+    HELPS,
+    JITTER,
+    PRICE,
+    REMAINDER_SIZES,
+    SPLINE_DEGREE,
+)
+from femfit.identify.decision.campaign import guessed_noises
+from femfit.identify.decision.evidence import Linear, LogDensity
+from femfit.identify.left_out import cross_validated, filter_fall
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.observations import Observations
+from femfit.identify.words import plain, printed
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.bspline import TensorSpline
+from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis, carried_effect
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.magnetics import CoenergySpline
+from femfit.model.with_effects import with_effects
+from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
+
+NAME = "unexplained"
+"""What the remainder is called as an effect; no cause is."""
+
+COENERGY = "coenergy"
+READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
+WORDS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
+    name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
+}
+
+_SHARE = EffectParameter(
+    "share", bounds=(0.0, 2.0), plausible=(0.0, 1.0), description="How much of what was learnt acts."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A bounded spline over one variable."""
+
+    knots: FloatArray
+    degree: int
+    expand: FloatArray  # From free coefficients to all
+    roots: Sequence[FloatArray]  # Of the prior covariances of the free coefficients that are tried, L L' = K
+
+    @classmethod
+    def over(cls, values: FloatArray, cells: int, scales: Sequence[float]) -> "Axis | None":
+        """Over the range of values; None where there is none.
+
+        K falls like a bell curve with the distance of the coefficients: fields are smooth to all orders.
+        """
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        if not high - low > 1e-9 * max(abs(low), abs(high)):
+            return None
+        knots, expand = bounded_basis(low, high, cells, SPLINE_DEGREE)
+        place = np.arange(expand.shape[1]) / cells
+        apart = place[:, None] - place
+        unit = JITTER * np.eye(len(place))
+        roots = [np.asarray(np.linalg.cholesky(np.exp(-0.5 * (apart / scale) ** 2) + unit)) for scale in scales]
+        return cls(knots, SPLINE_DEGREE, expand, roots)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a remainder may change: W' over distance and current, or a channel's readings over their own value."""
+
+    kind: str
+    axes: tuple[Axis, ...]
+    step: float  # Of a coefficient, for differences
+    coordinate: DistanceCoordinate  # Of the distance
+
+    @cached_property
+    def roots(self) -> list[FloatArray]:
+        """Roots of the prior covariances that are tried, each of shape (count, count)."""
+        first, *second = (axis.roots for axis in self.axes)
+        return list(first) if not second else [np.asarray(np.kron(a, b)) for a in first for b in second[0]]
+
+    def carried(self, free: FloatArray) -> Carried:
+        """What it changes with these coefficients."""
+        axis, *second = self.axes
+        if not second:
+            return Carried(readings={self.kind: Curve("share", axis.knots, axis.degree, axis.expand @ free)})
+        of_current = second[0]
+        every = axis.expand @ free.reshape(axis.expand.shape[1], -1) @ of_current.expand.T
+        spline = TensorSpline(axis.knots, of_current.knots, axis.degree, of_current.degree, every)
+        return Carried((FieldTerm("share", coenergy=CoenergySpline(self.coordinate, spline)),))
+
+
+def parts_of(observations: Observations) -> list[Part]:
+    """The parts that these readings could show."""
+    nominal, table, result = observations.nominal, observations.covariates, list[Part]()
+    d, i = table["distance_m"].to_numpy(), table["current_A"].to_numpy()
+    plain_distance = DistanceCoordinate(1.0, inverse=False)
+    coordinate = DistanceCoordinate(float(d.max()), 0.0) if d.min() > 0.2 * np.ptp(d) else plain_distance
+    along = Axis.over(coordinate.of(d), FIELD_CELLS[0], FIELD_SCALES[0])
+    still = Axis(np.array([i[0] - 1.0, i[0] + 1.0]), 0, np.ones((1, 1)), [np.ones((1, 1))])  # without a current to vary
+    energy = nominal.force_N * nominal.travel_m
+    if along is not None and energy > 0.0:
+        across = Axis.over(i, FIELD_CELLS[1], FIELD_SCALES[1]) or still
+        result.append(Part(COENERGY, (along, across), 1e-4 * energy, coordinate))
+    for name in (name for name in READINGS if name in observations.channels):
+        values = observations.value[observations.of(name)]
+        axis = Axis.over(values, CURVE_CELLS, CURVE_SCALES)
+        if axis is not None:
+            result.append(Part(name, (axis,), 1e-4 * float(np.abs(values).max()), plain_distance))
+    return result
+
+
+def effect_of(parts: Sequence[Part], coefficients: Sequence[FloatArray]) -> AddedEffect:
+    """The effect that parts with their coefficients are."""
+    each = [part.carried(free) for part, free in zip(parts, coefficients, strict=True)]
+    terms = tuple(term for one in each for term in one.magnetics or ())
+    readings = {name: curve for one in each for name, curve in one.readings.items()}
+    carried = Carried(magnetics=terms or None, readings=readings)
+    words = f"of no known cause; {' and '.join(WORDS[part.kind] for part in parts)}"
+    symptom = "The readings depart smoothly from the model, as no effect of the catalogue makes them."
+    parameter = EffectParameter(**{**vars(_SHARE), "words": words})
+    return AddedEffect(carried_effect(NAME, symptom, (parameter,), carried), {"share": 1.0})
+
+
+def columns_of(observations: Observations, part: Part) -> FloatArray:
+    """Change of every reading with each coefficient of a part, in which readings are linear; shape (M, count)."""
+    changes = [
+        observations.predict([effect_of([part], [part.step * unit])]) - observations.base
+        for unit in np.eye(len(part.roots[0]))
+    ]
+    return np.stack(changes, axis=1) / part.step
+
+
+@dataclass(frozen=True, eq=False)
+class Learnt:
+    """A remainder: its parts, their coefficients, and how well they are known; without parts where none pays."""
+
+    parts: tuple[Part, ...] = ()
+    coefficients: tuple[FloatArray, ...] = ()
+    covariance: FloatArray | None = None  # Of all coefficients
+    columns: FloatArray | None = None  # Change of every reading with each of them, in the readings' units
+
+    @property
+    def effects(self) -> tuple[AddedEffect, ...]:
+        """The remainder as an effect."""
+        return (effect_of(self.parts, self.coefficients),) if self.parts else ()
+
+
+def learn(
+    whitening: Whitening, parts: Sequence[Part], columns: Sequence[FloatArray], named: FloatArray | None = None
+) -> Learnt:
+    """The remainder of largest evidence less its price: the field, one sensor, or both.
+
+    Parameters
+    ----------
+    columns : sequence of array
+        Change of every reading with each coefficient, for each part.
+    named : array, shape (M, q), or None
+        Change of every reading with the parameters of effects beside it: what these can explain is left to them.
+    """
+    basis = orthonormal_basis(whitening.full(np.zeros((len(columns[0]), 0)) if named is None else named))
+
+    def white(x: FloatArray) -> FloatArray:
+        whitened = whitening.full(x)
+        return np.asarray(whitened - basis @ (basis.T @ whitened))
+
+    target, blocks = white(whitening.observations.residual), [white(block) for block in columns]
+    numbers = range(len(parts))
+    fields = [k for k in numbers if parts[k].kind == COENERGY]
+    sets = [[k] for k in numbers] + [[field, k] for field in fields for k in numbers if k not in fields]
+    nothing, best = given(target, [], []), (0.0, [0], [np.zeros((0, 0))])
+    for chosen in sets:
+        some = [blocks[k] for k in chosen]
+        roots = likeliest_roots(target, some, [parts[k].roots for k in chosen])
+        worth = given(target, some, roots).log_evidence - nothing.log_evidence - PRICE * len(chosen)
+        best = max(best, (worth, chosen, roots), key=lambda candidate: candidate[0])
+    worth, chosen, roots = best
+    if worth <= 0.0:
+        return Learnt()
+    coefficients, covariance = posterior(target, [blocks[k] for k in chosen], roots)
+    every = np.concatenate([columns[k] for k in chosen], axis=1)
+    return Learnt(tuple(parts[k] for k in chosen), tuple(coefficients), covariance, every)
+
+
+def given(target: FloatArray, blocks: Sequence[FloatArray], roots: Sequence[FloatArray]) -> Linear:
+    """Whitened readings (M,) with coefficients of columns (M, count) known to N(0, L L')."""
+    scaled = [block @ root for block, root in zip(blocks, roots, strict=True)]
+    columns = np.concatenate([np.zeros((len(target), 0)), *scaled], axis=1)
+    return Linear.of(target, columns, LogDensity(len(target), np.inf))
+
+
+def likeliest_roots(
+    target: FloatArray, blocks: Sequence[FloatArray], tried: Sequence[Sequence[FloatArray]]
+) -> list[FloatArray]:
+    """The root of largest likelihood of each block beside the others, by turns."""
+    roots = [np.zeros((block.shape[1],) * 2) for block in blocks]
+    for k in [*range(len(blocks))] * (2 if len(blocks) > 1 else 1):
+        others = [j for j in range(len(blocks)) if j != k]
+        beside = given(target, [blocks[j] for j in others], [roots[j] for j in others])
+        gram, along = beside.products(blocks[k])
+        best = -np.inf
+        for root in tried[k]:
+            inner = root.T @ gram @ root
+            largest = max(float(np.linalg.eigvalsh(inner)[-1]), 1e-300)
+            sizes = np.geomspace(0.1, 1e4, REMAINDER_SIZES) / np.sqrt(largest)
+            logs = beside.with_more(inner, root.T @ along, sizes)[0]
+            if logs.max() > best:
+                best, roots[k] = float(logs.max()), sizes[int(np.argmax(logs))] * root
+    return roots
+
+
+def posterior(
+    target: FloatArray, blocks: Sequence[FloatArray], roots: Sequence[FloatArray]
+) -> tuple[list[FloatArray], FloatArray]:
+    """Mean of the coefficients of each block, and the covariance of all together."""
+    linear, root = given(target, blocks, roots), linalg.block_diag(*roots)
+    spread = root @ linalg.cho_solve((linear.solved.triangle, True), root.T)
+    return np.split(root @ linear.amplitudes, np.cumsum([block.shape[1] for block in blocks])[:-1]), spread
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RemainderResult(AddResult):
+    """A remainder added to a model as the effect ``unexplained``; printed, it is what ``femfit add`` prints.
+
+    Parameters
+    ----------
+    parts : tuple of str
+        What it changes: ``coenergy``, or the channel that is read wrongly; none where nothing beyond the noise is left.
+    fall_unseen : float
+        By how much it lowers the weighted sum of squares on runs left out.
+    beside : AddResult or None
+        Effects that were added first.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> better = ff.add_effects(ff.read_model("model.json"), "bench.csv", "unexplained")
+    >>> better.model.effects[-1].effect.name
+    'unexplained'
+    """
+
+    parts: tuple[str, ...] = ()
+    fall_unseen: float = 0.0
+    beside: AddResult | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it helps on runs left out, and the filter is not worse."""
+        return bool(self.parts) and self.fall_unseen > HELPS and (self.filter is None or self.filter.accepted)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the model."""
+        learnt = {"parts": list(self.parts), "fall_unseen": self.fall_unseen}
+        return super().to_dict() | {"remainder": learnt, "beside": plain(self.beside)}
+
+    def __str__(self) -> str:
+        text = printed("remainder", r=self, words=WORDS, rms={}, magnitude={}, beyond={})
+        return titled(text, titles_of(self.observations.nominal.drawn))
+
+
+def add_remainder(
+    model: ActuatorModel,
+    measured: Measurement,
+    whitening: Whitening,
+    beside: AddResult | None = None,
+    named: Collection[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> RemainderResult:
+    """Learn what a model with all its effects leaves of the readings, and check it on runs left out.
+
+    Parameters
+    ----------
+    whitening : Whitening
+        Of the readings beside this model.
+    beside : AddResult or None
+        What was added to it before.
+    named : collection of str
+        Effects of the model that are fitted to the same readings: what they can explain is left to them.
+    """
+    if len(model.without_effects.validity.current_limits_A) > 1:
+        raise MissingPartError(
+            f"A remainder is learnt of a device with one circuit; model {model.name!r} has {len(model.circuits)}. Add "
+            "effects by their names."
+        )
+    progress("Learning the remainder")
+    observations = whitening.observations
+    staying = [present for present in model.effects if present.effect.name not in named]
+    fitted = [present for present in model.effects if present.effect.name in named]
+    numbers = [(k, p.name) for k, present in enumerate(fitted) for p in present.effect.parameters]
+    by_names = placed(with_effects(model, staying), measured).slopes(fitted, numbers)
+    parts = parts_of(observations)
+    columns = [columns_of(observations, part) for part in parts]
+    learnt = learn(whitening, parts, columns, by_names) if parts else Learnt()
+    if learnt.parts:  # a misfit that is taken away is no scatter of mounts and runs
+        clean = observations.with_values(observations.value - observations.predict(learnt.effects) + observations.base)
+        whitening = Whitening(observations, estimate_noise(clean) or whitening.noise)
+        learnt = learn(whitening, parts, columns, by_names)
+    noise = whitening.noise
+
+    def learnt_from(keep: BoolArray) -> tuple[AddedEffect, ...]:
+        """The same without some readings, choice and smoothness too."""
+        some = Whitening(observations.select(keep), noise)
+        return learn(some, parts, [block[keep] for block in columns], by_names[keep]).effects
+
+    before = cross_validated(whitening, lambda _: ())
+    error = cross_validated(whitening, learnt_from) if learnt.parts else before
+    effects, sizes, decided = learnt.effects, list[EffectSize](), None
+    if learnt.covariance is not None and learnt.columns is not None:
+        change = observations.predict(effects) - observations.base
+        sizes += largest_changes(NAME, observations, change, learnt.columns, learnt.covariance)
+        # Rounding must not make it indefinite
+        rounding = 1e-10 * float(np.trace(learnt.covariance)) / len(learnt.covariance) * np.eye(len(learnt.covariance))
+        root = np.linalg.cholesky(learnt.covariance + rounding)
+        directions, size, _ = np.linalg.svd(whitening.full(learnt.columns) @ root, full_matrices=False)
+        decided = directions[:, size**2 > 0.5]  # what the readings decided more than the penalty did
+    after = with_effects(model, (*model.effects, *effects))
+    result = RemainderResult(
+        model=after,
+        added=effects,
+        kept=tuple(present.effect.name for present in model.effects),
+        left_out=error.rms,
+        sizes=tuple(sizes),
+        suspicious=(),
+        findings=(*observations.findings, *guessed_noises(noise)),
+        parts=tuple(part.kind for part in learnt.parts),
+        fall_unseen=before.chi2 - error.chi2,
+        beside=beside,
+        **fit_facts(whitening, [("model", ()), *([(NAME, effects)] if effects else [])], decided),
+    )
+    if not effects or not isinstance(measured, TimeSeries):
+        return result
+    progress("Running the filter over what was left out")
+    fall = filter_fall(model, after, model.effects, measured, observations, error.effects)
+    return replace(result, filter=fall)
