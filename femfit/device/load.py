@@ -1,4 +1,4 @@
-"""Read an actuator file: every problem at once, or the actuator in SI units; and drawings to start from."""
+"""Read an actuator file, every problem at once: its record in SI units, and that of a manifest; drawings to start from."""
 
 import re
 import tomllib

@@ -1,7 +1,10 @@
-"""Whole columns of a record that contradict the model: units and signs of the settings, polarity, and the time's unit.
+"""Columns of a record that contradict the model, a step that it cannot follow, and the voltage that a driver gave.
 
 A passive winding turns what it takes up into heat and motion: the mean of U i is no less than that of R i^2 unless
 something drives the body. Where it is clearly negative, voltage and current are counted opposite ways.
+
+A driver gives what its supply can. With a freewheel diode the winding sees its drop while the driver is off and a
+current flows, and nothing once it has stopped.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Where a drawing's temperatures settle, and what winding and magnet are then."""
+"""Where a drawing's temperatures settle, and what winding and magnet are then, in numbers and in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""The actuator's full section, drawn to scale with its dimensions."""
+"""The parts of an actuator as all pictures show them, and its full section, drawn to scale with its dimensions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

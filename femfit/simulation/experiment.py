@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, cast
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Experiment:
     """One experiment of a batch."""
 
     controller: ControllerName
-    observer: ObserverName | Literal["exact"]  # ``exact``, alone in its batch: the controller knows the true state
+    observer: ObserverName
     targets_m: tuple[float, ...]  # Reference distances in turn; one for a hold
     force_scale: float = 1.0
     faulty: str | None = None  # Name of the sensor that the faults are of; None: the first
@@ -133,11 +133,9 @@ def _rows(mask: Iterable[bool], runs: int) -> IntArray:
     return np.flatnonzero(np.repeat(list(mask), runs))
 
 
-def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int) -> SplitObserver | None:
-    """One observer for all experiments that can share it; None where the state is known exactly."""
-    if any(e.observer == "exact" for e in experiments):
-        return None
-    kinds = [cast("ObserverName", e.observer) for e in experiments]
+def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int) -> SplitObserver:
+    """One observer for all experiments that can share it."""
+    kinds = [e.observer for e in experiments]
     parts = [(_rows((each == kind for each in kinds), runs), design.observer(kind)) for kind in dict.fromkeys(kinds)]
     return SplitObserver(tuple(parts), 2 + len(design.model.circuits))
 

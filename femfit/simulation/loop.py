@@ -56,7 +56,7 @@ class ClosedLoop:
     plant: Plant
     sensors: tuple[LoopSensor, ...]
     errors: SensorErrors
-    observer: Observer | None  # None: the controller knows the exact state
+    observer: Observer
     controller: Controller | SplitController
     reference: Reference
     latency: int = 0  # Samples from a reading to the command that it leads to
@@ -184,30 +184,27 @@ def run_loop(
     belief = state[:, : 2 + n] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
     history = History(loop.sensors, state, step)
     last = np.full((runs, len(loop.sensors)), np.nan)
-    observed: Any = None if loop.observer is None else loop.observer.start(belief)
+    observed: Any = loop.observer.start(belief)
     memory = np.zeros((runs, loop.controller.words))
     rest = np.clip(resting_command(model, belief[:, 2:]), *limits_of(model))
     on_their_way = deque([rest] * (loop.latency + 1), maxlen=loop.latency + 1)  # the oldest of them acts
     watch, touched = _Watch(model, runs), np.zeros((2, runs), dtype=np.bool_)
-    none, unknown = np.zeros(runs, dtype=np.bool_), np.full(runs, np.nan)
     for k in range(-supported_steps, steps):
         values = true_readings(model, loop.sensors, history, max(k, 0) * step)
         readings = read_sensors(loop.sensors, loop.errors, last, values, k, max(k, 0) * step, random)
         last = np.where(np.isnan(readings), last, readings)
-        estimate, diverged, quality = state[:, : 2 + n], none, unknown
-        if loop.observer is not None:
-            first = k == -supported_steps
-            observed = (
-                loop.observer.update(observed, readings)
-                if first
-                else loop.observer.step(observed, on_their_way[0], readings)
-            )
-            estimate, diverged, quality = observed.mean[:, : 2 + n], observed.diverged, innovation_quality(observed)
+        first = k == -supported_steps
+        observed = (
+            loop.observer.update(observed, readings)
+            if first
+            else loop.observer.step(observed, on_their_way[0], readings)
+        )
+        estimate, quality = observed.mean[:, : 2 + n], innovation_quality(observed)
         if show is not None and k % SHOWN == 0:
             show(k + supported_steps, steps + supported_steps)
         if k < 0:
             continue
-        alive = watch.alive(k * step, state, estimate, diverged, touched)
+        alive = watch.alive(k * step, state, estimate, observed.diverged, touched)
         all_alive = bool(alive.all())
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
         belief = estimate if all_alive else np.where(alive[:, None], estimate, start)

@@ -1,4 +1,4 @@
-"""Feedback of every state, with an integral: the linear-quadratic regulator, or poles that are given.
+"""Feedback of every state, with an integral: the linear-quadratic regulator.
 
     u = u_r + K_x (x_r - x^) + K_p (pending commands) - K_i q,      q(k+1) = q(k) + t (d - r)
 
@@ -10,8 +10,8 @@ The search by patterns for gains.
 
 References
 ----------
-K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), sections 4.3 (poles), 4.5
-(integral) and 11.1 (linear-quadratic regulator).
+K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), sections 4.5 (integral) and
+11.1 (linear-quadratic regulator).
 R. Hooke and T. A. Jeeves, J. ACM 8 (1961) 212.
 """
 
@@ -32,9 +32,6 @@ from femfit.simulation.targets import Reference
 
 INTEGRAL_PART = 0.25
 """Conventional: rate at which the integral acts over the bandwidth; at a quarter it costs some 15 degrees of phase."""
-
-_NO_CONJUGATE = 1e-9
-"""Derived: imaginary part of a polynomial's coefficients, over the largest, that rounding does not make."""
 
 
 @dataclass(frozen=True, eq=False)

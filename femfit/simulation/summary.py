@@ -1,4 +1,4 @@
-"""What many runs of one closed loop came to.
+"""What is said of closed loops: of one in numbers, of many runs of one, and the rows of a study.
 
 Recorded runs of a loop as a table: one row a sample, up to the sample at which a run was lost.
 """
@@ -317,5 +317,5 @@ class LoopSummary(Printed):
 
 @remembered
 def _judged(summary: LoopSummary) -> JudgedLoop:
-    """What is said of the loop takes seconds where its margins are thin, and a result is printed often."""
+    """Worked out once: a result is printed often."""
     return judged_loop(summary.design, *summary.loop)

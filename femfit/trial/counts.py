@@ -1,4 +1,4 @@
-"""What a trial counted: how often the diagnosis would be right on a device."""
+"""What was said of a campaign beside what was hidden in it, and how often the diagnosis was right on a device."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -118,12 +118,6 @@ def magnet_with_steel_back():
     return [magnet(1.3, 0.0055, 0.003, permeability=1.05), back]
 
 
-DISC, BACK = (
-    pytest.param(mover, id=name)
-    for name, mover in (("steel disc", None), ("magnet with steel back", magnet_with_steel_back()))
-)
-
-
 def test_self_force_of_a_magnet_with_a_steel_back_is_the_error_of_the_plain_stress():
     rough = SolverSettings(order=2, corner_fraction=0.5, region_fraction=1.0, grading=0.5)
     actuator = bobbin(distances=(0.015,), currents=(0.5,), mover=magnet_with_steel_back())
