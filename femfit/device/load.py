@@ -1,4 +1,4 @@
-"""Read an actuator file, every problem at once: its record in SI units, and that of a manifest; drawings to start from."""
+"""Read an actuator file, every problem at once: its record in SI units, that of a manifest, and starting drawings."""
 
 import re
 import tomllib

@@ -13,7 +13,7 @@ from femfit.estimate.follow import OneFilter, followed
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.naming import decide, lack_of_fit, times_own
+from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit, times_own
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import allowed, beyond_noise, finer_sweep
 from femfit.identify.noise.components import estimate_noise
@@ -170,8 +170,8 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     else:
         noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
         test, times = lack_of_fit(campaign), times_own(campaign)
-        decision, verdict = decide(campaign), "fails"
-        if decision.verdict == "nothing_missing":
+        verdict = "fails"
+        if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
             verdict = "wrong_shape" if decision.own_misfit else "agrees"
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     beyond = beyond_noise(observations, noise, observations.rms(observations.residual))

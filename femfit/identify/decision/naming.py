@@ -34,7 +34,7 @@ from femfit.identify.decision.constants import (
 from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import Linear, density_of
-from femfit.identify.decision.search import Explanation, Posterior, explain
+from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.refit import Refit, Start, at_bounds, plausible, refit, starting_point
 from femfit.identify.signatures import columns_at
@@ -95,6 +95,11 @@ def times_own(campaign: Campaign) -> float:
     freedom = len(sigma) + float(np.sum((observations.distance_slope * noise.mount_m / sigma) ** 2))
     beyond = max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
     return float(np.sqrt(beyond / own_misfit)) if own_misfit > 0.0 else np.inf
+
+
+def fails_surely(campaign: Campaign) -> bool:
+    """Whether something is missing, whatever a search for its name would find."""
+    return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
 
 
 def decide(campaign: Campaign) -> Decision:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, count
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, special
 
 from femfit.core.numerics import FloatArray
 from femfit.identify.decision.campaign import Campaign
@@ -180,6 +180,17 @@ class Posterior:
     def of(self, *, effects: bool, unknown: bool) -> float:
         """Probability of all explanations with and without effects, with and without an unknown cause."""
         return sum(p for (names, beside), p in self.probability.items() if bool(names) == effects and beside == unknown)
+
+
+def most_of_nothing(campaign: Campaign) -> float:
+    """Probability that nothing is missing before any effect is looked at, an unknown cause alone beside it.
+
+    It is an upper bound: every effect that is looked at takes probability from it.
+    """
+    space = EffectSpace(campaign)
+    start = null(space)
+    odds = np.log(UNKNOWN_CAUSE) - np.log1p(-UNKNOWN_CAUSE)
+    return float(special.expit(start.log_evidence - with_unknown_cause(space, start) - odds))
 
 
 def explain(campaign: Campaign) -> Posterior:
