@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.errors import MissingPartError, UsageError
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.core.text import amount, counted, rounded
 from femfit.device.drawn_numbers import NumberFacts
@@ -23,10 +22,6 @@ from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_tabl
 
 if TYPE_CHECKING:
     import pandas as pd
-
-FORCE_CONSTANT = "force_constant_N_per_A"
-"""The force's slope over the current, from the swept currents beside the point."""
-
 
 SHOWN = 1e-3
 """Conventional: share of the variance from which a number is printed."""
@@ -49,7 +44,7 @@ class ToleranceAnalysis(Printed):
     Parameters
     ----------
     quantity : str
-        ``force_N``, a flux linkage, ``hall_T``, or ``force_constant_N_per_A``.
+        ``force_N``, a flux linkage, or ``hall_T``.
     value, scatter : float
         As drawn, and the standard deviation of a series, to first order and with independent numbers.
     shares : tuple of NumberShare
@@ -78,8 +73,8 @@ class ToleranceAnalysis(Printed):
         relative = f" ({rounded(100.0 * self.scatter / abs(self.value), 2)} %)" if self.value else ""
         value, scatter = amount(self.value, self.quantity, 3), amount(self.scatter, self.quantity)
         batch = f"In a batch of devices its standard deviation is {scatter}{relative}."
-        names = {"hall_T": "field at the Hall element", FORCE_CONSTANT: "force constant"}
-        name = names.get(self.quantity) or self.quantity.rpartition("_")[0].replace("_", " ")
+        name = self.quantity.rpartition("_")[0].replace("_", " ")
+        name = "field at the Hall element" if self.quantity == "hall_T" else name
         lines = [
             f"{place} the {name} is {value}. {batch}",
             "Of its variance, per number of the drawing (+- one standard deviation), with the gradient:",
@@ -114,7 +109,7 @@ def analyse_tolerances(
     currents_A : sequence of float
         One a circuit, in the table's order.
     quantity : str
-        A column with a slope, or ``force_constant_N_per_A``: the force's slope over the first circuit's current.
+        A column with a slope.
 
     Raises
     ------
@@ -134,15 +129,17 @@ def analyse_tolerances(
         raise MissingPartError("The sweep must have signatures. Sweep the drawing again with --signatures.")
     rows = table.valid_rows()
     names = current_names(rows)
-    point = _nearest(rows, names, distance_m, currents_A)
-    quantities = [*table.signatures.channels, FORCE_CONSTANT]
-    if quantity not in quantities:
-        raise UsageError(f"quantity must be one of {', '.join(quantities)}; got {quantity!r}.")
-    value = _at(rows, names, point, quantity)
-    numbers = [
-        number for number in table.signatures.numbers if not number.is_contour
-    ]  # their corners are numbers themselves
-    gradients = [_at(table.signatures.of(number), names, point, quantity) for number in numbers]
+    row = _nearest(rows, names, distance_m, currents_A)
+    point = rows[["distance_m", *names]].to_numpy(dtype=np.float64)[row]
+    if quantity not in table.signatures.channels:
+        raise UsageError(f"quantity must be one of {', '.join(table.signatures.channels)}; got {quantity!r}.")
+    # The corners of a contour are numbers themselves
+    numbers = [number for number in table.signatures.numbers if not number.is_contour]
+    gradients = []
+    for number in numbers:
+        slopes = table.signatures.of(number)
+        swept = slopes[["distance_m", *names]].to_numpy(dtype=np.float64)
+        gradients.append(float(slopes[quantity].to_numpy()[np.all(swept == point, axis=1)][0]))
     scatters = [abs(g) * number.tolerance for g, number in zip(gradients, numbers, strict=True)]
     variance = float(np.sum(np.square(scatters)))
     shares = [
@@ -153,14 +150,14 @@ def analyse_tolerances(
         quantity,
         float(point[0]),
         tuple(point[1:].tolist()),
-        value,
+        float(rows[quantity].iloc[row]),
         float(np.sqrt(variance)),
         tuple(sorted(shares, key=lambda share: -share.share)),
     )
 
 
-def _nearest(rows: "pd.DataFrame", names: list[str], distance_m: float, currents_A: Sequence[float]) -> FloatArray:
-    """The swept point next to the one given, the distance first."""
+def _nearest(rows: "pd.DataFrame", names: list[str], distance_m: float, currents_A: Sequence[float]) -> int:
+    """The row of the swept point next to the one given."""
     swept = rows[["distance_m", *names]].to_numpy(dtype=np.float64)
     varied = [k for k in range(swept.shape[1]) if k == 0 or np.ptp(swept[:, k]) > 0.0]
     if len(currents_A) not in {len(names), len(varied) - 1}:
@@ -173,18 +170,4 @@ def _nearest(rows: "pd.DataFrame", names: list[str], distance_m: float, currents
             limits = f"{amount(least, name, 4)} to {amount(most, name, 4)}"
             raise UsageError(f"{name} must lie within the sweep, {limits}; got {amount(value, name, 4)}.")
     away = (swept - wanted) / np.where(high > low, high - low, 1.0)
-    return np.asarray(swept[int(np.argmin(np.sum(away**2, axis=1)))])
-
-
-def _at(rows: "pd.DataFrame", names: list[str], point: FloatArray, quantity: str) -> float:
-    """A column, or the slope of the force, at a swept point."""
-    settings = rows[["distance_m", *names]].to_numpy(dtype=np.float64)
-    if quantity != FORCE_CONSTANT:
-        return float(rows[quantity].to_numpy()[np.all(settings == point, axis=1)][0])
-    line = np.all(np.delete(settings, 1, axis=1) == np.delete(point, 1), axis=1)
-    current, force = settings[line, 1], rows["force_N"].to_numpy()[line]
-    if len(current) < 2:
-        raise UsageError(f"{FORCE_CONSTANT} needs two currents or more in the sweep; it has {len(current)}.")
-    order = np.argsort(current)
-    slope = np.gradient(force[order], current[order], edge_order=2 if len(current) > 2 else 1)
-    return float(slope[np.flatnonzero(current[order] == point[1])[0]])
+    return int(np.argmin(np.sum(away**2, axis=1)))

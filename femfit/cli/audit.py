@@ -11,7 +11,7 @@ from femfit.cli.command import Outcome, command
 
 @command("File for the findings as JSON.")
 def audit(model: Path, *, table: Path | None = None) -> Outcome:
-    """Check a model file: misfit to its table, circuit, signs, bounds, range, sensor, precision.
+    """Check a model file: misfit to its table, signs, bounds, range, sensor, precision.
 
     Parameters
     ----------
@@ -48,6 +48,6 @@ def tolerance(
     current_A : tuple of float
         Current in A, once for each circuit whose current was swept.
     of : str
-        Quantity: force_N, flux_linkage_Wb, hall_T, or force_constant_N_per_A (the force's slope over the current).
+        Quantity: force_N, flux_linkage_Wb or hall_T.
     """
     return Outcome(ff.analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of))

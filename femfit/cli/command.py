@@ -6,6 +6,7 @@ Writes(PAGE)]``. Every other path is one that it reads.
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
 from pathlib import Path
@@ -116,17 +117,18 @@ def run_directory(drawing: str, end: str = "") -> Callable[[Mapping[str, Any]], 
 
 
 def _conclude(outcome: Outcome, json: Path | None) -> None:
-    written = [(path, write) for path, write in outcome.files if path is not None]
+    lines = [outcome.result]
     try:
         if json is not None:
             data = outcome.result.to_dict() if outcome.data is None else outcome.data  # type: ignore[attr-defined]
             write_json(json, {**data, "written_by": f"femfit {__version__}"})
-        for path, write in written:
-            write(path)
+        for path, write in outcome.files:
+            if path is not None:
+                write(path)
+                lines.append(f"written: {path}")
     finally:  # what was found is told even where a file of it cannot be written
-        print(outcome.result)
-    for path, _ in written:
-        print(f"written: {path}")
+        with suppress(BrokenPipeError):  # of a reader who has seen enough: what is left to do is done
+            print(*lines, sep="\n")
     if outcome.error is not None:
         raise outcome.error
 

@@ -93,18 +93,13 @@ def fit(
             table,
             law=model,
             bounds=pairs(bound, "--bound", "COLUMN=LOW:HIGH", "d^-4=0:1e-8", _limits),
-            functions=_names(functions),
+            functions=names_of(functions) or None,
             inductance_H=inductance_H,
             where=pairs(where, "--where", "COLUMN=VALUE", "variant=3", _number_or_text),
             **device,
         )
     data = {**result.to_dict(), "model_file": str(output)}
     return Outcome(result, data, [(output, partial(ff.write_model, result.model))])
-
-
-def _names(text: str | None) -> tuple[str, ...] | None:
-    """Names with commas."""
-    return None if text is None else tuple(names_of(text))
 
 
 def _limits(text: str) -> tuple[float, float]:

@@ -16,9 +16,6 @@ def heat(
     current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
     voltage: Annotated[tuple[float, ...], Parameter(negative=())] = (),
     distance_mm: float | None = None,
-    alternating_A: Annotated[tuple[float, ...], Parameter(name="--alternating-A", negative=())] = (),
-    frequency_Hz: Annotated[float | None, Parameter(name="--frequency-Hz")] = None,
-    sweep: Path | None = None,
 ) -> Outcome:
     """How warm winding and magnet become: hot resistance, remanence, time, and the largest current that may last.
 
@@ -27,26 +24,17 @@ def heat(
     actuator : Path
         Actuator file (.toml), whose table [thermal] says what surrounds the actuator.
     current_A : tuple of float
-        Held current in A, once for each circuit; default: the most that the supply gives.
+        Held current in A (rms where it alternates), once for each circuit; default: the most that the supply gives.
     voltage : tuple of float
         Held voltage in V in place of a current, once for each circuit.
     distance_mm : float
         Distance in mm at which the moving part is held; default: the first reference distance, or the shortest that it
         can have.
-    alternating_A : tuple of float
-        Rms value in A of a sinusoidal current beside the held one, once for each circuit.
-    frequency_Hz : float
-        Frequency in Hz of the alternating current, for its eddy currents from --sweep.
-    sweep : Path
-        Run directory of a sweep with [solver] frequency_Hz.
     """
     temperatures = ff.find_temperatures(
         actuator,
         current_A=current_A or None,
         voltage_V=voltage or None,
         distance_m=None if distance_mm is None else 1e-3 * distance_mm,
-        alternating_A=alternating_A or 0.0,
-        frequency_Hz=frequency_Hz,
-        sweep=sweep,
     )
     return Outcome(temperatures)

@@ -17,9 +17,7 @@ from femfit.cli.command import (
     command,
     in_si,
     names_of,
-    parsed,
 )
-from femfit.core.errors import UsageError
 from femfit.core.files import MANIFEST, SWEEP
 
 
@@ -30,34 +28,22 @@ class ImportOptions:
 
     Attributes
     ----------
-    form : str
-        Form of the table: one row a point (long), or force(distance, current) with its axes (matrix).
     matrix_rows : str
-        Quantity in the first column of a matrix.
+        Quantity in the first column of a matrix force(distance, current) with its axes.
     decimal : str
         Decimal mark of the numbers.
-    encoding : str
-        Encoding of the text, by its name in Python.
-    distance_step_mm : float
-        Size of a step in mm, for a distance column that counts steps.
     distance_start_mm : float
         Distance in mm at position (or step) zero.
-    flip_distance : bool
-        Positions that count towards the electromagnet, turned round.
-    flip_current : bool
-        Current and flux linkage with the other sign.
+    keep_force : bool
+        Force with the sign that it has.
     actuator : Path
         Actuator file whose circuit, motion and sensor go into the manifest.
     """
 
-    form: Literal["auto", "long", "matrix"] = "auto"
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
     decimal: Literal[".", ","] | None = None
-    encoding: str | None = None
-    distance_step_mm: float | None = None
     distance_start_mm: float | None = None
-    flip_distance: Annotated[bool, FLAG] = False
-    flip_current: Annotated[bool, FLAG] = False
+    keep_force: Annotated[bool, FLAG] = False
     actuator: Path | None = None
 
 
@@ -74,11 +60,6 @@ def import_table(
     table_options: TableOptions = NO_TABLE_OPTIONS,
     without: str | None = None,
     columns: str | None = None,
-    delimiter: str | None = None,
-    file_current_A: Annotated[str | None, Parameter(name="--file-current-A")] = None,
-    file_distance_mm: str | None = None,
-    flip_force: Annotated[bool, FLAG] = False,
-    keep_force: Annotated[bool, FLAG] = False,
     accept: str | None = None,
     options: ImportOptions = _DEFAULTS,
 ) -> Outcome:
@@ -95,39 +76,18 @@ def import_table(
         Quantities to leave out, separated by commas: flux_linkage, inductance, hall, coenergy.
     columns : str
         Names of the columns of a table without header, separated by commas; of a matrix, its first row with units.
-    delimiter : str
-        Delimiter of the columns: one character, or the word blanks or tab.
-    file_current_A : str
-        Current of each file in A, separated by commas.
-    file_distance_mm : str
-        Distance of each file in mm, separated by commas.
-    flip_force : bool
-        Force with the other sign.
-    keep_force : bool
-        Force with the sign that it has.
     accept : str
         Codes of errors that shall not stop the import, separated by commas.
     """
     from femfit.tables.sweep_table import write_sweep_table
 
-    if flip_force and keep_force:
-        raise UsageError("--flip-force and --keep-force exclude each other; give one of them.")
     imported = ff.import_table(
         tables,
-        force_sign="flip" if flip_force else "keep" if keep_force else "auto",
         without=names_of(without),
         accept=names_of(accept),
         column_names=tuple(word.strip() for word in columns.split(",")) if columns else (),  # an empty one counts
-        delimiter={"tab": "\t", "blanks": " "}.get(delimiter, delimiter) if delimiter else None,
-        file_currents_A=_numbers(file_current_A, "--file-current-A"),
-        file_distances_m=tuple(1e-3 * value for value in _numbers(file_distance_mm, "--file-distance-mm")),
         **in_si(options),
         **table_options.keywords,
     )
     table = write_sweep_table(imported, output)
     return Outcome(f"{imported}\nwritten: {table}", imported.manifest)
-
-
-def _numbers(text: str | None, option: str) -> tuple[float, ...]:
-    form = "numbers with commas between them"
-    return parsed(text or "", option, form, "0,0.5,1", lambda words: tuple(map(float, names_of(words))))

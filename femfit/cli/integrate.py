@@ -25,8 +25,8 @@ class IntegrateOptions:
     method : str
         Method of integration: trapezoid; ffa1 (offset from an initial zero reading); ffa2 (mean on each plateau);
         cs1-offset (Kalman filter with a Hall probe, which estimates the offset voltage too); cs2, cs2-identified (the
-        same with the current, by a ratio, by a field model); default: cs1-offset where the record has a Hall probe and
-        an area is given, else ffa2.
+        same with the current, by a ratio, by a field identified from --lab); default: cs1-offset where the record has
+        a Hall probe and an area is given, else ffa2.
     initial_field_T : float
         Field in T at the record's begin (flux linkage in Wb without an area); default: 0, or the reference's first
         reading.
@@ -40,8 +40,6 @@ class IntegrateOptions:
         Ratio of the magnet's current to its field in A/T for cs2, as sure as --reference-gain-sigma says.
     lab : Path
         Record with Hall probe and current of a cycled magnet, from which cs2-identified identifies its field.
-    field_model : Path
-        JSON file of the identified field for cs2-identified, written with --lab and read without.
     coil_area_sigma_m2 : float
         Standard uncertainty of the area in m2.
     reference_gain_sigma : float
@@ -63,7 +61,6 @@ class IntegrateOptions:
     still_A: Annotated[float | None, Parameter(name="--still-A"), POSITIVE] = None
     current_to_field_A_per_T: Annotated[float | None, Parameter(name="--current-to-field"), POSITIVE] = None
     lab: Path | None = None
-    field_model: Path | None = None
     coil_area_sigma_m2: Annotated[float | None, Parameter(name="--coil-area-sigma"), NOT_NEGATIVE] = None
     reference_gain_sigma: Annotated[float | None, NOT_NEGATIVE] = None
     reference_offset_sigma_T: Annotated[float | None, Parameter(name="--reference-offset-sigma-T"), NOT_NEGATIVE] = None
@@ -92,7 +89,7 @@ def integrate(
         Record as CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, and hall_T or current_A; or
         raw float32 (.bin, .raw, .f32) with a sidecar .toml or .json that has sample_rate_Hz and columns.
     output : Path
-        File of the integrated record: .csv, .parquet, .bin, .raw or .f32.
+        File of the integrated record: .csv or .parquet.
     """
     with progress(f"integrate {record.name}", "samples") as show:
         result = ff.integrate_coil(record, output=output, **in_si(options), **table_options.keywords, progress=show)

@@ -1,10 +1,8 @@
 """The ``femfit`` command: names and one-line helps; each command's file is imported when it runs."""
 
-import io
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING
 
 from cyclopts import App, CycloptsError
 
@@ -12,15 +10,12 @@ from femfit import __version__
 from femfit.core.errors import FemfitError, UsageError
 from femfit.core.processes import kept_interrupts
 
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
-
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     # name, target, one line of help
     ("new", "femfit.cli.new:new", "Write a commented drawing to start from: a solenoid, a voice coil, a bearing ..."),
     ("run", "femfit.cli.run:run", "Sweep, fit, export, close the loop and report, in turn."),
     ("sweep", "femfit.cli.sweep:sweep", "Solve the field over an actuator's currents and distances."),
-    ("view", "femfit.cli.view:view", "Draw geometry, mesh, flux lines, |B| and permeability; write a .vtu file."),
+    ("view", "femfit.cli.view:view", "Draw geometry, mesh, flux lines and |B|; write a .vtu file."),
     ("import", "femfit.cli.import_table:import_table", "Bring in a table of FEMM or another program as a sweep table."),
     ("import-fem", "femfit.cli.import_fem:import_fem", "Read a FEMM model (.fem) as an actuator file."),
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
@@ -96,16 +91,15 @@ def _run() -> None:
             try:
                 build_app()(sys.argv[1:], exit_on_error=False)
             finally:
-                if sys.stdout is not None:
-                    sys.stdout.flush()  # here, where a full disk is told
+                _flush()
     except CycloptsError:
         sys.exit(USAGE)  # cyclopts has printed what is wrong with the arguments
     except UsageError as error:
         _fail(str(error), USAGE)
     except FemfitError as error:
         _fail(str(error))
-    except BrokenPipeError:  # of standard error, or of a file such as --csv /dev/stdout: nobody reads why
-        sys.exit(1)
+    except BrokenPipeError:
+        sys.exit(0)  # the reader has seen enough of what is printed, a command's help say
     except OSError as error:
         _fail(": ".join(filter(None, [error.strerror or str(error), str(error.filename or "")])))
     except MemoryError:
@@ -116,6 +110,17 @@ def _run() -> None:
         _fail("interrupted; what was finished is kept", 128 + signal.SIGINT)
     except Exception as error:  # noqa: BLE001  the last net: a user is told what to do, and the traceback is kept
         _fail(_bug(error), BUG)
+
+
+def _flush() -> None:
+    """Print what is buffered, here, where a full disk is told; a reader that has seen enough, head say, is no error."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is buffered must not fail again at exit
+        if not isinstance(error, BrokenPipeError):
+            raise
 
 
 def _fail(text: str, code: int = 1) -> None:
@@ -141,26 +146,8 @@ def _bug(error: Exception) -> str:
     )
 
 
-class _Reader(io.FileIO):
-    """Standard output whose reader, head say, may have seen enough: it gets no more, and the command goes on."""
-
-    def write(self, data: "ReadableBuffer", /) -> int:
-        try:
-            return super().write(data)
-        except OSError as error:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())  # what is buffered must not fail again at exit
-            if not isinstance(error, BrokenPipeError):
-                raise
-            return len(memoryview(data))
-
-
 def _print_what_the_terminal_can_show() -> None:
     """Let a character that the terminal's encoding lacks be replaced instead of ending the command."""
-    stdout = sys.__stdout__
-    if stdout is not None and sys.stdout is stdout:
-        reader = io.BufferedWriter(_Reader(stdout.fileno(), "w", closefd=False))
-        at_once = stdout.line_buffering or stdout.write_through
-        sys.stdout = io.TextIOWrapper(reader, stdout.encoding, line_buffering=at_once)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")

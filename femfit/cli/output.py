@@ -42,24 +42,22 @@ def progress(text: str, unit: str) -> Iterator[Show]:
 
 
 def _progress_lines(text: str, unit: str) -> Show:
-    """A line when a part's end can first be told, and then every ten seconds; work of a few seconds prints nothing."""
+    """A line every ten seconds; what there is at the begin is of an earlier run, and took no time of this one."""
     start = printed = monotonic()
-    now_part, before = "", -1
+    now_part: str | None = None
+    before = 0
 
     def show(done: int, total: int, part: str = "") -> None:
         nonlocal start, printed, now_part, before
-        now, line = monotonic(), ""
-        if before < 0 or part != now_part:
-            # What a sweep has already is of an earlier run that was interrupted: it took no time of this one
-            start, printed, now_part, before = now, now, part, 0 if part else done
-            line = f"{before} of {total} {unit} were there already" if before else ""
-        elif before < done < total:
-            remaining = (now - start) * (total - done) / (done - before)
-            if now - printed >= INTERVAL_S or (printed == start and remaining > INTERVAL_S):
-                printed, line = now, f"{done} of {total} {unit}, about {duration(remaining)} left"
-        if line:
+        now = monotonic()
+        if part != now_part:
+            start, printed, now_part, before = now, now, part, done
+            if done and not part:
+                print(f"{text}: {done} of {total} {unit} were there already", file=sys.stderr, flush=True)
+        elif now - printed >= INTERVAL_S and done > before:
+            remaining, printed = (now - start) * (total - done) / (done - before), now
             name = f"{part} of {text}" if part else text
-            print(f"{name}: {line}", file=sys.stderr, flush=True)
+            print(f"{name}: {done} of {total} {unit}, about {remaining:.0f} s left", file=sys.stderr, flush=True)
 
     return show
 
@@ -80,31 +78,16 @@ def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
         yield update
 
 
-def duration(seconds: float) -> str:
-    """A time as one would say it: 40 s, 3 min, 1.5 h."""
-    if seconds < 90.0:
-        return f"{max(seconds, 1.0):.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
-
-
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """Say on a terminal what is being done, and yield what changes it; elsewhere a line where ten seconds went by."""
-    if sys.stderr.isatty():
-        from rich.console import Console
-
-        with Console(stderr=True).status(text) as line:
-            yield line.update
+    """Say on a terminal what is being done, and yield what changes it; elsewhere nothing is said."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
         return
-    printed = monotonic()
+    from rich.console import Console
 
-    def say(now: str) -> None:
-        nonlocal printed
-        if monotonic() - printed >= INTERVAL_S:
-            printed = monotonic()
-            print(now, file=sys.stderr, flush=True)
-
-    yield say
+    with Console(stderr=True).status(text) as line:
+        yield line.update
 
 
 said = Words("femfit.cli", listing, names={}).sentence

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-STEP_WIDTH = 26  # of the steps' names on the terminal
 NO_DISTANCE = (
     "no sensor of the drawing reads the distance, as a Hall element or one of kind position does, and a body that is "
     "switched needs no loop. femfit simulate {model} tries one with {sensors} alone."
@@ -123,7 +122,8 @@ def _step(seconds: dict[str, float], name: str) -> Iterator[Callable[..., None]]
     start = perf_counter()
     yield lambda *texts: lines.extend(texts)
     seconds[name] = perf_counter() - start
-    print(f"{name:<{STEP_WIDTH}}{seconds[name]:5.1f} s  {lines[0]}", *lines[1:], sep="\n", flush=True)
+    with suppress(BrokenPipeError):  # of a reader who has seen enough
+        print(f"{name:<26}{seconds[name]:5.1f} s  {lines[0]}", *lines[1:], sep="\n", flush=True)
 
 
 def _single_actuator(path: Path) -> ff.Actuator:
@@ -145,12 +145,11 @@ def _sweep(
 ) -> tuple[ff.SweepTable, dict[str, Any], list[str]]:
     """The table, its summary, and what is to be said of it."""
     from femfit.cli.output import sweep_progress
-    from femfit.device.rewrite import only
-    from femfit.field.sweep_rows import clipped_hall, failed_points, summarise
+    from femfit.field.sweep_rows import failed_points, summarise
 
     with sweep_progress(parts.name) as progress:
         table = ff.run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
-    return table, summarise(table), [*failed_points(table), *clipped_hall(only(parts), table)]
+    return table, summarise(table), failed_points(table)
 
 
 def _fit(table: ff.SweepTable, law: str, file: Path) -> ff.FitResult:

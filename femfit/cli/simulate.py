@@ -1,6 +1,6 @@
 """``femfit simulate``: close the loop around a model, or drive it in open loop."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -65,7 +65,8 @@ class OpenLoopOptions:
     def keywords(self) -> dict[str, Any]:
         """All of them, as the library's open loop takes them."""
         options = in_si(self)
-        voltage, current = (_constant(f"--{name}", options.pop(name)) for name in ("voltage", "current"))
+        texts = {name: (options.pop(name) or "").split(",") for name in ("voltage", "current")}
+        voltage, current = (_by_name(f"--{name}", texts[name], "CIRCUIT", "bias=2,diff=1") for name in texts)
         outside = "extrapolate" if options.pop("extrapolate") else "stop"
         return {**options, "voltage_V": voltage, "current_A": current, "outside": outside}
 
@@ -159,8 +160,8 @@ def simulate(
     With --voltage, --current or --drive: pull-in and drop-out, switching times, seating velocity, bounces, energies.
 
     Otherwise the loop is closed: controller, filter, sensors, steps, noise, faults. Without --controller, --filter,
-    --runs, --seconds, --plant, --csv, --picture, gains or a fault: which controllers hold the body, how well the
-    filters measure, and what a sensor offset, a force error, a wrong start and no filter do.
+    --runs, --seconds, --plant, --csv, --picture, gains or a fault: which controllers hold the body over the reference
+    steps, and how well filter and direct measurement tell the distance.
 
     Parameters
     ----------
@@ -198,12 +199,7 @@ def simulate(
         files = [(csv, motion.write_csv), (picture, partial(write_picture, partial(open_loop_figure, motion)))]
         return Outcome(motion, files=files)
     actuator = ff.read_model(model)
-    texts = list(noise or ())
-    white: dict[str, float] | float | None = None
-    if len(texts) == 1 and "=" not in texts[0]:  # a number alone is the first sensor's
-        white = parsed(texts[0], "--noise", "NUMBER", "0.002 or laser=0.002", float)
-    elif texts:
-        white = pairs(texts, "--noise", "SENSOR=NUMBER", "laser=0.002", float)
+    white = _by_name("--noise", noise, "SENSOR", "laser=0.002")
     with progress(actuator.name, "samples") as show:
 
         def shown(part: str, done: int, total: int) -> None:
@@ -226,10 +222,9 @@ def simulate(
     return Outcome(summary, {"seed": seed, **summary.data()}, files)
 
 
-def _constant(option: str, text: str | None) -> float | dict[str, float] | None:
-    """One number, or one by the name of each circuit."""
-    if text is None:
-        return None
-    if "=" in text:
-        return pairs(text.split(","), option, "CIRCUIT=NUMBER", f"{option} bias=2,diff=1", float)
-    return parsed(text, option, "NUMBER", f"{option} 12, or {option} bias=2,diff=1", float)
+def _by_name(option: str, texts: Sequence[str] | None, form: str, example: str) -> float | dict[str, float] | None:
+    """One number, or one by each name."""
+    given = [text for text in texts or () if text]
+    if len(given) == 1 and "=" not in given[0]:
+        return parsed(given[0], option, "NUMBER", f"{option} 12, or {option} {example}", float)
+    return pairs(given, option, f"{form}=NUMBER", f"{option} {example}", float) or None

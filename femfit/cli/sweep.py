@@ -39,7 +39,7 @@ def sweep(
     from femfit.cli.output import sweep_progress
     from femfit.device.load import remarks
     from femfit.device.rewrite import read_variants
-    from femfit.field.sweep_rows import clipped_hall, failed_points, summarise, variants_without_a_point
+    from femfit.field.sweep_rows import failed_points, summarise, variants_without_a_point
     from femfit.tables.eddy_table import IMPEDANCES as IMPEDANCE
 
     assert output is not None  # noqa: S101 - the default of Writes
@@ -54,7 +54,7 @@ def sweep(
             progress=progress,
         )
     summary = summarise(table) | {"seconds": perf_counter() - start, "directory": str(output)}
-    facts = (output, variants, table, summary, (*remarks(variants.actuator), *clipped_hall(variants, table)))
+    facts = (output, variants, table, summary, remarks(variants.actuator))
     lines = said("sweep", "lines", *facts, failed_points(table), IMPEDANCE)
     lost, error = variants_without_a_point(table), None
     if summary["failed"] == summary["rows"]:

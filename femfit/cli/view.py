@@ -13,10 +13,7 @@ from femfit.core.files import require_outputs
 if TYPE_CHECKING:
     from femfit.device.drawn_numbers import NumberFacts
 
-Place = tuple[float, float | tuple[float, ...]]
-"""Distance in m and current in A, of several circuits one each."""
-
-What = Literal["geometry", "mesh", "flux-lines", "flux-density", "permeability", "vtu"]
+What = Literal["geometry", "mesh", "flux-lines", "flux-density", "vtu"]
 FORMATS = (".png", ".svg", ".pdf")
 VTU_SUFFIX = ".vtu"
 
@@ -30,9 +27,9 @@ def view(
     current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
     what: Annotated[tuple[What, ...], FLAG] = (),
 ) -> Outcome:
-    """Draw geometry, mesh, flux lines, |B| and permeability at a point, and write the field for ParaView.
+    """Draw geometry, mesh, flux lines and |B| at a point, and write the field for ParaView.
 
-    The geometry marks the numbers of the drawing and lists what they are: faces, bores, corners.
+    With the geometry the numbers of the drawing are listed: faces, bores, corners.
 
     Parameters
     ----------
@@ -60,11 +57,11 @@ def view(
     with status(f"solve {actuator.name}") as say:
         point = solve_point(actuator, distance, current)
         say("draw")
-        sample = write_views(point, files, numbers)
+        sample = write_views(point, files)
     lines = [f"{actuator.name}: {point_title(sample)}"]
     if numbers and "geometry" in dict(files):
-        lines.append("Numbers of the drawing, as the picture marks them:")
-        lines += [f"  {k}  {number.title} [{number.key}]" for k, number in enumerate(numbers, 1)]
+        lines.append("Numbers of the drawing:")
+        lines += [f"  {number.title} [{number.key}]" for number in numbers]
     lines += [f"written: {path}" for _, path in files]
     data = {
         "name": actuator.name,
@@ -90,8 +87,10 @@ def _numbers(drawing: Path) -> "tuple[NumberFacts, ...]":
         return ()
 
 
-def _within(actuator: ff.Actuator, distance_mm: float | None, currents: tuple[float, ...]) -> Place:
-    """Distance in m, within the sweep, and currents in A."""
+def _within(
+    actuator: ff.Actuator, distance_mm: float | None, currents: tuple[float, ...]
+) -> tuple[float, float | tuple[float, ...]]:
+    """Distance in m, within the sweep, and current in A, of several circuits one each."""
     axes = actuator.sweep
     low, high = min(axes.distances_m), max(axes.distances_m)
     distance = axes.distances_m[len(axes.distances_m) // 2] if distance_mm is None else 1e-3 * distance_mm

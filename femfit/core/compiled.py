@@ -115,10 +115,7 @@ class Compilation:
     @cached_property
     def function(self) -> ca.Function:
         """What is compiled."""
-        function = self._make()
-        if function.name() != "f":
-            raise ValueError(f"A function that is compiled must be named f; instead received {function.name()}.")
-        return function
+        return self._make()
 
     def after(self, points: int) -> Library | None:
         """The library, as soon as there is one, after so many more points."""

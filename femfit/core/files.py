@@ -70,8 +70,6 @@ def _prepare(path: str | Path, target: Path, partial: Path) -> int | None:
     """Make the file that is written to; return the permissions of the one that it replaces, if there is one."""
     if target.is_dir() or str(path).endswith(os.sep):
         raise IsADirectoryError(errno.EISDIR, "Is a directory, where a file is to be written", str(path))
-    if target.is_symlink():  # a link that could be followed is resolved by now
-        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
     target.parent.mkdir(parents=True, exist_ok=True)
     mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
     # Less what the umask denies; what replaces a secret is one before it is complete
@@ -117,8 +115,8 @@ def path_of(value: object, what: str) -> Path:
     return Path(value)
 
 
-MODEL, FIELD_MODEL, RESULT, MANIFEST = "a model file", "a field model", "a JSON result", "the manifest of a sweep"
-RAW_SIDECAR, NOTES, DRAWING = "a raw record's sidecar", "a table's sidecar", "an actuator file"
+MODEL, RESULT, MANIFEST = "a model file", "a JSON result", "the manifest of a sweep"
+NOTES, DRAWING = "a table's sidecar", "an actuator file"
 SWEEP, BENCH = "a sweep table", "a bench table"
 INTEGRATED, LOOP = "an integrated record", "a simulated loop's record"
 OPEN_LOOP, REPLAYED = "a simulated motion's record", "a record with estimates"
@@ -134,10 +132,8 @@ _TABLES = {
 
 _MARKS = {kind: (mark,) for kind, mark in _TABLES.items()} | {
     MODEL: (b'"magnetics":',),
-    FIELD_MODEL: (b'"coefficients_t":',),
     RESULT: (b'"written_by": "femfit',),
     MANIFEST: (b"{",),
-    RAW_SIDECAR: (_TABLES[INTEGRATED],),
     PAGE: (b'name="generator" content="femfit"',),
     NOTES: (b'notes = "flux linkage integrated from the coil voltage',),
     DRAWING: (b"# imported from the femm model", b"# calibrated by femfit from"),
@@ -148,10 +144,11 @@ _MARKS = {kind: (mark,) for kind, mark in _TABLES.items()} | {
 
 _BY_SUFFIX = {
     ".html": PAGE, ".vtu": PARAVIEW, ".json": RESULT, **dict.fromkeys((".png", ".svg", ".pdf"), PICTURE),
-    **dict.fromkeys((".csv", ".parquet", ".bin", ".raw", ".f32"), "a table"),
+    **dict.fromkeys((".csv", ".parquet"), "a table"),
 }  # fmt: skip
+
 _SUFFIXES = {
-    **dict.fromkeys((MODEL, FIELD_MODEL, RESULT, MANIFEST), (".json",)),
+    **dict.fromkeys((MODEL, RESULT, MANIFEST), (".json",)),
     **dict.fromkeys((NOTES, DRAWING), (".toml",)),
     **dict.fromkeys((BENCH, LOOP, REPLAYED), (".csv",)),
     PAGE: (".html", ".htm"),
@@ -201,13 +198,11 @@ def _is_of(path: Path, kind: str) -> bool:
         return path.stem == "sweep" and path.with_name("manifest.json").is_file()
     if kind == BENCH:
         return _is_of(path.with_suffix(".toml"), NOTES)
-    raw = path.suffix.lower() in {".bin", ".raw", ".f32"}
-    marked = path.with_suffix(".json") if raw else path  # the columns of a raw record stand in its sidecar
-    if not marked.is_file():
+    if not path.is_file():
         return False
-    with marked.open("rb") as file:
+    with path.open("rb") as file:
         text = file.read(_MARKED)
-        file.seek(-min(_MARKED, marked.stat().st_size), os.SEEK_END)
+        file.seek(-min(_MARKED, path.stat().st_size), os.SEEK_END)
         text = (text + file.read()).lower()
     return any(mark in text for mark in _MARKS.get(kind, tuple(_TABLES.values())))
 

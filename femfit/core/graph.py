@@ -221,43 +221,6 @@ class Memo(dict[Any, Any]):
         return Memo, ()
 
 
-@dataclass(frozen=True, eq=False)
-class Graph:
-    """Inputs, output and the rows that it reads."""
-
-    inputs: list[SX]
-    output: SX
-    rows: list[_Row]
-
-    @cached_property
-    def stages(self) -> list[tuple[Tape, list[_Row]]]:
-        """Tapes of the rows' coordinates, level by level, and of the output."""
-        stages, known, rest = [], list(self.inputs), list(self.rows)
-        needed = {id(row): _symbols_in(row.coordinates) for row in rest}
-        while rest:
-            waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
-            ready = [row for row in rest if not needed[id(row)] & waiting]
-            stages.append((Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
-            known, rest = [*known, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
-        return [*stages, (Tape(known, self.output), [])]
-
-    def at_a_point(self) -> ca.Function:
-        """The function of one point."""
-        cells = [row.table.shape[1] for row in self.rows]
-        if all(count <= FEW_CELLS for count in cells):
-            output = self.output
-            for row in reversed(self.rows):
-                output = ca.substitute(output, row.symbol, row.by_comparisons(row.coordinates))
-            return ca.Function("f", self.inputs, [ca.cse(output)])
-        at = [ca.MX.sym("x", *x.shape) for x in self.inputs]
-        known = list(at)
-        for tape, ready in self.stages:
-            value = tape.function(*known)
-            places = iter(ca.vertsplit(value, 1)) if ready else iter(())
-            known += [row.by_lookup(ca.vertcat(*(next(places) for _ in row.inner))) for row in ready]
-        return ca.Function("f", at, [value])
-
-
 class GraphFunction:
     """A function of vectors, made of expressions within :func:`building`.
 
@@ -278,14 +241,40 @@ class GraphFunction:
             if wanted & _symbols_in(row.symbol):
                 kept.insert(0, _Row(row.symbol, place, row.inner, row.table))
                 wanted |= _symbols_in(place)
-        self.graph = Graph([SX(x) for x in inputs], ca.densify(bound), kept)
-        self._compilation = Compilation(self.graph.at_a_point)
+        self.inputs, self.output, self.rows = [SX(x) for x in inputs], ca.densify(bound), kept
+        self._compilation = Compilation(self._of_a_point)
+
+    @cached_property
+    def stages(self) -> list[tuple[Tape, list[_Row]]]:
+        """Tapes of the rows' coordinates, level by level, and of the output."""
+        stages, known, rest = [], list(self.inputs), list(self.rows)
+        needed = {id(row): _symbols_in(row.coordinates) for row in rest}
+        while rest:
+            waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
+            ready = [row for row in rest if not needed[id(row)] & waiting]
+            stages.append((Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
+            known, rest = [*known, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
+        return [*stages, (Tape(known, self.output), [])]
+
+    def _of_a_point(self, few_cells: int = FEW_CELLS) -> ca.Function:
+        """The function of one point: rows are compared for where none has more cells, and looked up else."""
+        if all(row.table.shape[1] <= few_cells for row in self.rows):
+            output = self.output
+            for row in reversed(self.rows):
+                output = ca.substitute(output, row.symbol, row.by_comparisons(row.coordinates))
+            return ca.Function("f", self.inputs, [ca.cse(output)])
+        at = [ca.MX.sym("x", *x.shape) for x in self.inputs]
+        known = list(at)
+        for tape, ready in self.stages:
+            value = tape.function(*known)
+            places = iter(ca.vertsplit(value, 1)) if ready else iter(())
+            known += [row.by_lookup(ca.vertcat(*(next(places) for _ in row.inner))) for row in ready]
+        return ca.Function("f", at, [value])
 
     def leaves_out(self, symbol: SX) -> bool:
         """Whether the output does not depend on an input, nor does the cell of any row."""
-        rows = self.graph.rows
-        cells = [row.coordinates[k] for row in rows for k, inner in enumerate(row.inner) if len(inner)]
-        return not ca.depends_on(ca.vertcat(self.graph.output, *cells), symbol)
+        cells = [row.coordinates[k] for row in self.rows for k, inner in enumerate(row.inner) if len(inner)]
+        return not ca.depends_on(ca.vertcat(self.output, *cells), symbol)
 
     @property
     def at_a_point(self) -> ca.Function:
@@ -293,22 +282,25 @@ class GraphFunction:
         return self._compilation.function
 
     @cached_property
+    def by_tables(self) -> ca.Function:
+        """The function of one point, which looks every row up: the smallest in C."""
+        return self._of_a_point(few_cells=0)
+
+    @cached_property
     def _block(self) -> int:
         """Points that are worked out together."""
-        rows = max(
-            tape.function.sz_w() + tape.function.nnz_in() + tape.function.nnz_out() for tape, _ in self.graph.stages
-        )
+        rows = max(tape.function.sz_w() + tape.function.nnz_in() + tape.function.nnz_out() for tape, _ in self.stages)
         return int(np.clip(WORK // rows, LEAST_BLOCK, LARGEST_BLOCK))
 
     @cached_property
     def _sizes(self) -> list[int]:
         """Numbers of each input."""
-        return [x.numel() for x in self.graph.inputs]
+        return [x.numel() for x in self.inputs]
 
     @cached_property
     def _few(self) -> float:
         """Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic."""
-        count = sum(tape.function.n_instructions() for tape, _ in self.graph.stages)
+        count = sum(tape.function.n_instructions() for tape, _ in self.stages)
         return NUMPY_US * count / (CALL_US + INSTRUCTION_US * count)
 
     def __call__(self, *inputs: FloatArray) -> FloatArray:
@@ -322,7 +314,7 @@ class GraphFunction:
             )
         if (library := self._compilation.after(count)) is not None:
             return library(inputs, count)
-        result = np.empty((self.graph.output.numel(), count))
+        result = np.empty((self.output.numel(), count))
         if count <= self._few:  # by the interpreter, one point after the other
             for k in range(count):
                 result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
@@ -342,54 +334,9 @@ class GraphFunction:
 
     def _in_numpy(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
         known = list(inputs)
-        for tape, ready in self.graph.stages:
+        for tape, ready in self.stages:
             value, first = tape(known, count), 0
             for row in ready:
                 known.append(row.in_numpy(value[first : first + len(row.inner)]))
                 first += len(row.inner)
         return value
-
-
-Part: TypeAlias = tuple[SX, int]
-"""What is derived of a function of the distance and n currents, and how many axes of currents it has."""
-
-Derive = Callable[[SX, SX, SX], list[Part]]
-"""(value, distance, currents) -> what is derived from it; a part of several axes is symmetric in them."""
-
-
-def derived(
-    known: Memo,
-    expression: Callable[[SX, SX], SX],
-    derive: Derive,
-    distance: FloatArray,
-    currents: FloatArray,
-    given: SX | None = None,
-    values: FloatArray | None = None,
-) -> list[FloatArray]:
-    """What is derived of an expression at distances (...) and currents (..., n), each part (..., n, .., n).
-
-    Parameters
-    ----------
-    known : Memo
-        Of the expression's owner, where the functions are kept.
-    given, values : SX and array, or None
-        Further symbols (k,) of the expression with their values, (k,) or (k, points).
-    """
-    d, i = np.asarray(distance, dtype=np.float64), np.atleast_1d(np.asarray(currents, dtype=np.float64))
-    n = i.shape[-1]
-    if (derive, n) not in known:
-        with building():
-            at = SX.sym("d"), SX.sym("i", n)
-            parts = derive(SX(expression(*at)), *at)
-            output = ca.vertcat(*(ca.vec(ca.densify(part)) for part, _ in parts))
-            function = GraphFunction([ca.vertcat(*at), SX(0, 1) if given is None else given], output)
-        known[derive, n] = [axes for _, axes in parts], function
-    axes, function = known[derive, n]
-    points = np.broadcast_shapes(d.shape, i.shape[:-1])
-    x = np.empty((1 + n, *points))
-    x[0] = d
-    for k in range(n):
-        x[1 + k] = i[..., k]
-    found = function(x.reshape(1 + n, -1), np.zeros(0) if values is None else values)
-    pieces = np.split(found, np.cumsum([n**count for count in axes])[:-1])
-    return [piece.T.reshape((*points, *[n] * count)) for piece, count in zip(pieces, axes, strict=True)]

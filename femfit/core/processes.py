@@ -1,10 +1,7 @@
-"""Worker processes, and calls in a process of their own.
+"""Worker processes.
 
 loky's processes do not import the script that started them, which therefore needs no ``__main__`` guard, and they can
 be ended at once, in the middle of a solution, when the user interrupts.
-
-A process of its own is for libraries in C that a damaged file makes crash, hang or fill the memory. Such a library
-holds the interpreter's lock while it hangs: neither a thread nor a signal's handler could end it from inside.
 
 Ctrl-C and SIGTERM in code that swallows them.
 
@@ -12,13 +9,8 @@ A library in C++ that calls back into Python may turn the KeyboardInterrupt that
 its own, or drop it: what was interrupted then looks like what failed.
 """
 
-import math
 import os
-import pickle
-import resource
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -27,11 +19,11 @@ from contextlib import contextmanager
 from functools import partial
 from multiprocessing import resource_tracker
 from types import FrameType, TracebackType
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 from loky import ProcessPoolExecutor
 
-from femfit.core.errors import DomainError, FemfitError
+from femfit.core.errors import DomainError
 from femfit.core.text import quoted
 
 Handler = Callable[[int, FrameType | None], object]
@@ -39,8 +31,12 @@ Handler = Callable[[int, FrameType | None], object]
 
 @contextmanager
 def kept_interrupts() -> Iterator[None]:
-    """Raise again at the end what a signal's handler raised in the block, whatever became of it there."""
+    """Raise again at the end what a signal's handler raised in the block, whatever became of it there.
+
+    Only the main thread has signals: in others nothing changes.
+    """
     raised: list[BaseException] = []
+    before = {}
 
     def note(handler: Handler, number: int, frame: FrameType | None) -> None:
         try:
@@ -49,46 +45,21 @@ def kept_interrupts() -> Iterator[None]:
             raised.append(interrupt)
             raise
 
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if callable(handler := signal.getsignal(number)):
+                before[number] = signal.signal(number, partial(note, handler))
     try:
-        with _handled_by(note):
-            yield
+        yield
     except Exception as error:
         if raised:
             raise raised[0] from error
         raise
-    if raised:
-        raise raised[0]
-
-
-@contextmanager
-def held_interrupts() -> Iterator[None]:
-    """Let signals wait for the block's end, where it is short and a library would print them as errors of its own."""
-    waiting: list[Callable[[], object]] = []
-
-    def hold(handler: Handler, number: int, frame: FrameType | None) -> None:
-        waiting.append(partial(handler, number, frame))
-
-    try:
-        with _handled_by(hold):
-            yield
-    finally:
-        for handle in waiting:
-            handle()
-
-
-@contextmanager
-def _handled_by(handle: Callable[[Handler, int, FrameType | None], None]) -> Iterator[None]:
-    """Have signals handled so, given their own handlers. Only the main thread has signals: others change nothing."""
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if callable(handler := signal.getsignal(number)):
-                before[number] = signal.signal(number, partial(handle, handler))
-    try:
-        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+    if raised:
+        raise raised[0]
 
 
 Given = ParamSpec("Given")
@@ -137,62 +108,3 @@ def _end_with(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-_GRACE_S = 2
-"""After which an alarm ends a child whose parent was killed and cannot. Chosen."""
-
-
-class ChildError(Exception):
-    """A child that died or took too long, or whose function failed; callers say more than its bare reason."""
-
-
-def in_child(function: Callable[..., Any], *arguments: Any, timeout: float, memory: float) -> Any:
-    """Call a function in a child process of so many bytes, which is killed after ``timeout`` s and by a Ctrl-C here.
-
-    The function is imported there by its name; it, its arguments and its result must be picklable. An error of femfit
-    is raised as it is, each other one as ChildError, too little memory as MemoryError.
-    """
-    limits = [str(math.ceil(timeout) + _GRACE_S), str(math.ceil(memory))]
-    command = [sys.executable, "-P", "-m", "femfit.core.processes", *limits]
-    task = pickle.dumps((function, arguments))
-    # Libraries are found as here; a thread of linear algebra for each core would take the memory alone
-    settings = {"PYTHONPATH": os.pathsep.join(map(str, sys.path)), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    try:
-        child = subprocess.run(  # noqa: S603 - our own
-            command, input=task, capture_output=True, timeout=timeout, check=False, env={**os.environ, **settings}
-        )
-    except subprocess.TimeoutExpired as error:
-        raise ChildError(f"no end within {timeout:.0f} s") from error
-    if child.returncode:
-        how = f"signal {-child.returncode}" if child.returncode < 0 else f"code {child.returncode}"
-        raise ChildError(f"the library that reads it ended with {how}")
-    result, failure = pickle.loads(child.stdout)  # noqa: S301 - our own child wrote it
-    if failure is not None:
-        raise failure if isinstance(failure, FemfitError | MemoryError) else ChildError(failure)
-    return result
-
-
-def _answer() -> None:
-    """Call what the parent asks for on standard input, and write its result and its error to standard output."""
-    seconds, memory = map(int, sys.argv[1:])
-    signal.alarm(seconds)  # the kernel's own end of this process, which no library holds up
-    hard = resource.getrlimit(resource.RLIMIT_AS)[1]  # which no process may raise
-    memory = memory if hard == resource.RLIM_INFINITY else min(memory, hard)
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    with os.fdopen(os.dup(1), "wb") as out:
-        os.dup2(2, 1)  # what a library prints is no answer
-        function, arguments = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
-        try:
-            answer = pickle.dumps((function(*arguments), None))
-        except FemfitError as error:
-            answer = pickle.dumps((None, error))
-        except MemoryError:
-            answer = pickle.dumps((None, MemoryError(f"{memory / 1e9:.3g} GB")))
-        except Exception as error:  # noqa: BLE001  whatever a library raises; its own classes may not be picklable
-            answer = pickle.dumps((None, f"{type(error).__name__}: {error}"))
-        out.write(answer)
-
-
-if __name__ == "__main__":
-    _answer()

@@ -6,7 +6,6 @@ import os
 import sys
 import threading
 from collections.abc import Callable
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -19,22 +18,19 @@ from femfit.core.text import quoted
 def public(function: Callable[..., Any], module: str, name: str) -> Callable[..., Any]:
     """Wrap a function under the public name by which it is called, and found again by pickle.
 
-    ArgumentError says which argument is not the function's, and which name is nearest.
+    ArgumentError says which argument is not the function's, and which ones are.
     """
     signature = inspect.signature(function)
+    bare = [parameter.replace(annotation=inspect.Parameter.empty) for parameter in signature.parameters.values()]
 
     @functools.wraps(function)
     def called(*arguments: Any, **keywords: Any) -> Any:
         try:
             signature.bind(*arguments, **keywords)
         except TypeError as error:
-            raise ArgumentError(_wrong_argument(name, signature, keywords, str(error))) from None
-        call = object()
-        try:  # an interrupt in the first line of the block is undone as well
-            _ONE_BLAS_THREAD.enter(call)
+            raise ArgumentError(f"{name}(): {error}. It is {name}{inspect.Signature(bare)}.") from None
+        with _ONE_BLAS_THREAD:
             return function(*arguments, **keywords)
-        finally:
-            _ONE_BLAS_THREAD.leave(call)
 
     called.__module__, called.__qualname__, called.__name__ = module, name, name
     return called
@@ -49,34 +45,23 @@ class _OneBlasThread:
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
-        self.calls: dict[object, int] = {}  # Each with its thread
+        self.calls = 0
         self.limit: threadpool_limits | None = None
 
-    def enter(self, call: object) -> None:
-        """Begin a call."""
+    def __enter__(self) -> None:
         with self.lock:
-            self.calls[call] = threading.get_ident()
+            self.calls += 1
             if self.limit is None:
                 libraries = _libraries(len(sys.modules))
                 self.limit = libraries.limit(limits=None, user_api="blas")  # the caller's, noted before it is changed
                 libraries.limit(limits=1, user_api="blas")
 
-    def leave(self, call: object) -> None:
-        """End a call, also one that an interrupt kept from beginning."""
+    def __exit__(self, *error: object) -> None:
         with self.lock:
-            self.calls.pop(call, None)
-            self._lift()
-
-    def after_fork(self) -> None:
-        """Drop the calls of threads that a child process does not have, and the lock that one of them may hold."""
-        self.lock = threading.Lock()
-        self.calls = {call: thread for call, thread in self.calls.items() if thread == threading.get_ident()}
-        self._lift()
-
-    def _lift(self) -> None:
-        if not self.calls and self.limit is not None:
-            self.limit.restore_original_limits()
-            self.limit = None
+            self.calls = max(self.calls - 1, 0)  # a child that was forked within a call begins at none
+            if self.calls <= 0 and self.limit is not None:
+                self.limit.restore_original_limits()
+                self.limit = None
 
 
 @functools.lru_cache(1)
@@ -88,18 +73,7 @@ def _libraries(modules: int) -> ThreadpoolController:  # noqa: ARG001  by which 
 _ONE_BLAS_THREAD = _OneBlasThread()
 """One for the process, as the limit is."""
 
-os.register_at_fork(after_in_child=_ONE_BLAS_THREAD.after_fork)
-
-
-def _wrong_argument(name: str, signature: inspect.Signature, keywords: dict[str, Any], problem: str) -> str:
-    accepted = list(signature.parameters)
-    for keyword in keywords:
-        if keyword not in accepted:
-            near = get_close_matches(keyword, accepted, n=1)
-            hint = f"Did you mean {near[0]}?" if near else f"It takes {', '.join(accepted)}."
-            return f"{name}() has no argument {keyword}. {hint}"
-    bare = [parameter.replace(annotation=inspect.Parameter.empty) for parameter in signature.parameters.values()]
-    return f"{name}(): {problem}. It is {name}{inspect.Signature(bare)}."
+os.register_at_fork(after_in_child=lambda: _OneBlasThread.__init__(_ONE_BLAS_THREAD))  # calls of threads that are gone
 
 
 def random_generator(rng: int | np.random.Generator | None, default: int = 0) -> np.random.Generator:

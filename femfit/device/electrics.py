@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.core.text import amount, amount_range
+from femfit.core.text import amount_range
 from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, OutlineEntry, Record, converted, key, scaled
 
 NOISE: dict[str, Any] = {"ge": 0.0, "le": 1e6}
@@ -58,7 +58,7 @@ class Circuit:
     resistance_ohm: float = limited(metadata={"positive": True})
     # Of the supply; a drawing without one leaves them open behind a current amplifier, a model has both
     voltage_min_V: float = -inf
-    voltage_max_V: float = limited(default=inf, metadata={"not_below": "voltage_min_V"})
+    voltage_max_V: float = inf
     drive: Drive = Drive()  # A bridge: voltages of both signs, as far as the limits go
     name: str = "coil"
     # L_s, in series, outside of the field
@@ -134,7 +134,7 @@ class Sensor(Record):
     name: str
     noise: float = key("the standard deviation of one sample in {unit}", 0.0, file="noise_{unit}", **NOISE)
     minimum: float | None = None  # None: no limit
-    maximum: float | None = limited(default=None, metadata={"above": "minimum"})
+    maximum: float | None = None
     bits: int = key("the converter's bits over the range, 0 for none", 0, ge=0, le=32, model={"within": (0, 64)})
     delay_s: float = key(**DELAY)
     sample_time_s: float | None = key(**SAMPLE_TIME)
@@ -260,10 +260,8 @@ AnySensor: TypeAlias = HallElement | CurrentSensor | PositionSensor | PickupCoil
 REMEDY = "There it says nothing of the distance: take a wider range, or move the element."
 
 
-def where_clipped(hall: Any, distance: FloatArray, current: FloatArray, field: FloatArray) -> str:
-    """Where the output is clipped, as a clause such as ``clipped at 5 V from 1 to 6 mm at 0 A``; empty where nowhere.
-
-    Each end of the range is said at the smallest current that reaches it, and at the current that does so farthest.
+def where_clipped(hall: Any, distance: FloatArray, field: FloatArray) -> str:
+    """Where the output is clipped, as a clause such as ``clipped at 5 V from 1.0 to 6.0 mm at some currents``.
 
     Parameters
     ----------
@@ -271,23 +269,21 @@ def where_clipped(hall: Any, distance: FloatArray, current: FloatArray, field: F
         Of a drawing or of a model.
     distance : array, shape (n,)
         In m.
-    current : array, shape (n,), or (n, circuits)
-        In A.
     field : array, shape (n,)
         In T; points without a field are passed over.
+
+    Returns
+    -------
+    str
+        Empty where it is clipped nowhere; with ``at some currents`` unless it is clipped at every point of the range.
     """
     volts = hall.quiescent_V + hall.sensitivity_V_per_T * field
     ends = ((hall.output_max_V, volts >= hall.output_max_V), (hall.output_min_V, volts <= hall.output_min_V))
     clauses = []
     for end, clipped in ends:
-        if not clipped.any():
-            continue
-        d, i = distance[clipped], current[clipped].reshape(np.count_nonzero(clipped), -1)
-        size = np.linalg.norm(i, axis=1)
-        chosen = dict.fromkeys(tuple(i[row].tolist()) for row in (np.argmin(size), np.lexsort((size, -d))[0]))
-        places = []
-        for each in chosen:
-            distances, amperes = d[np.all(i == each, axis=1)], " and ".join(amount(current, "A") for current in each)
-            places.append(f"from {amount_range(distances.min(), distances.max(), 'm', 3)} at {amperes}")
-        clauses.append(f"clipped at {end:g} V {', and '.join(places) if i.shape[1] > 1 else ' and '.join(places)}")
-    return ", ".join(clauses)
+        if clipped.any():
+            low, high = distance[clipped].min(), distance[clipped].max()
+            within = (low <= distance) & (distance <= high) & np.isfinite(field)
+            always = "" if clipped[within].all() else " at some currents"
+            clauses.append(f"clipped at {end:g} V from {amount_range(low, high, 'm', 3)}{always}")
+    return " and ".join(clauses)

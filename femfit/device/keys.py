@@ -138,13 +138,12 @@ class Key:
 
     @property
     def limits(self) -> dict[str, Any]:
-        """What a model file is held to: signs and order, since the drawing's other bounds are far from any actuator."""
+        """What a model file is held to: signs, since the drawing's other bounds are far from any actuator."""
         least = self.ge if self.gt is None else self.gt
         limits: dict[str, Any] = {} if self.lt is None else {"upper": self.lt}
         if least is not None and least >= 0.0:
             limits |= {"lower": 0.0} if self.ge == 0.0 else {"positive": True}
-        order = {"ascending": self.ascending, "monotone": self.monotone, "like": self.like}
-        return limits | {name: value for name, value in order.items() if value}
+        return limits
 
 
 def converted(value: Any, power: int) -> Any:

@@ -17,7 +17,7 @@ from femfit.device.complaints import complain, read_table, read_tables, table_at
 from femfit.device.keys import scaled
 from femfit.device.parameter_table import read_design
 from femfit.device.parameters import eddy_bias, frequencies, read_axes
-from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, is_iron, thick_sheets
+from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, is_iron
 from femfit.device.read_device import (
     check_circuit_names,
     hall_places,
@@ -89,9 +89,7 @@ def actuator_from_toml(text: str, source: str = "actuator file", directory: Path
 def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | None = None) -> Actuator:
     """Build an actuator from a file's tables, whatever its ``[sweep.parameters]`` change."""
     problems: list[str] = []
-    design = read_design(data, problems)
-    if design is not None:
-        data = {**data, "sweep": design.axes(data)}
+    read_design(data, problems)
     header: FileEntry | None = read_table(FileEntry, data, "", problems)
     _check_schema(data, problems)
     tables, of_body, given = data, table_at(data, "moving"), data.get("mechanics")
@@ -225,14 +223,13 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
 
 
 def remarks(actuator: Actuator) -> list[str]:
-    """What was left out of a drawing's materials, and too thick sheets."""
+    """What was left out of a drawing's materials."""
     materials = {region.material for region in actuator.regions}
-    problems = sorted(
+    return sorted(
         f"Material {material.name}: {material.remark}."
         for material in materials
         if isinstance(material, NonlinearMaterial) and material.remark
     )
-    return [*problems, *thick_sheets(actuator)]
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:

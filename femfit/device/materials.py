@@ -135,8 +135,10 @@ def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
     return (tuple(b for b, _ in values), tuple(h for _, h in values)), []
 
 
-def without_flat_end(b: Sequence[float], h: Sequence[float]) -> tuple[Points, str]:
-    """The curve without last points between which B rises a little less than mu_0 H, and a remark if there are any.
+def without_flat_end(b: Sequence[float], h: Sequence[float], least: float = LITTLE_BELOW) -> tuple[Points, str]:
+    """The curve without last points between which B rises less than mu_0 H, and a remark if there are any.
+
+    Those are left in, to be refused, between which it rises by less than a ``least`` share of that.
 
     Published tables end so, where the field of the measuring coil was taken away a little too much. Above the last
     point that is kept the material takes up field like air, as it does above any curve's last point.
@@ -145,7 +147,7 @@ def without_flat_end(b: Sequence[float], h: Sequence[float]) -> tuple[Points, st
         (b1 - b0) / (h1 - h0) / MU_0 if h1 > h0 else 0.0 for (b0, h0), (b1, h1) in pairwise(zip(b, h, strict=True))
     ]
     length = len(b)
-    while length > MIN_POINTS and LITTLE_BELOW <= slopes[length - 2] < 1.0 - SLOPE_TOLERANCE:
+    while length > MIN_POINTS and least <= slopes[length - 2] < 1.0 - SLOPE_TOLERANCE:
         length -= 1
     points = tuple(b[:length]), tuple(h[:length])
     if length == len(b):

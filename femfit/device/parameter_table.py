@@ -14,7 +14,6 @@ from femfit.device.file_numbers import Location, material_keys, nearest_numbers,
 from femfit.device.keys import Key, keys_of, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import (
-    AXES,
     FollowingKey,
     ParameterDesign,
     Points,
@@ -36,9 +35,9 @@ from femfit.device.schema import (
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 PATH = "sweep.parameters"
-SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
 NUMBERS = Key("at least one number", count=((1, MAX_AXIS_POINTS),), hint=tuple[float, ...], **PARAMETER)
 NAMES = Key("at least one name of a material in quotes", count=((1, MAX_AXIS_POINTS),), hint=tuple[str, ...])
+SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
 
 Values = Sequence[float] | Sequence[str] | SampledEntry
 
@@ -60,7 +59,7 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     read = [_parameter(name, table, data, problems) for name, table in _flat(entry.parameters).items()]
     readable = [parameter for parameter in read if parameter is not None]
     parameters, values = tuple(parameter for parameter, _ in readable), [column for _, column in readable]
-    _check_names(parameters, data, problems)
+    _check_names(parameters, problems)
     points = _points(entry, parameters, values, problems) if len(problems) == count else ()
     return ParameterDesign(parameters, points) if len(problems) == count else None
 
@@ -85,9 +84,6 @@ def _parameter(
     """A key path of the file, or a name of one's own for several, with its values; None where something is wrong."""
     path = joined(PATH, name)
     named = isinstance(table, dict) and bool(table.keys() & keys_of(NamedParameterEntry).keys())
-    if name in AXES and not named:
-        axis = _values(table, path, name, problems)
-        return None if axis is None else (SweptParameter(name, ()), axis)
     entry = read_table(NamedParameterEntry, table if named else {"keys": [name], "values": table}, path, problems)
     if entry is None:
         return None
@@ -156,17 +152,14 @@ def _names(value: object, path: str, data: Mapping[str, Any], problems: list[str
     return None if wrong else names or None
 
 
-def _check_names(parameters: tuple[SweptParameter, ...], data: Mapping[str, Any], problems: list[str]) -> None:
+def _check_names(parameters: tuple[SweptParameter, ...], problems: list[str]) -> None:
     columns: list[str] = []
     owners: dict[Location, str] = {}
     for parameter in parameters:
         path, column = joined(PATH, parameter.name), parameter.column
-        if parameter.name in AXES and parameter.name in data["sweep"]:
-            complain(problems, "axis_twice", path)
-        if parameter.name not in AXES:
-            if column in COLUMNS or column == VARIANT or column in columns:
-                complain(problems, "column_twice", column=column)
-            columns.append(column)
+        if column in COLUMNS or column == VARIANT or column in columns:
+            complain(problems, "column_twice", column=column)
+        columns.append(column)
         for key in parameter.keys:
             if key.location in owners:
                 complain(problems, "key_twice", path, key=joined("", *key.location), owner=owners[key.location])

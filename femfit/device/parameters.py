@@ -212,9 +212,6 @@ def _at_share(entry: SampledEntry | Sequence[str], share: float) -> Value:
     return decimal_sum(entry.min, min(int(share * (steps + 1)), steps), entry.step)
 
 
-AXES = ("current_A", "distance_mm")
-"""Grids within each variant where ``[sweep]`` has them, parameters where ``[sweep.parameters]`` does."""
-
 _POSITIONS = re.compile(r"(?:\[\d+\])*\Z")
 
 
@@ -262,21 +259,9 @@ class ParameterDesign:
     def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
         """The file of a variant, without ``[sweep.parameters]``."""
         tables = deepcopy(dict(data))
-        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in AXES}
+        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in ("current_A", "distance_mm")}
         for parameter, value in zip(self.parameters, point, strict=True):
-            if parameter.name in AXES:
-                tables["sweep"][parameter.name] = [value]
-                if parameter.name == AXES[1]:
-                    tables.pop("reference", None)  # its distances lie within the sweep, not within one point of it
             for key in parameter.keys:
                 number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
                 with_value(tables, key.location, number)
         return tables
-
-    def axes(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """``[sweep]`` with each axis that is a parameter as a list of all its values, for the file's own checks."""
-        sweep = dict(data["sweep"])
-        for place, parameter in enumerate(self.parameters):
-            if parameter.name in AXES:
-                sweep[parameter.name] = sorted({float(point[place]) for point in self.points})
-        return sweep

@@ -1,5 +1,6 @@
 """Windings, circuits, mechanics and sensors of an actuator file, from its right tables by their key paths."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import permutations
@@ -95,16 +96,10 @@ def _open(low: float | None, high: float | None) -> tuple[float, float]:
 
 def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
     """Report names of which two readings of impedances, as of :mod:`femfit.model.impedance`, have one column."""
-    of_reading = {name: f"circuit {name}" for name in names}
-    for first, second in permutations(names, 2):
-        for column, description in (
-            (f"{first}_{second}", f"{first} together with {second}"),
-            (f"{first}_{second}_shorted", f"{first} with {second} shorted"),
-        ):
-            if column in of_reading:
-                complain(problems, "columns", column=column, first=of_reading[column], second=description)
-                return
-            of_reading[column] = description
+    pairs = [f"{first}_{second}{end}" for first, second in permutations(names, 2) for end in ("", "_shorted")]
+    column, count = Counter((*names, *pairs)).most_common(1)[0] if names else ("", 1)
+    if count > 1:
+        complain(problems, "columns", column=column)
 
 
 def _connect(

@@ -16,11 +16,11 @@ from femfit.core.files import path_of
 from femfit.device.complaints import joined
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.file_numbers import Location, numbers_of, with_value
-from femfit.device.keys import decimal_sum, scaled
+from femfit.device.keys import decimal_sum
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parameter_table import read_design
-from femfit.device.parameters import AXES, ParameterDesign, Value
+from femfit.device.parameters import ParameterDesign, Value
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
 
 _DIGITS = 9
@@ -135,7 +135,7 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
         raise ActuatorFileError(
             source, [f"sweep.parameters must leave a variant that can be built; the first one: {variants[0].problem}"]
         )
-    return VariantSweep(actuator, tuple(p.column for p in design.parameters if p.name not in AXES), variants)
+    return VariantSweep(actuator, tuple(parameter.column for parameter in design.parameters), variants)
 
 
 def only(actuator: Actuator) -> VariantSweep:
@@ -146,21 +146,9 @@ def only(actuator: Actuator) -> VariantSweep:
 def _variant(
     design: ParameterDesign, point: tuple[Value, ...], data: dict[str, Any], base: Actuator, directory: Path | None
 ) -> Variant:
-    values = tuple(
-        parameter.in_si(value)
-        for parameter, value in zip(design.parameters, point, strict=True)
-        if parameter.name not in AXES
-    )
+    values = tuple(parameter.in_si(value) for parameter, value in zip(design.parameters, point, strict=True))
     try:
         built = actuator_from_tables(design.variant(data, point), "variant", directory)
     except ActuatorFileError as error:
-        problem = " ".join(error.problems)
-    else:
-        return Variant(values, built.sweep, built)
-    parameters = dict(zip((parameter.name for parameter in design.parameters), point, strict=True))
-    current, distance = (parameters.get(name) for name in AXES)
-    axes = SweepAxes(
-        base.sweep.currents_A if current is None else (float(current),),
-        base.sweep.distances_m if distance is None else (scaled(float(distance)),),
-    )
-    return Variant(values, axes, None, problem)
+        return Variant(values, base.sweep, None, " ".join(error.problems))
+    return Variant(values, built.sweep, built)

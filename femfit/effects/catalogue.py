@@ -6,24 +6,13 @@ What is of a circuit is named after both, as ``current_gain:lower``, and changes
 resistance alone. What is not listed here is written for one current, and a device of several is not asked for it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 
 from femfit.core.errors import UsageError
-from femfit.effects import (
-    circuit,
-    friction,
-    hall,
-    hysteresis,
-    iron,
-    lags,
-    lateral_misalignment,
-    magnet,
-    springs,
-    zeros_and_scales,
-)
-from femfit.effects.effect import AddedEffect, Calibration, Effect
+from femfit.effects import circuit, friction, hall, hysteresis, iron, lags, magnet, springs, zeros_and_scales
+from femfit.effects.effect import AddedEffect, Effect
 
 SEPARATOR = ":"
 
@@ -52,11 +41,10 @@ _QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "res
 def of_circuit(effect: Effect, circuit: str) -> Effect:
     """An effect of :data:`OF_EACH` as that of one circuit."""
     calibrations = tuple(
-        Calibration(
-            one.reads,
-            one.cost,
-            f"{one.instruction} (Circuit {circuit}.)",
-            {f"{name}{SEPARATOR}{circuit}" if name in OF_EACH else name: v for name, v in one.also.items()},
+        replace(
+            one,
+            instruction=f"{one.instruction} (Circuit {circuit}.)",
+            also={f"{name}{SEPARATOR}{circuit}" if name in OF_EACH else name: v for name, v in one.also.items()},
         )
         for one in effect.calibrations
     )
@@ -74,19 +62,6 @@ def of_circuit(effect: Effect, circuit: str) -> Effect:
         experiment=f"{effect.experiment} (Circuit {circuit}.)",
         calibrations=calibrations,
     )
-
-
-def effects_of(all_effects: Mapping[str, Effect], circuits: Sequence[str]) -> dict[str, Effect]:
-    """The catalogue for a device, in its order: all of it but where there are several circuits."""
-    if len(circuits) < 2:
-        return dict(all_effects)
-    found: dict[str, Effect] = {}
-    for name, effect in all_effects.items():
-        if name in OF_THE_WHOLE:
-            found[name] = effect
-        elif name in OF_EACH:
-            found |= {one.name: one for one in (of_circuit(effect, circuit) for circuit in circuits)}
-    return found
 
 
 def source_scales(effects: Iterable[AddedEffect], circuits: Sequence[str]) -> list[float]:
@@ -125,7 +100,7 @@ BUILT_IN: tuple[Effect, ...] = (
     hysteresis.HYSTERESIS,
     iron.CORE_REMANENCE,
     lags.EDDY_CURRENT_LAG,
-    lateral_misalignment.LATERAL_MISALIGNMENT,
+    magnet.LATERAL_MISALIGNMENT,
     friction.COULOMB_FRICTION,
     friction.STOP_POSITION,
     springs.END_STOP_CONTACT,
@@ -173,18 +148,9 @@ def all_effects() -> dict[str, Effect]:
 
 def effect_by_name(name: str) -> Effect:
     """Look up an effect, or that of a circuit as ``turns:lower``."""
-    kind, _, circuit = name.partition(SEPARATOR)
-    if circuit and kind in OF_EACH:
-        return _of_circuit(kind, circuit)
-    effects = all_effects()
-    if (known := _EARLIER_NAMES.get(name, name)) not in effects:
-        raise UsageError(f"Effect must be one of {', '.join(effects)}; instead received {name!r}.")
-    return effects[known]
-
-
-@cache
-def _of_circuit(kind: str, circuit: str) -> Effect:
-    return of_circuit(effect_by_name(kind), circuit)
+    if (effect := known_effect(_EARLIER_NAMES.get(name, name))) is None:
+        raise UsageError(f"Effect must be one of {', '.join(all_effects())}; instead received {name!r}.")
+    return effect
 
 
 def known_effect(name: str) -> Effect | None:
@@ -193,8 +159,17 @@ def known_effect(name: str) -> Effect | None:
     return _of_circuit(kind, circuit) if circuit and kind in OF_EACH else all_effects().get(name)
 
 
+@cache
+def _of_circuit(kind: str, circuit: str) -> Effect:
+    return of_circuit(effect_by_name(kind), circuit)
+
+
 def device_effects(circuits: Sequence[str], drawn: Iterable[Effect] = ()) -> dict[str, Effect]:
-    """The catalogue for a device of these circuits; of several, what they can have; then the drawing's numbers."""
-    found = effects_of(all_effects(), circuits)
-    own = {name: effect_by_name(name) if effect.of else effect for name, effect in found.items()}
-    return own | {effect.name: effect for effect in drawn}
+    """The catalogue for a device of these circuits, in its order; of several, what they can have; then the drawn."""
+    found: dict[str, Effect] = {}
+    for name, effect in all_effects().items():
+        if len(circuits) < 2 or name in OF_THE_WHOLE:
+            found[name] = effect
+        elif name in OF_EACH:
+            found |= {own.name: own for own in (_of_circuit(name, circuit) for circuit in circuits)}
+    return found | {effect.name: effect for effect in drawn}

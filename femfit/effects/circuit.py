@@ -29,7 +29,7 @@ import numpy as np
 from femfit.core.graph import Expression
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
 from femfit.effects.conditions import Conditions, like, warmth
-from femfit.effects.effect import Calibration, Coenergy, DirectReading, Effect, EffectParameter, Parameters, effect_of
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters, effect_of
 
 
 def _circuit(
@@ -48,7 +48,6 @@ COIL_TEMPERATURE = Effect(
     parameters=(
         EffectParameter(
             "coefficient_per_K",
-            unit="1/K",
             bounds=(-0.01, 0.02),
             plausible=(2e-3, 6e-3),
             description="Relative change of the resistance per kelvin of the recorded temperature over 20 °C.",
@@ -56,7 +55,6 @@ COIL_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "warmer_K",
-            unit="K",
             bounds=(-60.0, 250.0),
             plausible=(-10.0, 100.0),
             description="Where its temperature was not recorded: the coil's over 20 °C, by 0.393 % a kelvin.",
@@ -64,7 +62,6 @@ COIL_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "warming_K",
-            unit="K",
             bounds=(-60.0, 250.0),
             plausible=(-10.0, 100.0),
             description="Where its temperature was not recorded: final warming since the start of the run.",
@@ -134,17 +131,10 @@ DRIVER_DEAD_ZONE = Effect(
         ),
     ),
     needs=("time_s", "voltage_V", "current_A", "voltage driver"),
-    experiment="Raise the commanded voltage slowly from zero, in both directions, and read the current.",
+    experiment="Raise the commanded voltage slowly from zero, in both directions, and read current and voltage.",
     reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5 (blanking time)",
     circuit=_circuit_of_driver_dead_zone,
-    calibrations=(
-        Calibration(
-            {"dead_zone": 2e-3, "drop": 2e-3},
-            30.0,
-            "Raise the commanded voltage slowly from zero, in both directions, and read the voltage across the "
-            "winding.",
-        ),
-    ),
+    calibrations=(Calibration({"dead_zone": 2e-3, "drop": 2e-3}, 30.0),),
 )
 
 
@@ -166,21 +156,19 @@ SUPPLY_SAG = effect_of(
         resistance,
         voltage - p["inner_resistance"] * conditions.nominal.resistance_ohm * i,
     ),
-    read=DirectReading(5e-3, 10.0),
+    read=(5e-3, 10.0),
 )
 
 
-MOTIONAL_EMF = Effect(
+MOTIONAL_EMF = effect_of(
     name="motional_emf",
     symptom="The current departs from the model while the body moves, in step with its velocity.",
-    parameters=(
-        EffectParameter(
-            "share",
-            bounds=(-2.0, 5.0),
-            plausible=(-1.0, 1.0),
-            description="Further induced voltage over the model's own.",
-            words="the motion induces {size} {more|less} voltage than in the model",
-        ),
+    parameter=EffectParameter(
+        "share",
+        bounds=(-2.0, 5.0),
+        plausible=(-1.0, 1.0),
+        description="Further induced voltage over the model's own.",
+        words="the motion induces {size} {more|less} voltage than in the model",
     ),
     needs=("time_s", "voltage_V", "current_A", "distance_m|hall_V"),
     experiment="Move the body by hand with the winding open and record distance and voltage.",
@@ -205,16 +193,11 @@ REMANENCE = effect_of(
         words="the magnet is {size} {stronger|weaker} than drawn",
     ),
     needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
-    experiment="Compare the magnet's field on its axis, out of the bench and at a known temperature, with that of its "
-    "data sheet.",
+    experiment="Take the magnet out at 20 °C and compare its field on the axis with the data sheet's by a gaussmeter.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1; IEC 60404-8-1 (grades)",
-    coenergy=lambda base, d, i, h, conditions, p: remanence_scaled(base, 1.0 + p["remanence_error"], d, i, h),
-    read=DirectReading(
-        0.01,
-        40.0,
-        "Take the magnet out at 20 °C and read its field on the axis by a gaussmeter.",
-        also={"magnet_demagnetisation": {"loss": -1.0}},
-    ),
+    coenergy=lambda base, at, p: remanence_scaled(base, 1.0 + p["remanence_error"], at.d, at.i, at.h),
+    read=(0.01, 40.0),
+    also={"magnet_demagnetisation": {"loss": -1.0}},
 )
 
 
@@ -232,7 +215,8 @@ RESISTANCE = effect_of(
     experiment="Measure the cold winding's resistance with four wires, at the terminals that the driver feeds.",
     reference="IEC 60317-0-1 (2013), resistance of round wire",
     circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["resistance_error"]), voltage),
-    read=DirectReading(2e-3, 10.0, also={"turns": {"turns_error": 1.0}}),
+    read=(2e-3, 10.0),
+    also={"turns": {"turns_error": 1.0}},
 )
 
 
@@ -247,14 +231,10 @@ TURNS = effect_of(
         words="the winding has {size} {more|fewer} turns than drawn",
     ),
     needs=("~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
-    experiment="Count the turns by the voltage that a coil of known turns around the same core induces in the winding.",
+    experiment="Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage "
+    "of the ten turns: their ratio is that of the turns.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
-    coenergy=lambda base, d, i, h, conditions, p: base(d, (1.0 + p["turns_error"]) * i, h),
+    coenergy=lambda base, at, p: base(at.d, (1.0 + p["turns_error"]) * at.i, at.h),
     circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["turns_error"]), voltage),
-    read=DirectReading(
-        2e-3,
-        40.0,
-        "Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage of "
-        "the ten turns: their ratio is that of the turns.",
-    ),
+    read=(2e-3, 40.0),
 )

@@ -33,15 +33,20 @@ CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 """What a bench reads."""
 
 
+_UNITS = ("m", "s", "K", "V", "T")
+
+
 @dataclass(frozen=True)
 class EffectParameter:
     """A parameter of an effect: an amplitude of its family, or a nonlinear parameter that only shapes it."""
 
-    name: str  # Ends in its SI unit, as in the model file; without one it is dimensionless
+    name: str  # Ends in its unit, as in the model file; without one it is dimensionless
     bounds: tuple[float, float]  # What physics allows at all: the fit stays within
     plausible: tuple[float, float]  # Outside of it, a fitted value is reported as suspicious
     description: str  # Definition with the sign, as one plain sentence
-    unit: str = ""  # SI unit, or ``readings or s`` of a time that has no clock; empty for a pure number
+    # SI unit, or ``readings or s`` of a time that has no clock; as the name says where it is one of :data:`_UNITS`, or
+    # so much for each
+    unit: str = ""
     # What a value means to an engineer, as a clause with ``{size}`` for the magnitude with its unit, ``{signed}`` for
     # the value, and ``{larger|smaller}`` for words that depend on its sign. Empty where it is not worth saying.
     words: str = ""
@@ -51,6 +56,12 @@ class EffectParameter:
     scale: str = ""
     # Amplitude that this one goes with: where that one does not count, this one alone would be another effect's
     beside: str = ""
+
+    def __post_init__(self) -> None:
+        front, per, each = self.name.rpartition("_per_")
+        last = (front if per else self.name).rpartition("_")[2]
+        unit = last if last in _UNITS else ""
+        object.__setattr__(self, "unit", self.unit or (f"{unit or 1}/{each.replace('2', '^2')}" if per else unit))
 
     @property
     def lower(self) -> float:
@@ -119,7 +130,23 @@ Setting = Callable[[Expression, Expression, Conditions, Parameters], tuple[Expre
 Coenergy = Callable[[Expression, Expression, Expression], Expression]
 """W'(d, i, h) in J, with h a test current in a coil of unit area-turns at the Hall element: dW'/dh is the field."""
 
-CoenergyChange = Callable[[Coenergy, Expression, Expression, Expression, Conditions, Parameters], Expression]
+
+@dataclass(frozen=True, eq=False)
+class FieldPoint:
+    """Where an effect changes the co-energy: distance d in m, current i and test current h in A, and conditions."""
+
+    d: Expression
+    i: Expression
+    h: Expression
+    conditions: Conditions
+
+    @property
+    def nominal(self) -> Nominal:
+        """Facts of the base model."""
+        return self.conditions.nominal
+
+
+CoenergyChange = Callable[[Coenergy, FieldPoint, Parameters], Expression]
 Force = Callable[[Expression, Expression, Conditions, Parameters], Expression]
 CircuitChange = Callable[[Expression, Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
 FurtherImpedance = Callable[[Expression, Expression, Expression, Conditions, Parameters], Any]
@@ -236,20 +263,22 @@ class Effect:
         return super().__reduce_ex__(protocol)
 
 
-@dataclass(frozen=True)
-class DirectReading:
-    """A calibration that reads an effect's only parameter; as of :class:`Calibration`."""
+def effect_of(
+    *,
+    parameter: EffectParameter,
+    read: tuple[float, float] | None = None,
+    also: Mapping[str, Mapping[str, float]] | None = None,
+    **declared: Any,
+) -> Effect:
+    """An effect of one parameter, declared as an :class:`Effect` is.
 
-    uncertainty: float
-    cost: float
-    instruction: str = ""
-    also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-
-
-def effect_of(*, parameter: EffectParameter, read: DirectReading, **declared: Any) -> Effect:
-    """An effect of one parameter that a calibration reads, declared as an :class:`Effect` is."""
-    calibration = Calibration({parameter.name: read.uncertainty}, read.cost, read.instruction, read.also)
-    return Effect(parameters=(parameter,), calibrations=(calibration,), **declared)
+    Parameters
+    ----------
+    read, also : optional
+        Of a :class:`Calibration` that reads the parameter: its standard uncertainty and its cost, and what else shows.
+    """
+    calibrations = () if read is None else (Calibration({parameter.name: read[0]}, read[1], also=also or {}),)
+    return Effect(parameters=(parameter,), calibrations=calibrations, **declared)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numpy as np
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Calibration, DirectReading, Effect, EffectParameter, Parameters, effect_of, in_channel
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, effect_of, in_channel
 
 
 def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
@@ -71,7 +71,6 @@ VISCOUS_FRICTION = effect_of(
     symptom="Oscillations die out faster than the model's.",
     parameter=EffectParameter(
         "damping_per_s",
-        unit="1/s",
         bounds=(-10.0, 1e4),
         plausible=(0.0, 50.0),
         description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
@@ -82,22 +81,19 @@ VISCOUS_FRICTION = effect_of(
     force=lambda d, i, conditions, p: (
         p["damping_per_s"] * conditions.nominal.mass_kg * like(conditions.velocity_m_s, d)
     ),
-    read=DirectReading(0.5, 60.0),
+    read=(0.5, 60.0),
     words=lambda p, nominal: [f"friction brakes with {amount(p['damping_per_s'] * nominal.mass_kg, 'N')} at 1 m/s"],
 )
 
 
-FLUID_DRAG = Effect(
+FLUID_DRAG = effect_of(
     name="fluid_drag",
     symptom="Fast strokes take longer than the model's, slow ones do not.",
-    parameters=(
-        EffectParameter(
-            "drag_per_m",
-            unit="1/m",
-            bounds=(-10.0, 1e6),
-            plausible=(0.0, 200.0),
-            description="Drag over the model's mass and the velocity squared.",
-        ),
+    parameter=EffectParameter(
+        "drag_per_m",
+        bounds=(-10.0, 1e6),
+        plausible=(0.0, 200.0),
+        description="Drag over the model's mass and the velocity squared.",
     ),
     needs=("time_s", "distance_m|hall_V"),
     experiment="Repeat a fast stroke in air, or with the ports of the fluid open, and compare its time.",
@@ -140,7 +136,7 @@ SIDE_PULL_FRICTION = effect_of(
     "large one.",
     reference="H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 9 (side thrust of eccentric plungers)",
     force=_force_of_side_pull_friction,
-    read=DirectReading(5e-3, 40.0),
+    read=(5e-3, 40.0),
 )
 
 

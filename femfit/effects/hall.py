@@ -27,7 +27,6 @@ HALL_TEMPERATURE = Effect(
     parameters=(
         EffectParameter(
             "offset_V_per_K",
-            unit="V/K",
             bounds=(-0.1, 0.1),
             plausible=(-5e-3, 5e-3),
             description="Change of the quiescent voltage per kelvin.",
@@ -35,7 +34,6 @@ HALL_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "sensitivity_per_K",
-            unit="1/K",
             bounds=(-0.02, 0.02),
             plausible=(-3e-3, 3e-3),
             description="Relative change of the sensitivity per kelvin.",
@@ -52,17 +50,11 @@ HALL_TEMPERATURE = Effect(
         ),
     ),
     needs=("hall_V", "~coil_temperature_C|~magnet_temperature_C"),
-    experiment="Warm the coil by a steady current, switch it off and read the Hall voltage while it cools.",
+    experiment="Warm the Hall element by 30 K, in a zero-gauss chamber and then over a fixed magnet, and read its "
+    "voltage.",
     reference="Popovic, Hall Effect Devices (2004), sections 4.8 and 5.6; Allegro A1321 data sheet",
     readings=in_channel("hall_V", _warmed),
-    calibrations=(
-        Calibration(
-            {"offset_V_per_K": 5e-5, "sensitivity_per_K": 5e-5},
-            60.0,
-            "Warm the Hall element by 30 K, in a zero-gauss chamber and then over a fixed magnet, and read its "
-            "voltage.",
-        ),
-    ),
+    calibrations=(Calibration({"offset_V_per_K": 5e-5, "sensitivity_per_K": 5e-5}, 60.0),),
 )
 
 
@@ -80,7 +72,6 @@ def _drifted(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Condit
 def _amplitude(name: str, largest: float, description: str, words: str) -> EffectParameter:
     return EffectParameter(
         name,
-        unit="V",
         bounds=(-100.0 * largest, 100.0 * largest),
         plausible=(-largest, largest),
         description=description,
@@ -127,16 +118,10 @@ HALL_DRIFT = Effect(
         ),
     ),
     needs=("hall_V", "~elapsed"),
-    experiment="Come back to one distance and current every few minutes and read the Hall voltage.",
+    experiment="Read the Hall voltage at one distance and current, switched on anew, for as long as the campaign took.",
     reference="Popovic, Hall Effect Devices (2004), section 5.6 (offset drift)",
     readings=in_channel("hall_V", _drifted),
-    calibrations=(
-        Calibration(
-            {"ramp_V": 5e-3, "run_ramp_V": 5e-3, "settling_V": 2e-3, "run_settling_V": 2e-3},
-            60.0,
-            "Read the Hall voltage at one distance and current, switched on anew, for as long as the campaign took.",
-        ),
-    ),
+    calibrations=(Calibration({"ramp_V": 5e-3, "run_ramp_V": 5e-3, "settling_V": 2e-3, "run_settling_V": 2e-3}, 60.0),),
 )
 
 
@@ -216,7 +201,6 @@ HALL_COIL_PICKUP = Effect(
     parameters=(
         EffectParameter(
             "pickup_V",
-            unit="V",
             bounds=(-5.0, 5.0),
             plausible=(-0.3, 0.3),
             description="Further voltage at the largest current.",
@@ -232,8 +216,8 @@ HALL_COIL_PICKUP = Effect(
         ),
     ),
     needs=("~current_A", "hall_V"),
-    experiment="Take the moving part away and read the Hall voltage at both signs of the current, with its leads laid "
-    "in two ways.",
+    experiment="Put the Hall element with its leads into a zero-gauss chamber and read it at the largest current of "
+    "each sign.",
     reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 (coupling) and 3 (common ground)",
     readings=in_channel("hall_V", _picked_up),
     memory=Memory(
@@ -243,12 +227,5 @@ HALL_COIL_PICKUP = Effect(
         steady_state=lambda d, i, conditions, p: {"pickup_lag": 0.0 * i},
         rate=_rate,
     ),
-    calibrations=(
-        Calibration(
-            {"pickup_V": 2e-3},
-            20.0,
-            "Put the Hall element with its leads into a zero-gauss chamber and read it at the largest current of "
-            "each sign.",
-        ),
-    ),
+    calibrations=(Calibration({"pickup_V": 2e-3}, 20.0),),
 )

@@ -25,7 +25,7 @@ from femfit.core.graph import Expression, is_number, slope
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Coenergy, Effect, EffectParameter, Memory, Parameters, States
+from femfit.effects.effect import Coenergy, Effect, EffectParameter, FieldPoint, Memory, Parameters, States
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
@@ -110,20 +110,18 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return result
 
 
-def _coenergy(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    states, nominal = conditions.memory, conditions.nominal
+def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    states, nominal = at.conditions.memory, at.nominal
     if not all(f"hysteresis_{name}" in states for name in _RADII):
-        return base(d, i, h)
+        return base(at.d, at.i, at.h)
     lag = nominal.peak_current_A * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
-    energy = base(d, i - lag, h)
+    energy = base(at.d, at.i - lag, at.h)
     if not is_number(p["hall_share"], 1.0):
-        inside = i - p["hall_share"] * lag
-        energy = base(d, i - lag, 0.0) + base(d, inside, h) - base(d, inside, 0.0)
+        inside = at.i - p["hall_share"] * lag
+        energy = base(at.d, at.i - lag, 0.0) + base(at.d, inside, at.h) - base(at.d, inside, 0.0)
     if is_number(p["taper"], 0.0):
         return energy
-    linkage = slope(lambda at: base(d, at, p["hall_share"] * h), i - lag)
+    linkage = slope(lambda i: base(at.d, i, p["hall_share"] * at.h), at.i - lag)
     taper = nominal.peak_current_A * p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
     return energy - 0.5 * taper * linkage**2
 

@@ -37,8 +37,8 @@ from casadi import SX
 
 from femfit.core.graph import Expression, GraphFunction, building, is_number, settled, slope
 from femfit.core.text import amount
-from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import Coenergy, DirectReading, Effect, EffectParameter, Parameters, effect_of
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import Coenergy, Effect, EffectParameter, FieldPoint, Parameters, effect_of
 
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
@@ -47,20 +47,18 @@ _ITERATIONS = 12
 """Numerical: Newton's steps from above, which converge to rounding for all amplitudes within their bounds."""
 
 
-def _coenergy(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    nominal = conditions.nominal
+def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    nominal = at.nominal
 
     def linkage(current: Expression, hall: Expression) -> Expression:
-        return slope(lambda at: base(d, at, hall), current)
+        return slope(lambda i: base(at.d, i, hall), current)
 
-    flux = linkage(i, p["hall_share"] * h) + (p["magnet_share"] - 1.0) * linkage(0.0 * i, 0.0)
+    flux = linkage(at.i, p["hall_share"] * at.h) + (p["magnet_share"] - 1.0) * linkage(0.0 * at.i, 0.0)
     amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(p[f"mmf_loss_{n}"], 0.0)}
     if not amplitudes:
-        return base(d, i, h)
+        return base(at.d, at.i, at.h)
     lost = _envelope(flux / nominal.flux_linkage_Wb, amplitudes, _own_inductance(nominal))
-    return base(d, i, h) - nominal.flux_linkage_Wb * nominal.peak_current_A * lost
+    return base(at.d, at.i, at.h) - nominal.flux_linkage_Wb * nominal.peak_current_A * lost
 
 
 def _own_inductance(nominal: Nominal) -> float:
@@ -161,28 +159,25 @@ CORE_REMANENCE = effect_of(
         scale="peak_current_A",
     ),
     needs=("force_N|flux_linkage_Wb|inductance_H", "iron"),
-    experiment="Demagnetise the core by a slowly falling alternating current, and measure again.",
+    experiment="Read the field at the core's face without current, before and after a slowly falling alternating "
+    "current has demagnetised it.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (remanence of a circuit with a gap)",
-    coenergy=lambda base, d, i, h, conditions, p: base(d, i + p["mmf"] * conditions.nominal.peak_current_A, h),
-    read=DirectReading(
-        2e-3, 30.0, "Read the field at the core's face without current, before and after demagnetising it."
-    ),
+    coenergy=lambda base, at, p: base(at.d, at.i + p["mmf"] * at.nominal.peak_current_A, at.h),
+    read=(2e-3, 30.0),
 )
 
 
 _POWERS = (1, 3, 6)
 
 
-def _coenergy_of_position_dependent_inductance(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    nominal = conditions.nominal
-    nearness = nominal.distance_min_m / d
+def _coenergy_of_position_dependent_inductance(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    nominal = at.nominal
+    nearness = nominal.distance_min_m / at.d
     increase = nominal.inductance_H * sum(p[f"increase_{power}"] * nearness**power for power in _POWERS)
-    current = i
+    current = at.i
     if np.isfinite(nominal.hall_T_per_A):
-        current = i + h * (p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
-    return base(d, i, h) + 0.5 * ca.sumsqr(current) * increase
+        current = at.i + at.h * (p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
+    return base(at.d, at.i, at.h) + 0.5 * ca.sumsqr(current) * increase
 
 
 def _words_of_position_dependent_inductance(p: Parameters, nominal: Nominal) -> list[str]:

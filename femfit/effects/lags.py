@@ -30,9 +30,9 @@ from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import (
     Calibration,
     Coenergy,
-    DirectReading,
     Effect,
     EffectParameter,
+    FieldPoint,
     Memory,
     Parameters,
     States,
@@ -56,37 +56,39 @@ def _response(s: Any, p: Parameters) -> Any:
     return sum(s * p[f"{mode}_share"] / (s + faster / p["time_s"]) for mode, faster in _MODES.items())
 
 
-def _coenergy(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    induced = sum(p[f"{mode}_share"] * conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
-    return base(d, i - conditions.nominal.peak_current_A * induced, h)
-
-
-def _share(mode: str, description: str, words: str) -> EffectParameter:
-    # The winding's own leakage, here at least a twentieth, keeps the current from jumping
-    return EffectParameter(
-        f"{mode}_share", bounds=(0.0, 0.95), plausible=(0.0, 0.5), description=description, words=words
-    )
+def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    induced = sum(p[f"{mode}_share"] * at.conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
+    return base(at.d, at.i - at.nominal.peak_current_A * induced, at.h)
 
 
 EDDY_CURRENT_LAG = Effect(
     name="eddy_current_lag",
     symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
     parameters=(
-        _share(
-            "ring",
-            "Part of the flux that one closed path around it delays.",
-            "one closed path delays {size} of the flux",
-        ),
-        _share(
-            "diffusion",
-            "Part that the next mode of diffusion delays, nine times as fast.",
-            "{size} of it follow nine times as fast",
+        *(
+            EffectParameter(
+                f"{mode}_share",
+                # The winding's own leakage, here at least a twentieth, keeps the current from jumping
+                bounds=(0.0, 0.95),
+                plausible=(0.0, 0.5),
+                description=description,
+                words=words,
+            )
+            for mode, description, words in (
+                (
+                    "ring",
+                    "Part of the flux that one closed path around it delays.",
+                    "one closed path delays {size} of the flux",
+                ),
+                (
+                    "diffusion",
+                    "Part that the next mode of diffusion delays, nine times as fast.",
+                    "{size} of it follow nine times as fast",
+                ),
+            )
         ),
         EffectParameter(
             name="time_s",
-            unit="s",
             bounds=(1e-4, 1.0),
             plausible=(5e-4, 0.02),
             description="Time constant of the slowest path.",
@@ -115,19 +117,16 @@ def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Paramet
     delay = p["delay_s"]
     if "delay_lag" in conditions.memory:
         lag = conditions.nominal.peak_current_A * like(conditions.memory["delay_lag"], i)
-        late = delay / _lag_time(conditions, p) * lag
+        late = delay / np.maximum(delay, conditions.nominal.sample_time_s) * lag
     else:
         late = delay * like(conditions.current_rate_A_s, i)
     return d - delay * like(conditions.velocity_m_s, d), i - late
 
 
-def _lag_time(conditions: Conditions, p: Parameters) -> Any:
-    return np.maximum(p["delay_s"], conditions.nominal.sample_time_s)
-
-
 def _rate_of_sensor_delay(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
     change = conditions.current_rate_A_s / conditions.nominal.peak_current_A
-    return {"delay_lag": change - states["delay_lag"] / _lag_time(conditions, p)}
+    lag_time = np.maximum(p["delay_s"], conditions.nominal.sample_time_s)
+    return {"delay_lag": change - states["delay_lag"] / lag_time}
 
 
 SENSOR_DELAY = effect_of(
@@ -135,15 +134,14 @@ SENSOR_DELAY = effect_of(
     symptom="The Hall voltage follows distance and current late; at rest it is right.",
     parameter=EffectParameter(
         "delay_s",
-        unit="s",
         bounds=(0.0, 0.05),
         plausible=(0.0, 5e-3),
         description="Age of what a reading shows.",
         words="the Hall reading is {size} late",
     ),
     needs=("time_s", "hall_V", "current_A|voltage_V|distance_m"),
-    experiment="Hold the body, step the current and record both on one clock; or move it and record a second, fast "
-    "distance sensor.",
+    experiment="Feed a step from a signal generator in the Hall element's place, and record step and reading on one "
+    "clock.",
     reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3 (delays)",
     hall_point=_hall_point,
     memory=Memory(
@@ -153,11 +151,7 @@ SENSOR_DELAY = effect_of(
         steady_state=lambda d, i, conditions, p: {"delay_lag": 0.0 * i},
         rate=_rate_of_sensor_delay,
     ),
-    read=DirectReading(
-        5e-5,
-        40.0,
-        "Feed a step from a signal generator in the Hall element's place and record step and reading on one clock.",
-    ),
+    read=(5e-5, 40.0),
 )
 
 

@@ -7,14 +7,32 @@ A uniform field from elsewhere: the earth's, a motor's, a magnetised table's.
 
 It adds to the field at the Hall element, and magnetises a soft core as a current would, which changes force and flux
 linkage as well: W'(d, i, h) -> W'(d, i + i_e, h) + h B_e, with i_e = share B_e / (field at the element per ampere).
+
+The moving part does not hang on the coil's axis.
+
+What the coil, or the Hall element's test coil, does to a magnet is harmonic in the magnet's place and symmetric about
+the axis, so at an offset e it is J_0(e d/dd) of its value on the axis: f - (e^2/4) f''. The attraction between magnet
+and core alone is second order in the magnetisation; its core-side image follows the magnet, so only a share of
+the same term applies: none for an infinite plate, about 0.4 for a core that is small against the distance.
+
+Iron without a magnet, a plunger in its bore, changes a gap of the circuit instead: at an eccentricity e of a clearance
+c the bore's permeance grows by 1 / sqrt(1 - (e/c)^2). A change of reluctance dR in series with the flux is
+W' -> W' - dR lambda^2 / 2, and the part of the flux that crosses the gap falls as the plunger leaves: any parabola in
+the distance that falls and is not negative.
+
+References
+----------
+J. D. Jackson, Classical Electrodynamics, 3rd ed. (Wiley, 1999), section 3.7 and problem 3.1 (expansion about an axis);
+H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 5: permeance between eccentric cylinders.
 """
 
 import numpy as np
 
-from femfit.core.graph import Expression
+from femfit.core.graph import Expression, slope
+from femfit.core.text import amount
 from femfit.effects.circuit import remanence_scaled
-from femfit.effects.conditions import Conditions, warmth
-from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Nominal, warmth
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, FieldPoint, Parameters
 
 USUAL_COEFFICIENT = -1.1e-3
 """Relative change of NdFeB's remanence per kelvin, by which an unrecorded warming is counted (IEC 60404-8-1)."""
@@ -23,14 +41,12 @@ _LEAST = 0.05
 """Part of the remanence that is left, whatever a fit tries."""
 
 
-def _warm(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    magnet, coil = warmth(conditions.magnet_temperature_C), warmth(conditions.coil_temperature_C)
+def _warm(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    magnet, coil = warmth(at.conditions.magnet_temperature_C), warmth(at.conditions.coil_temperature_C)
     known = p["coefficient_per_K"] * magnet.kelvin + p["curvature_per_K2"] * magnet.kelvin**2
     unrecorded = USUAL_COEFFICIENT * (p["warmer_K"] + p["coil_share"] * coil.kelvin)
-    scale = 1.0 + known + (1.0 if conditions.running else magnet.unknown) * unrecorded
-    return remanence_scaled(base, np.maximum(scale, _LEAST), d, i, h)
+    scale = 1.0 + known + (1.0 if at.conditions.running else magnet.unknown) * unrecorded
+    return remanence_scaled(base, np.maximum(scale, _LEAST), at.d, at.i, at.h)
 
 
 MAGNET_TEMPERATURE = Effect(
@@ -39,7 +55,6 @@ MAGNET_TEMPERATURE = Effect(
     parameters=(
         EffectParameter(
             "coefficient_per_K",
-            unit="1/K",
             bounds=(-0.01, 0.005),
             plausible=(-3e-3, 0.0),
             description="Relative change of the remanence per kelvin of the recorded temperature over 20 °C.",
@@ -47,7 +62,6 @@ MAGNET_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "curvature_per_K2",
-            unit="1/K^2",
             bounds=(-1e-4, 1e-4),
             plausible=(-1e-5, 1e-5),
             description="The same per kelvin squared.",
@@ -55,7 +69,6 @@ MAGNET_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "warmer_K",
-            unit="K",
             bounds=(-60.0, 150.0),
             plausible=(-10.0, 60.0),
             description="Where its temperature was not recorded: the magnet's over 20 °C, by -0.11 % a kelvin.",
@@ -70,29 +83,16 @@ MAGNET_TEMPERATURE = Effect(
         ),
     ),
     needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
-    experiment="Measure the same settings with the magnet cold and after warming it by 20 K, its temperature recorded.",
+    experiment="Put thermometers on magnet and winding, and read them while the bench runs, cold and warm.",
     reference="IEC 60404-8-1; Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=_warm,
-    calibrations=(
-        Calibration(
-            {"warmer_K": 2.0, "coil_share": 0.1},
-            15.0,
-            "Put thermometers on magnet and winding, and read them while the bench runs.",
-        ),
-    ),
+    calibrations=(Calibration({"warmer_K": 2.0, "coil_share": 0.1}, 15.0),),
 )
 
 
-def _demagnetised(
-    base: Coenergy,
-    d: Expression,
-    i: Expression,
-    h: Expression,
-    conditions: Conditions,
-    p: Parameters,
-) -> Expression:
+def _demagnetised(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
     lost = p["layer_m"] / p["magnet_height_m"]
-    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), d + 0.5 * p["layer_m"], i, h)
+    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), at.d + 0.5 * p["layer_m"], at.i, at.h)
 
 
 MAGNET_DEMAGNETISATION = Effect(
@@ -108,7 +108,6 @@ MAGNET_DEMAGNETISATION = Effect(
         ),
         EffectParameter(
             "layer_m",
-            unit="m",
             bounds=(0.0, 2e-3),
             plausible=(0.0, 1e-3),
             description="Thickness of the demagnetised layer next to the face.",
@@ -116,7 +115,6 @@ MAGNET_DEMAGNETISATION = Effect(
         ),
         EffectParameter(
             "magnet_height_m",
-            unit="m",
             bounds=(3e-3, 0.05),
             plausible=(3e-3, 0.02),
             description="Height of the whole magnet.",
@@ -142,11 +140,9 @@ MAGNET_DEMAGNETISATION = Effect(
 )
 
 
-def _coenergy(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    equivalent = p["core_share"] * p["field_T"] / conditions.nominal.hall_T_per_A
-    return base(d, i + equivalent, h) + h * p["field_T"]
+def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    equivalent = p["core_share"] * p["field_T"] / at.nominal.hall_T_per_A
+    return base(at.d, at.i + equivalent, at.h) + at.h * p["field_T"]
 
 
 EXTERNAL_FIELD = Effect(
@@ -155,7 +151,6 @@ EXTERNAL_FIELD = Effect(
     parameters=(
         EffectParameter(
             "field_T",
-            unit="T",
             bounds=(-0.05, 0.05),
             plausible=(-2e-3, 2e-3),
             description="Uniform field along the axis.",
@@ -171,16 +166,75 @@ EXTERNAL_FIELD = Effect(
         ),
     ),
     needs=("hall_V", "force_N|flux_linkage_Wb"),
-    experiment="Turn the whole bench by 180 degrees about a horizontal axis, the current off, and read the Hall "
-    "voltage in both positions.",
+    experiment="Switch the current off, take the moving part away and turn the bench by 180 degrees: half the change "
+    "of the Hall voltage is the outer field's.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (a body in a uniform field)",
     coenergy=_coenergy,
-    calibrations=(
-        Calibration(
-            {"field_T": 2e-5},
-            15.0,
-            "Switch the current off, take the moving part away and turn the bench by 180 degrees: half the "
-            "change of the Hall voltage is the outer field's.",
+    calibrations=(Calibration({"field_T": 2e-5}, 15.0),),
+)
+
+
+def _coenergy_off_axis(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    """Without a magnet W' + (i_max / lambda_max) g lambda^2 / 2, g = a + n (1 - x)^2 + m (1 - x^2), x = d / d_max."""
+    nominal = at.nominal
+    if nominal.has_magnet:
+        bend = slope(lambda d: base(d, at.i, at.h) - (1.0 - p["image_share"]) * base(d, 0.0 * at.i, 0.0), at.d, 2)
+        return base(at.d, at.i, at.h) - 0.25 * p["offset_squared_m2"] * bend
+    x = at.d / nominal.distance_max_m
+    growth = p["gap_all"] + p["gap_near"] * (1.0 - x) ** 2 + p["gap_middle"] * (1.0 - x * x)
+    linkage = slope(lambda i: base(at.d, i, at.h), at.i)
+    return base(at.d, at.i, at.h) + 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * growth * linkage**2
+
+
+def _words(p: Parameters, nominal: Nominal) -> list[str]:
+    if nominal.has_magnet:
+        if p["offset_squared_m2"] == 0.0:
+            return []
+        return [f"the moving part hangs {amount(p['offset_squared_m2'] ** 0.5, 'm')} beside the axis"]
+    x = np.linspace(nominal.distance_min_m / nominal.distance_max_m, 1.0, 50)
+    growth = p["gap_all"] + p["gap_near"] * (1.0 - x) ** 2 + p["gap_middle"] * (1.0 - x * x)
+    return [f"the moving part touches its guide on one side: up to {amount(float(growth.max()), '')} more flux linkage"]
+
+
+LATERAL_MISALIGNMENT = Effect(
+    name="lateral_misalignment",
+    symptom="Near the electromagnet the magnet's share of every channel is too small, most where it bends; without "
+    "a magnet, force and flux linkage are too large there together.",
+    parameters=(
+        EffectParameter(
+            name="offset_squared_m2",
+            unit="m^2",
+            bounds=(0.0, 4e-5),
+            plausible=(0.0, 9e-6),
+            description="Square of the lateral offset of the magnet from the coil's axis.",
+        ),
+        *(
+            EffectParameter(
+                name=f"gap_{part}",
+                bounds=(0.0, 0.4),
+                plausible=(0.0, 0.2),
+                description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
+                f"of it; what {course}.",
+            )
+            for part, course in (
+                ("all", "is the same at all distances"),
+                ("near", "falls most where the gap is closed"),
+                ("middle", "falls most at the largest distance"),
+            )
+        ),
+        EffectParameter(
+            name="image_share",
+            bounds=(-0.2, 1.0),
+            plausible=(0.0, 0.8),
+            description="Share of the term that applies to the attraction between magnet and core.",
+            null=0.4,
+            nonlinear=True,
         ),
     ),
+    needs=("~distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
+    experiment="Centre the moving part on the coil's axis by a dial gauge, and read how far it was off.",
+    reference="Jackson, Classical Electrodynamics (1999), section 3.7",
+    coenergy=_coenergy_off_axis,
+    words=_words,
+    calibrations=(Calibration({"offset_squared_m2": 2e-7}, 30.0),),
 )

@@ -26,9 +26,9 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import (
     Calibration,
     Coenergy,
-    DirectReading,
     Effect,
     EffectParameter,
+    FieldPoint,
     Parameters,
     effect_of,
     in_channel,
@@ -41,12 +41,10 @@ def spring_coenergy(d: Expression, conditions: Conditions, stiffness: Expression
     return preload * room - 0.5 * stiffness * room**2
 
 
-def _coenergy(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    nominal = conditions.nominal
+def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    nominal = at.nominal
     stiffness, preload = p["stiffness"] * nominal.stiffness_N_per_m, p["preload"] * nominal.force_N
-    return base(d, i, h) + spring_coenergy(d, conditions, stiffness, preload)
+    return base(at.d, at.i, at.h) + spring_coenergy(at.d, at.conditions, stiffness, preload)
 
 
 SPRING = Effect(
@@ -98,10 +96,8 @@ SPRING_STIFFNESS = effect_of(
     needs=("time_s", "~distance_m", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    coenergy=lambda base, d, i, h, conditions, p: (
-        base(d, i, h) - p["stiffness_error"] * conditions.nominal.spring_energy(d)
-    ),
-    read=DirectReading(0.01, 20.0),
+    coenergy=lambda base, at, p: base(at.d, at.i, at.h) - p["stiffness_error"] * at.nominal.spring_energy(at.d),
+    read=(0.01, 20.0),
 )
 
 
@@ -120,24 +116,22 @@ SPRING_PRELOAD = effect_of(
     needs=("time_s", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    coenergy=lambda base, d, i, h, conditions, p: (
-        base(d, i, h) + spring_coenergy(d, conditions, 0.0, p["preload"] * conditions.nominal.force_N)
+    coenergy=lambda base, at, p: (
+        base(at.d, at.i, at.h) + spring_coenergy(at.d, at.conditions, 0.0, p["preload"] * at.nominal.force_N)
     ),
-    read=DirectReading(1e-3, 20.0),
+    read=(1e-3, 20.0),
 )
 
 
-SPRING_IN_FORCE = Effect(
+SPRING_IN_FORCE = effect_of(
     name="spring_in_force",
     symptom="Every force differs from the magnetic one by the force of the drawn spring.",
-    parameters=(
-        EffectParameter(
-            "share",
-            bounds=(-2.0, 2.0),
-            plausible=(0.0, 1.2),
-            description="Part of the drawn spring's force that the force sensor carries.",
-            words="the force sensor carries {signed} of the drawn spring's force as well",
-        ),
+    parameter=EffectParameter(
+        "share",
+        bounds=(-2.0, 2.0),
+        plausible=(0.0, 1.2),
+        description="Part of the drawn spring's force that the force sensor carries.",
+        words="the force sensor carries {signed} of the drawn spring's force as well",
     ),
     needs=("force_N", "~distance_m", "spring"),
     experiment="Take the spring out and read the force again, the current off.",
@@ -161,34 +155,27 @@ CONSTANT_FORCE = effect_of(
         scale="force_N",
     ),
     needs=("force_N|time_s",),
-    experiment="Turn the bench by 180 degrees, or couple the body to a spring balance with everything switched off, "
-    "and read the force again.",
+    experiment="Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
+    "balance.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    coenergy=lambda base, d, i, h, conditions, p: base(d, i, h) - p["pull"] * conditions.nominal.force_N * d,
-    read=DirectReading(
-        1e-3,
-        30.0,
-        "Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
-        "balance.",
-    ),
+    coenergy=lambda base, at, p: base(at.d, at.i, at.h) - p["pull"] * at.nominal.force_N * at.d,
+    read=(1e-3, 30.0),
 )
 
 
-def _coenergy_of_mechanical_force(
-    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
-) -> Expression:
-    near, far = conditions.nominal.distance_min_m, conditions.nominal.distance_max_m
+def _coenergy_of_mechanical_force(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    near, far = at.nominal.distance_min_m, at.nominal.distance_max_m
     reach = p["reach"] * (far - near)
-    result = base(d, i, h)
+    result = base(at.d, at.i, at.h)
     for name, power, start, sign in (
         ("near_flat", 1.0, near + reach, -1.0),
         ("near_round", 1.5, near + reach, -1.0),
         ("far_flat", 1.0, far - reach, 1.0),
     ):
         # Compression over reach; its force A c^power has the potential A reach c^(power + 1) / (power + 1)
-        compression = SX(sign * (d - start) / reach)
+        compression = SX(sign * (at.d - start) / reach)
         touched = ca.if_else(compression > 0.0, compression ** (power + 1.0), 0.0)
-        result = result - p[name] * conditions.nominal.force_N * reach / (power + 1.0) * touched
+        result = result - p[name] * at.nominal.force_N * reach / (power + 1.0) * touched
     return result
 
 

@@ -1,6 +1,6 @@
 """Applies effects stage by stage: the one place that knows the order in which they act."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,7 @@ from casadi import SX
 
 from femfit.core.graph import Expression, of_variable
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import AddedEffect, Coenergy
+from femfit.effects.effect import AddedEffect, Coenergy, CoenergyChange, FieldPoint
 
 _STEPS = 6
 """Numerical: with them a characteristic that is bent by a fifth is undone to rounding."""
@@ -23,10 +23,8 @@ def true_setting(
 
     Of arrays, or of expressions with currents (n,).
     """
-    for added in effects:
-        setting, of = added.effect.setting, added.effect.of
-        if setting is None:
-            continue
+    for setting, added in _acting(effects, "setting"):
+        of = added.effect.of
         symbolic = isinstance(currents, SX)
         columns = ca.vertsplit(currents) if symbolic else list(np.moveaxis(currents, -1, 0))
         n = len(columns)
@@ -44,7 +42,7 @@ def recorded_setting(
 
     By Newton's steps, for each by itself; the first is exact for zeros, scales and delays.
     """
-    effects = tuple(added for added in effects if added.effect.setting is not None)
+    effects = tuple(added for _, added in _acting(effects, "setting"))
     if not effects:
         return distance, currents
     known = ca.vertcat(distance, currents)
@@ -66,23 +64,20 @@ def changed_coenergy(inner: Coenergy, effects: Iterable[AddedEffect], conditions
     A lag shifts the current that a core sees with all that the other effects say of it: inside of them, what they take
     for the magnet's own (W' without current) would hold a part of the lag.
     """
-    for added in sorted(effects, key=lambda added: added.effect.memory is not None):
-        if added.effect.coenergy is not None:
-            inner = partial(_changed, inner, added, conditions)
+    for act, added in _acting(sorted(effects, key=lambda added: added.effect.memory is not None), "coenergy"):
+        inner = partial(_changed, inner, act, added, conditions)
     return inner
 
 
-def _changed(
-    inner: Coenergy, added: AddedEffect, conditions: Conditions, d: Expression, i: Expression, h: Expression
-) -> Expression:
-    act, of = added.effect.coenergy, added.effect.of
-    if act is None:
-        return inner(d, i, h)
-    if not of:
-        return act(inner, d, i, h, conditions, added.parameters)
-    k = conditions.nominal.circuits.index(of)  # an effect of one circuit knows that circuit's current alone
+def _changed(inner: Coenergy, act: CoenergyChange, added: AddedEffect, conditions: Conditions, *at: Any) -> Expression:
+    """W'(d, i, h) at these under one effect more."""
+    d, i, h = at
+    if not added.effect.of:
+        return act(inner, FieldPoint(d, i, h, conditions), added.parameters)
+    k = conditions.nominal.circuits.index(added.effect.of)  # an effect of one circuit knows that one's current alone
     before, own, after = ca.vertsplit(i, [0, k, k + 1, i.numel()])
-    return act(lambda d, i, h: inner(d, ca.vertcat(before, i, after), h), d, own, h, conditions, added.parameters)
+    point = FieldPoint(d, own, h, conditions)
+    return act(lambda d, i, h: inner(d, ca.vertcat(before, i, after), h), point, added.parameters)
 
 
 def with_further_force(
@@ -93,9 +88,8 @@ def with_further_force(
     conditions: Conditions,
 ) -> Expression:
     """The magnetic force and what acts beside it."""
-    for added in effects:
-        if added.effect.force is not None:
-            force = force + added.effect.force(distance, current, conditions, added.parameters)
+    for act, added in _acting(effects, "force"):
+        force = force + act(distance, current, conditions, added.parameters)
     return force
 
 
@@ -107,33 +101,42 @@ def circuit_of(
     conditions: Conditions,
 ) -> tuple[Expression, Expression]:
     """Resistance of the winding, and voltage that the driver applies where this one was commanded."""
-    for added in effects:
-        if added.effect.circuit is not None:
-            resistance, voltage = added.effect.circuit(resistance, voltage, current, conditions, added.parameters)
+    for act, added in _acting(effects, "circuit"):
+        resistance, voltage = act(resistance, voltage, current, conditions, added.parameters)
     return resistance, voltage
 
 
 def moving_mass(effects: Iterable[AddedEffect], mass: float) -> float:
     """The mass that really moves."""
-    for added in effects:
-        mass = added.effect.mass(mass, added.parameters) if added.effect.mass else mass
-    return mass
+    return float(_changed_by(effects, "mass", mass))
 
 
 def stops_of(effects: Iterable[AddedEffect], ends: tuple[float, float], nominal: Nominal) -> tuple[float, float]:
     """Where the body is really stopped."""
+    near, far = _changed_by(effects, "ends", ends, nominal)
+    return near, far
+
+
+def _changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *others: Any) -> Any:
+    """What the functions that effects give for a stage make of a value, one after the other."""
+    for act, added in _acting(effects, stage):
+        value = act(value, *others, added.parameters)
+    return value
+
+
+def _acting(effects: Iterable[AddedEffect], stage: str) -> Iterator[tuple[Callable[..., Any], AddedEffect]]:
+    """The functions that effects give for a stage."""
     for added in effects:
-        ends = added.effect.ends(ends, nominal, added.parameters) if added.effect.ends else ends
-    return ends
+        if (act := getattr(added.effect, stage)) is not None:
+            yield act, added
 
 
 def hall_point(
     effects: Iterable[AddedEffect], distance: Expression, current: Expression, conditions: Conditions
 ) -> tuple[Expression, Expression]:
     """Distance and current that a Hall reading belongs to: of earlier, where it is late."""
-    for added in effects:
-        if added.effect.hall_point is not None:
-            distance, current = added.effect.hall_point(distance, current, conditions, added.parameters)
+    for act, added in _acting(effects, "hall_point"):
+        distance, current = act(distance, current, conditions, added.parameters)
     return distance, current
 
 
@@ -145,7 +148,4 @@ def recorded(
     conditions: Conditions,
 ) -> dict[str, Expression]:
     """What the sensors record of true readings."""
-    for added in effects:
-        if added.effect.readings is not None:
-            readings = added.effect.readings(readings, distance, current, conditions, added.parameters)
-    return dict(readings)
+    return dict(_changed_by(effects, "readings", readings, distance, current, conditions))

@@ -13,30 +13,24 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Calibration, DirectReading, Effect, EffectParameter, Parameters, effect_of, in_channel
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, effect_of, in_channel
 
 DISTANCE_OFFSET = effect_of(
     name="distance_offset",
     symptom="Every channel looks as if measured at another distance, the same amount everywhere.",
     parameter=EffectParameter(
         "offset_m",
-        unit="m",
         bounds=(-5e-3, 5e-3),
         plausible=(-1e-3, 1e-3),
         description="True minus recorded distance.",
         words="the gap is {size} {larger|smaller} than recorded",
     ),
     needs=("distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
-    experiment="Touch the face with a gauge block of known height and read the stage; or measure where the force "
-    "gradient is largest, at two currents.",
+    experiment="Rest the moving part on a thin gauge block of known height and compare the stage's reading.",
     reference="First-order error of a stage's zero; JCGM 100:2008 (GUM), section 3.2.4",
     setting=lambda d, i, conditions, p: (d + p["offset_m"], i),
-    read=DirectReading(
-        1e-5,
-        10.0,
-        "Rest the moving part on a thin gauge block of known height and compare the stage's reading.",
-        also={"distance_scale": {"scale_error": 1e-3}},  # a block of 1 mm
-    ),
+    read=(1e-5, 10.0),
+    also={"distance_scale": {"scale_error": 1e-3}},  # a block of 1 mm
 )
 
 
@@ -54,7 +48,7 @@ DISTANCE_SCALE = effect_of(
     experiment="Read the stage over two gauge blocks, the shortest and the longest that fit.",
     reference="Linear error of a stage; ISO 230-2 (2014)",
     setting=lambda d, i, conditions, p: ((1.0 + p["scale_error"]) * d, i),
-    read=DirectReading(1e-3, 20.0),
+    read=(1e-3, 20.0),
 )
 
 
@@ -70,10 +64,10 @@ CURRENT_OFFSET = effect_of(
         scale="peak_current_A",
     ),
     needs=("current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
-    experiment="Open the circuit and read the ammeter; or measure at both signs of the current.",
+    experiment="Open the circuit and read the ammeter at zero current.",
     reference="JCGM 100:2008 (GUM), section 3.2.4",
     setting=lambda d, i, conditions, p: (d, i + p["offset"] * conditions.nominal.peak_current_A),
-    read=DirectReading(1e-3, 5.0, "Open the circuit and read the ammeter at zero current."),
+    read=(1e-3, 5.0),
 )
 
 
@@ -91,7 +85,7 @@ CURRENT_GAIN = effect_of(
     experiment="Read the current with a calibrated shunt in series.",
     reference="JCGM 100:2008 (GUM), section 4.3",
     setting=lambda d, i, conditions, p: (d, (1.0 + p["gain_error"]) * i),
-    read=DirectReading(1e-3, 20.0, "Put a calibrated shunt in series and compare the ammeter's reading."),
+    read=(1e-3, 20.0),
 )
 
 
@@ -110,7 +104,7 @@ FORCE_OFFSET = effect_of(
     experiment="Take everything off the force sensor, and read it.",
     reference="JCGM 100:2008 (GUM), section 3.2.4",
     readings=in_channel("force_N", lambda force, d, i, conditions, p: force + p["offset"] * conditions.nominal.force_N),
-    read=DirectReading(1e-3, 10.0),
+    read=(1e-3, 10.0),
 )
 
 
@@ -128,7 +122,7 @@ FORCE_GAIN = effect_of(
     experiment="Hang a reference weight on the force sensor and compare its reading.",
     reference="JCGM 100:2008 (GUM), section 4.3; OIML R 111-1 (2004) for the weight",
     readings=in_channel("force_N", lambda force, d, i, conditions, p: (1.0 + p["gain_error"]) * force),
-    read=DirectReading(1e-3, 20.0),
+    read=(1e-3, 20.0),
 )
 
 
@@ -137,17 +131,16 @@ HALL_OFFSET = effect_of(
     symptom="The Hall voltage is wrong by the same amount everywhere; force and flux linkage are right.",
     parameter=EffectParameter(
         "offset_V",
-        unit="V",
         bounds=(-1.0, 1.0),
         plausible=(-0.1, 0.1),
         description="Recorded minus expected voltage.",
         words="the Hall voltage is {size} too {high|low}",
     ),
     needs=("hall_V",),
-    experiment="Remove the moving part, switch the current off and read the Hall voltage.",
+    experiment="Put the Hall element into a zero-gauss chamber and read its voltage.",
     reference="E. Ramsden, Hall-Effect Sensors (Newnes, 2006), chapter 2",
     readings=in_channel("hall_V", lambda volts, d, i, conditions, p: volts + p["offset_V"]),
-    read=DirectReading(1e-3, 15.0, "Put the Hall element into a zero-gauss chamber and read its voltage."),
+    read=(1e-3, 15.0),
 )
 
 
@@ -165,7 +158,7 @@ MASS_ERROR = effect_of(
     experiment="Weigh the moving part with everything that moves with it.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
     mass=lambda mass, p: (1.0 + p["mass_error"]) * mass,
-    read=DirectReading(1e-3, 5.0, "Weigh the moving part on a balance."),
+    read=(1e-3, 5.0),
 )
 
 
@@ -183,7 +176,7 @@ DRIVER_GAIN = effect_of(
     experiment="Command a few constant voltages and read the voltage across the winding.",
     reference="JCGM 100:2008 (GUM), section 4.3",
     circuit=lambda resistance, voltage, i, conditions, p: (resistance, (1.0 + p["gain_error"]) * voltage),
-    read=DirectReading(1e-3, 10.0),
+    read=(1e-3, 10.0),
 )
 
 
@@ -192,17 +185,16 @@ POSITION_DELAY = effect_of(
     symptom="The recorded distance follows the body late; at rest it is right.",
     parameter=EffectParameter(
         "delay_s",
-        unit="s",
         bounds=(0.0, 0.05),
         plausible=(0.0, 5e-3),
         description="Age of what a recorded distance shows.",
         words="the recorded distance is {size} late",
     ),
     needs=("time_s", "~distance_m"),
-    experiment="Move the body quickly by hand, and record its sensor beside a second, faster one on one clock.",
+    experiment="Drop the body on its stop, and record its sensor and a microphone on one clock.",
     reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3 (delays)",
     setting=lambda d, i, conditions, p: (d + p["delay_s"] * like(conditions.velocity_m_s, d), i),
-    read=DirectReading(5e-5, 40.0, "Drop the body on its stop, and record its sensor and a microphone on one clock."),
+    read=(5e-5, 40.0),
 )
 
 

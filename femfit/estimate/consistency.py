@@ -1,12 +1,6 @@
-"""Whether innovations are as large as the filter says, and white; and whether a channel is late.
+"""Whether innovations are as large as the filter says, and white.
 
 What an estimate says of every recorded channel, read by the filter or not.
-
-Dry friction that a model does not know, from what a filter has to correct of the velocity.
-
-A force that the model lacks makes the filter correct the velocity by the same amount at every sample in the mean:
-m <v - v predicted> / h. Of dry friction that is F_c where the body approaches and -F_c where it goes away, so that the
-mean of -m (v - v predicted) sign(v) / h over samples of a velocity clear of its deviation is F_c.
 
 References
 ----------
@@ -22,11 +16,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import (
-    DELAY_GAIN,
-    LAGS,
-    LEAST_JUDGED,
-)
+from femfit.estimate.constants import LAGS, LEAST_JUDGED
 from femfit.estimate.noise import ConsistencyBand, consistency_band
 
 
@@ -117,32 +107,13 @@ class Beside:
     used: bool  # Whether the filter read it
     rms: float
     mean: float  # Recorded less estimated
-    delay_s: float | None  # By which the record is late against the estimate; None where a shift explains little
 
 
-def beside(column: str, used: bool, recorded: FloatArray, estimated: FloatArray, step_s: float) -> Beside | None:
+def beside(column: str, used: bool, recorded: FloatArray, estimated: FloatArray) -> Beside | None:
     """Compare a channel with its estimate; None where it has fewer than :data:`LEAST_JUDGED` samples."""
     difference = recorded - estimated
     read = np.isfinite(difference)
     if int(read.sum()) < LEAST_JUDGED:
         return None
     residual = difference[read]
-    delay = None if used else _delay(recorded, estimated, step_s)
-    return Beside(column, used, float(np.sqrt(np.mean(residual**2))), float(residual.mean()), delay)
-
-
-def _delay(recorded: FloatArray, estimated: FloatArray, step_s: float) -> float | None:
-    """Shift in s that brings the channel nearest to its estimate, their means taken off; by a parabola of the rms."""
-    size = len(recorded) - 2 * LAGS
-    if size < 100:
-        return None
-    middle = slice(LAGS, LAGS + size)
-    variances = np.array(
-        [np.nanvar(recorded[LAGS + k : LAGS + k + size] - estimated[middle]) for k in range(-LAGS, LAGS + 1)]
-    )
-    best = int(np.argmin(variances))
-    if not 0 < best < 2 * LAGS or not variances[best] < DELAY_GAIN**2 * variances[LAGS]:
-        return None
-    before, here, after = variances[best - 1 : best + 2]
-    shift = 0.5 * (before - after) / (before - 2.0 * here + after)
-    return float((best - LAGS + shift) * step_s)
+    return Beside(column, used, float(np.sqrt(np.mean(residual**2))), float(residual.mean()))

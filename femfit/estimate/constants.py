@@ -148,37 +148,10 @@ TURNS = 25
 """Conventional: a filter that has not forgotten its starts after so many turns runs one piece after the other."""
 
 LAGS = 20
-"""Conventional: lags of the innovations' autocorrelation, and of a delay between channels, in samples."""
-
-DELAY_GAIN = 0.9
-"""Conventional: a shift counts as a delay if it takes the rms of what is left of a channel below this part."""
+"""Conventional: lags of the innovations' autocorrelation, in samples."""
 
 STANDS_STILL = 1e-3
 """Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
-
-APART, LEAST_UNSEATED = 0.25, 1e-3
-"""Conventional: parts of the stroke beyond which a body was away from a stop, and within which it is at it."""
-
-AT_REST = 1e-3
-"""Conventional: part of its deviation that is left of a distance that is read as a stop's, or of a speed at rest."""
-
-SEAT_BEFORE = 20
-"""Conventional: samples before the estimate's arrival at which the body may have seated already."""
-
-BEYOND = 0.1
-"""Conventional: part of the stroke by which the rival body passes the stop; the model is continued no further."""
-
-LEAST_CONFIDENCE, CERTAIN = 0.95, 0.999
-"""Conventional: probabilities from which a seating is said, and from which no more digits are given."""
-
-FOLLOWED = 0.998
-"""Conventional: level of the band that the mean square of the innovations at a seating must not exceed."""
-
-WORK_POINTS = 41
-"""Numerical: distances, and currents, over which the largest work of the force is added up."""
-
-MOST_SEATINGS = 6
-"""Conventional: arrivals at a stop that are printed; all of them are in the JSON."""
 
 NOISE_SAMPLES = 20_000
 """Conventional: samples that the search for the noise looks at, from the first stretch on."""

@@ -5,11 +5,10 @@ innovations is here, once.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isnan
-from typing import Any, ClassVar, Literal, TypeVar, final
+from typing import Any, ClassVar, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,11 +23,7 @@ from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState, c
 from femfit.estimate.single_step import SingleStep, StepFunction, Terms, in_arrays
 from femfit.estimate.words import sentence
 
-DOUBLE = np.dtype(np.float64)
-
 VOLTAGES, READINGS = ("voltage", "circuit"), ("reading", "sensor")
-
-T = TypeVar("T")
 
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
 
@@ -97,9 +92,7 @@ class Filter(Printed, ABC):
         FilterError
             If shapes do not fit, or the covariance is not positive definite.
         """
-        mean = np.asarray(mean)
-        dtype = mean.dtype if mean.dtype == np.float32 else np.dtype(np.float64)
-        order = self.process.order
+        mean, order = np.asarray(mean, dtype=np.float64), self.process.order
         if covariance is None:
             covariance, mean = self.process.require_start_covariance(), self.process.begun(mean)
         count = len(mean) if mean.ndim == 2 else runs
@@ -112,8 +105,8 @@ class Filter(Printed, ABC):
         if count < 1:
             raise FilterError(f"A filter needs at least one run to start; instead received runs={count}.")
         runs = count
-        mean = np.array(np.broadcast_to(mean, (runs, order)), dtype, order="F")
-        matrices = np.empty((order, order, runs), dtype).transpose(2, 0, 1)
+        mean = np.array(np.broadcast_to(mean, (runs, order)), order="F")
+        matrices = np.empty((order, order, runs)).transpose(2, 0, 1)
         matrices[:] = covariance
         factor, definite = cholesky(matrices)
         if not (np.all(definite) and np.all(np.isfinite(mean))):
@@ -121,14 +114,14 @@ class Filter(Printed, ABC):
                 "The initial covariance must be positive definite and the initial mean finite; give every state an "
                 "uncertainty > 0."
             )
-        unknown = np.full(runs, np.nan, dtype=dtype)
+        unknown = np.full(runs, np.nan)
         return FilterState(
             mean=mean,
             covariance=matrices,
             factor=factor,
             innovation=unknown,
             innovation_variance=unknown,
-            out_of_band=np.zeros(runs, dtype=dtype),
+            out_of_band=np.zeros(runs),
             outcome=np.zeros(runs, dtype=np.intp),
         )
 
@@ -146,7 +139,7 @@ class Filter(Printed, ABC):
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
             matrix = getattr(state, self.carries).transpose(1, 2, 0)
-            mean, covariance = self.predicted(self._terms(state), state.mean.T[:, None], matrix, inputs)
+            mean, covariance = self.predicted(self._terms, state.mean.T[:, None], matrix, inputs)
             innovations = state.innovation, state.innovation_variance, state.out_of_band
             return self._next((mean[:, 0].T, covariance.transpose(2, 0, 1)), innovations, state.outcome)
 
@@ -176,7 +169,7 @@ class Filter(Printed, ABC):
         before = state.mean.T[:, None], state.covariance.transpose(1, 2, 0), state.factor.transpose(1, 2, 0)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             noise = self.process.outputs[sensor].variance
-            after = self.corrected(self._terms(state), sensor, before, measurement, noise)
+            after = self.corrected(self._terms, sensor, before, measurement, noise)
             mean, covariance = after[0][:, 0].T, after[1].transpose(2, 0, 1)
             innovation, variance = after[2][0, 0], after[3][0, 0]
             outside = innovation**2 > BAND_99_9 * variance
@@ -189,38 +182,35 @@ class Filter(Printed, ABC):
             outcome = state.outcome
             if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
                 outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
-            fraction = fraction.astype(state.mean.dtype, copy=False)
             return self._next((mean, covariance), (innovation, variance, fraction), outcome)
 
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         process = self.process
-        if len(state.mean) == 1 and state.mean.dtype == DOUBLE and not state.outcome.item():
-            alone = self._kept("step", lambda: self.single() if process.has_graph else None)
-            if alone is not None:
-                plain = isinstance(voltage, float) and process.inputs == 1
-                inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
-                matrix = state.covariance[0] if self.carries == "covariance" else state.factor[0].T
-                readings = _given(state, measurement, len(process.outputs), READINGS)[0]
-                after = self._next_alone(state, alone(state.mean[0], matrix, inputs, readings))
-                if after is not None:
-                    return after
+        if len(state.mean) == 1 and not state.outcome.item() and process.has_graph:
+            plain = isinstance(voltage, float) and process.inputs == 1
+            inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
+            matrix = state.covariance[0] if self.carries == "covariance" else state.factor[0].T
+            readings = _given(state, measurement, len(process.outputs), READINGS)[0]
+            after = self._next_alone(state, self.single(state.mean[0], matrix, inputs, readings))
+            if after is not None:
+                return after
         return self.update(self.predict(state, voltage), measurement)
 
+    @property
     def single(self) -> StepFunction:
-        """One step of one run as one function, by the process's graph."""
-        return StepFunction(self)
+        """One step of one run as one function, by the process's graph; made once."""
+        if "single" not in self._known:
+            self._known["single"] = StepFunction(self)
+        made: StepFunction = self._known["single"]
+        return made
 
-    def _terms(self, state: FilterState) -> Terms:
-        dtype = state.mean.dtype
-        return self._kept(dtype, lambda: in_arrays(self.process, dtype))
-
-    def _kept(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What is made once."""
-        if key not in self._known:
-            self._known[key] = make()
-        made: T = self._known[key]
+    @property
+    def _terms(self) -> Terms:
+        if "terms" not in self._known:
+            self._known["terms"] = in_arrays(self.process)
+        made: Terms = self._known["terms"]
         return made
 
     @cached_property
@@ -262,7 +252,7 @@ class Filter(Printed, ABC):
             healthy = finite & definite
             code = np.where(finite, FilterOutcome.COVARIANCE_LOST, FilterOutcome.NOT_FINITE)
             outcome = np.where((outcome == RUNNING) & ~healthy, code, outcome)
-            mean = np.where(healthy[:, None], mean, np.nan).astype(mean.dtype, copy=False)
+            mean = np.where(healthy[:, None], mean, np.nan)
         plausible = self.process.plausible(mean)
         if not plausible.all():
             # A run that broke down has its name already
@@ -271,11 +261,11 @@ class Filter(Printed, ABC):
 
 
 def _given(state: FilterState, value: ArrayLike, width: int, what: tuple[str, str]) -> FloatArray:
-    """Numbers of shape (runs, width) in the state's precision, of one row for all or one each.
+    """Numbers of shape (runs, width), of one row for all or one each.
 
     A single number of each run may be given without an axis of its own.
     """
-    numbers, runs = np.asarray(value, state.mean.dtype), state.runs
+    numbers, runs = np.asarray(value, dtype=np.float64), state.runs
     if numbers.shape == (runs, width) or (width == 1 and numbers.shape == (runs,)):
         return numbers.reshape(runs, width)
     if numbers.size != width:

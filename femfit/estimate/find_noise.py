@@ -29,13 +29,12 @@ from femfit.estimate.constants import (
     UNKNOWN,
 )
 from femfit.estimate.filter import Filter
-from femfit.estimate.noise import motion_rate, operating_distance
+from femfit.estimate.noise import FilterNoise, motion_rate, operating_distance
 from femfit.estimate.prepare import Prepared
 from femfit.estimate.process import FilterOutcome, FilterProcess
 from femfit.estimate.run_filter import Replayed
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import currents_by_voltages
 from femfit.model.sensors import HALL, reading_of
 from femfit.model.validity import ProcessNoise
 
@@ -123,12 +122,6 @@ class Source(NamedTuple):
     motion: FloatArray  # Its part of Q; (n, n)
     readings: FloatArray  # And of the sensors' variances; (sensors,)
 
-    def estimate(self, value: float, low: float, high: float, known: bool) -> NoiseEstimate:
-        """What a record shows of it."""
-        return NoiseEstimate(
-            self.name, self.unit, float(value), float(self.assumed), float(low), float(high), bool(known)
-        )
-
 
 NEWTON_STEPS = 30
 """Conventional: it settles in about ten where the noises can be told apart."""
@@ -137,26 +130,25 @@ STEP = 0.1
 """Conventional: difference of a logarithm by which slopes and curvatures are taken."""
 
 
-def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> FoundNoise | None:
+def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed, noise: FilterNoise) -> FoundNoise | None:
     """Maximise the likelihood of the innovations over acceleration, voltage and the sensors' noises.
 
-    None where the filter runs through no stretch that is long enough to judge.
+    None where the filter runs through no stretch that is long enough to judge; ``noise`` is what it was given.
     """
     process, model = filter_.process, prepared.model
     windows = _windows(process, prepared, replayed)
     if windows is None:
         return None
-    sources, fixed = _sources(process, model)
+    sources, fixed = _sources(process, noise)
     logs, curvature = _newton(windows, sources, fixed)
     spread = np.linalg.pinv(curvature)
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0)) + np.where(np.diag(curvature) < 1e-3, np.inf, 0.0)
     estimates = []
     for source, log, uncertain in zip(sources, logs, deviation.tolist(), strict=True):
-        if source.name == "voltage" and not model.circuits:
-            continue
-        value, known = source.assumed * np.exp(log), uncertain < UNKNOWN
-        high = value * np.exp(1.96 * min(uncertain, 3.0))
-        estimates.append(source.estimate(value, value * np.exp(-1.96 * uncertain) if known else 0.0, high, known))
+        value, known = float(source.assumed * np.exp(log)), uncertain < UNKNOWN
+        low = value * float(np.exp(-1.96 * uncertain)) if known else 0.0
+        high = value * float(np.exp(1.96 * min(uncertain, 3.0)))
+        estimates.append(NoiseEstimate(source.name, source.unit, value, source.assumed, low, high, known))
     rate = motion_rate(model, operating_distance(model))
     return FoundNoise(
         estimates=tuple(estimates),
@@ -203,27 +195,19 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
     )
 
 
-def _sources(process: FilterProcess, model: ActuatorModel) -> tuple[list[Source], FloatArray]:
+def _sources(process: FilterProcess, noise: FilterNoise) -> tuple[list[Source], FloatArray]:
     """Acceleration, voltage and the sensors' noises as the filter was given them, and Q of what is not searched for."""
-    covariance, t, circuits = process.process_covariance, process.step_s, len(model.circuits)
+    covariance = process.process_covariance
     acceleration, voltage = np.zeros_like(covariance), np.zeros_like(covariance)
     acceleration[:2, :2] = covariance[:2, :2]
     electrical = [k for k in range(2, process.base) if "_bias_" not in process.names[k]]
     voltage[np.ix_(electrical, electrical)] = covariance[np.ix_(electrical, electrical)]
-    middle = np.zeros(model.windings.count)
-    middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
-    distance, end = np.asarray(operating_distance(model)), 2 + circuits
-    if model.eddy is None:
-        by_current = (model.magnetics.inductance(distance, middle) + model.series_inductances_H) / t
-    else:
-        by_current = np.asarray(np.linalg.inv(currents_by_voltages(model, distance, middle, t)[:circuits, :circuits]))
-    squares = np.diag(by_current @ covariance[2:end, 2:end] @ by_current.T)
-    volts = float(np.sqrt(squares.mean())) if circuits else 0.0  # rms over several drivers
     silent, still = np.zeros(len(process.outputs)), np.zeros_like(covariance)
-    sources = [
-        Source("acceleration", "m/s^1.5", float(np.sqrt(covariance[1, 1] / t)), acceleration, silent),
-        Source("voltage", "V", volts, voltage, silent),
-    ]
+    density = float(np.sqrt(noise.acceleration_density))
+    sources = [Source("acceleration", "m/s^1.5", density, acceleration, silent)]
+    if process.inputs:
+        volts = float(np.sqrt(np.mean(np.square(noise.voltage_V))))  # rms over several drivers
+        sources.append(Source("voltage", "V", volts, voltage, silent))
     for k, output in enumerate(process.outputs):
         readings = np.where(np.arange(len(silent)) == k, output.variance, 0.0)
         name = output.name if output.name not in {"acceleration", "voltage"} else f"sensor {output.name}"

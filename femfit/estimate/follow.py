@@ -10,11 +10,11 @@ from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.consistency import Beside, Innovations, beside, innovations_of
-from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES, OBSERVED_SHARE
+from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
 from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import FilterNoise, default_noise
-from femfit.estimate.prepare import Prepared, prepare, recorded_sensors, with_recorded_sensors
+from femfit.estimate.prepare import Prepared, prepare
 from femfit.estimate.process import FilterOutcome, Output
 from femfit.estimate.run_filter import Replayed, replay
 from femfit.estimate.words import sentence
@@ -44,12 +44,6 @@ class OneFilter:
     prepared: Prepared
     lost_at_s: float | None  # When it no longer ran, for whatever reason
     outcome: FilterOutcome
-
-    @property
-    def broke_down(self) -> bool:
-        """Whether it was lost by more than innovations out of their band."""
-        kept = (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND)
-        return not np.isin(self.replayed.outcome, kept).all()
 
     @property
     def trusted(self) -> bool:
@@ -84,32 +78,11 @@ class OneFilter:
         return self.built.process.outputs[k], float(ratio[sample, k]), float(replayed.innovation[rows][sample, k])
 
     @property
-    def likelihood(self) -> FloatArray:
-        """Logarithm, of each sample that has a reading; NaN elsewhere; (samples,)."""
-        variance = self.replayed.variance
-        ratio = self.replayed.innovation**2 / variance
-        read = np.isfinite(ratio)
-        each = np.where(read, -0.5 * (ratio + np.log(np.where(read, variance, 1.0))), 0.0).sum(axis=1)
-        return np.where(read.any(axis=1), each, np.nan)
-
-    @property
     def mean_square(self) -> float:
         """Of all normalised innovations, which should be 1."""
         ratio = self.replayed.innovation**2 / self.replayed.variance
         ratio = ratio[np.isfinite(ratio)]
         return float(ratio.mean()) if len(ratio) else float("nan")
-
-    @property
-    def unread(self) -> dict[str, FloatArray]:
-        """Recorded less estimated, of each channel that it did not read; NaN where it claims to be blind."""
-        first = float(np.sqrt(self.built.process.require_start_covariance()[0, 0]))
-        sees = self.replayed.deviation[:, 0] < OBSERVED_SHARE * first
-        recorded, used = self.prepared.recorded, self.prepared.columns
-        return {
-            name: np.where(sees, recorded[name] - values, np.nan)
-            for name, values in self.estimates.items()
-            if name not in used
-        }
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the series."""
@@ -132,37 +105,21 @@ def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
     return complete and (bool(names) or not model.has_winding) and bool(read)
 
 
-def followed(
-    model: ActuatorModel,
-    series: TimeSeries,
-    without: Sequence[str] | None = None,
-    noise: FilterNoise | None = None,
-) -> OneFilter | None:
-    """The first samples of a record through the unscented filter; None where the model has no filter for it.
-
-    Parameters
-    ----------
-    without : sequence of str or None
-        Columns that it does not read, of all that are recorded; where None it reads the sensors of the drawing.
-    noise : FilterNoise or None
-        Of the model where None; that of the sensors is the record's.
-    """
+def followed(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
+    """The first samples of a record through the model's unscented filter; None where it has no filter for it."""
     if not can_be_filtered(model, series):
         return None
-    short = {name: values[:NOISE_SAMPLES] for name, values in series.clipped.items()}
-    series, sensors = replace(series, rows=series.rows[:NOISE_SAMPLES], clipped=short), None
+    short = replace(series, rows=series.rows[:NOISE_SAMPLES])
     try:
-        if without is not None:
-            sensors = recorded_sensors(with_recorded_sensors(model, series), series, without)
-        prepared = prepare(model, series, sensors)
-        return follow(prepared, "ukf", None, noise_of(prepared, noise))
+        prepared = prepare(model, short, None)
+        return follow(prepared, "ukf", None, noise_of(prepared, None))
     except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
         return None
 
 
 def follow(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
     """The record through one filter."""
-    model, built = prepared.model, filter_of(prepared, name, biases, noise)
+    built = filter_of(prepared, name, biases, noise)
     resting = None
     if prepared.resting is not None:  # of a body that stands still: the current flows as in a body that nothing moves
         process = built.process.predicting(held=True)
@@ -176,7 +133,7 @@ def follow(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: F
     ]
     estimates = _estimates(prepared, replayed)
     compared = [
-        beside(column, column in prepared.columns, prepared.recorded[column], values, model.sample_time_s)
+        beside(column, column in prepared.columns, prepared.recorded[column], values)
         for column, values in estimates.items()
     ]
     lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)

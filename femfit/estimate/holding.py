@@ -1,6 +1,6 @@
 """The currents at which the magnetic force balances weight, springs and load.
 
-One current is found by bisection. With several there are infinitely many: the ones taken lie nearest to a bias, the
+One current is a root of the force. With several there are infinitely many: the ones taken lie nearest to a bias, the
 heat of each deviation counted, R (i - b)^2. About the bias they move along the direction in which the least heat gives
 the most force, which is the differential one of a symmetric bearing.
 
@@ -10,9 +10,8 @@ G. Schweitzer and E. H. Maslen (eds.), Magnetic Bearings (Springer, 2009), secti
 bias current of half the largest one.
 """
 
-from functools import partial
-
 import numpy as np
+from scipy.optimize import brentq
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
@@ -217,9 +216,10 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
     needed = float(motion.static_force(np.asarray(distance)))
     against = "weight, springs and load" if motion.springs or motion.load_N else "a weight"
 
-    force = partial(_force, model, distance)
+    def force(current: float) -> float:
+        return float(model.magnetics.force(np.asarray(distance), np.array([current])))
+
     lower, upper = model.attracting_range(box.current_min_A, box.current_max_A)
-    rising = force(upper) > force(lower)
     if not min(force(lower), force(upper)) <= needed <= max(force(lower), force(upper)):
         raise DomainError(
             f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
@@ -227,12 +227,4 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
             f"{force(lower):g} to {force(upper):g} N against {against} of {needed:g} N. Choose another distance or "
             "sweep wider."
         )
-    while True:
-        middle = 0.5 * (lower + upper)
-        if middle in {lower, upper}:
-            return middle
-        lower, upper = (middle, upper) if (force(middle) < needed) == rising else (lower, middle)
-
-
-def _force(model: ActuatorModel, distance: float, current: float) -> float:
-    return float(model.magnetics.force(np.asarray(distance), np.array([current])))
+    return float(brentq(lambda current: force(current) - needed, lower, upper, xtol=1e-300))

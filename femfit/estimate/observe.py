@@ -11,14 +11,12 @@ import pandas as pd
 from femfit.core.errors import FilterError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
-from femfit.core.text import amount
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED
 from femfit.estimate.find_noise import FoundNoise, find_noise
 from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.prepare import Prepared, prepare
 from femfit.estimate.record_checks import suspect_record
-from femfit.estimate.seating import Seating, find_seatings
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -51,7 +49,6 @@ class Observation(Printed):
     filters: tuple[OneFilter, ...]
     findings: tuple[Finding, ...]
     noise: FoundNoise | None
-    seatings: tuple[Seating, ...] = ()  # As the first filter tells them
 
     def __str__(self) -> str:
         return sentence("observe", "observation", self)
@@ -76,7 +73,6 @@ class Observation(Printed):
             "samples": len(self.time_s),
             "sensors": list(self.sensors),
             "filters": [run.to_dict() for run in self.filters],
-            "seatings": [vars(seating) for seating in self.seatings],
             "noise": None if self.noise is None else self.noise.to_dict(),
             "findings": [str(finding) for finding in self.findings],
         }
@@ -143,7 +139,7 @@ def observe(
     prepared = prepare(model, series, sensors)
     noise = noise_of(prepared, noise)
     runs = [follow(prepared, name, biases, noise) for name in names]
-    shown = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
+    shown = find_noise(runs[0].built, prepared, runs[0].replayed, noise) if find else None
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
         source=series.source,
@@ -155,12 +151,10 @@ def observe(
             *suspect_record(prepared.model, series),
             *prepared.findings,
             *_told_by_estimate(prepared, runs[0]),
-            *_soft_stops(prepared.model, runs[0]),
             *_coarse_sample(prepared.model),
             *([NO_NOISE_FOUND] if find and shown is None else []),
         ),
         noise=shown,
-        seatings=find_seatings(prepared, runs[0].built, runs[0].replayed),
     )
 
 
@@ -203,14 +197,3 @@ def _coarse_sample(model: ActuatorModel) -> list[Finding]:
     if error <= COARSE:
         return []
     return [finding("coarse-sample", share=f"{100.0 * error:.2g} %" if np.isfinite(error) else "all", size=error)]
-
-
-def _soft_stops(model: ActuatorModel, run: OneFilter) -> list[Finding]:
-    """How far stops give way that the filter holds rigid: v sqrt(m / k) of an elastic stop and the fastest body."""
-    motion, speed = model.require_motion(), np.abs(run.replayed.mean[:, 1])
-    fastest, findings = float(np.nanmax(speed, initial=0.0)), []
-    for side, stop in (("near", motion.near_stop), ("far", motion.far_stop)):
-        if stop is not None and stop.stiffness_N_per_m is not None:
-            depth = fastest * (motion.mass_kg / stop.stiffness_N_per_m) ** 0.5
-            findings.append(finding("soft-stop", side=side, depth=amount(depth, "m"), speed=amount(fastest, "m/s")))
-    return findings

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,20 +95,17 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     inputs, held_findings = _inputs(volts, begins)
     findings += [*rests.findings, *(told for feed in feeds for told in feed.findings), *held_findings]
     channels = [_channel(series, reading, begins, step) for reading in readings]
-    noises = [_noise(series, channel.values, reading) for channel, reading in zip(channels, readings, strict=True)]
-    findings += [told for channel in channels for told in channel.findings]
-    findings += [told for _, of_noise in noises for told in of_noise]
+    noises = [_noise(series, values, reading) for (values, _), reading in zip(channels, readings, strict=True)]
+    findings += [told for _, of_channel in [*channels, *noises] for told in of_channel]
     # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
     held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
     log = Log(
         inputs=inputs[:, 0] if len(commands) == 1 else inputs,
-        readings=np.stack([channel.values for channel in channels], axis=1),
+        readings=np.stack([values for values, _ in channels], axis=1),
         begins=begins,
         guesses=_guesses(model, distance, track.current_A[:, : len(columns)]),
         held=replace(rests, rests=held_rests).held,
-        limits=np.stack([channel.limit for channel in channels], axis=1),
-        side=np.stack([channel.side for channel in channels], axis=1),
     )
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
@@ -185,30 +181,20 @@ def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, li
     return before, findings
 
 
-class _Channel(NamedTuple):
-    """Readings of a sensor, NaN where they are missing or clipped; and the end of the range where they are clipped."""
-
-    values: FloatArray
-    limit: FloatArray  # NaN where nothing is clipped
-    side: FloatArray  # 1 where what is clipped lies above that end, -1 where below
-    findings: list[Finding]
-
-
-def _channel(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: float) -> _Channel:
-    """Set aside what stands at an end of the range that the drawing or the record shows."""
+def _channel(
+    series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: float
+) -> tuple[FloatArray, list[Finding]]:
+    """Readings of a sensor; NaN where they are missing, or stand at an end of the range that the drawing shows."""
     name = str(reading.column)
     column, findings = without_repeats(series.rows[name].to_numpy(copy=True), begins, reading, step)
-    limit = np.array(series.clipped.get(name, np.full(len(column), np.nan)))
-    clipped, above = at_ends(column, reading)
+    clipped = at_ends(column, reading)
     if clipped.any():
         limited = np.isfinite(reading.high - reading.low)
         limits = amount_range(reading.low, reading.high, reading.unit) if limited else "its range"
         facts = {"clipped": int(clipped.sum()), "samples": f"{len(column)}", "name": reading.name, "limits": limits}
         findings.append(finding("clipped sensor", column=name, **facts))
-        limit[clipped] = np.where(above[clipped], reading.high, reading.low)
         column[clipped] = np.nan
-    middle = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
-    return _Channel(column, limit, np.where(limit > middle, 1.0, -1.0), findings)
+    return column, findings
 
 
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:

@@ -221,7 +221,7 @@ class FilterState:
 
 
 def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Lower factors L with L L^T = M, the precision being that of the input.
+    """Lower factors L with L L^T = M.
 
     Parameters
     ----------
@@ -240,8 +240,8 @@ def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
     runs, order, _ = matrices.shape
     if 2 * runs < order**3:
         with suppress(np.linalg.LinAlgError):
-            return np.asarray(np.linalg.cholesky(matrices), matrices.dtype), np.ones(runs, dtype=np.bool_)
-    factor = np.zeros((order, order, runs), matrices.dtype)  # each entry's values of all runs are neighbours
+            return np.asarray(np.linalg.cholesky(matrices), np.float64), np.ones(runs, dtype=np.bool_)
+    factor = np.zeros((order, order, runs))  # each entry's values of all runs are neighbours
     with np.errstate(invalid="ignore", divide="ignore", over="ignore", under="ignore"):
         for j in range(order):
             pivot = matrices[:, j, j]

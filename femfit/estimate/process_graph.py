@@ -104,7 +104,7 @@ class ProcessGraph:
     @cached_property
     def light(self) -> bool:
         """Whether exact Jacobians, and a step as one function, are made in a second; else differences serve."""
-        stages = self.function("moved", self.moved).graph.stages
+        stages = self.function("moved", self.moved).stages
         return sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
 
     @property

@@ -84,10 +84,7 @@ def on_grid(series: TimeSeries) -> OnGrid:
     rows["segment"] = rows["segment"].astype(np.intp)
     for name in ("time_s", *(name for name in rows if parts_of(str(name))[0] == "voltage_V")):
         rows[name] = bridged(rows[name].to_numpy(copy=True), added)
-    clipped = {name: np.full(len(added), np.nan) for name in series.clipped}
-    for name, values in clipped.items():
-        values[place] = series.clipped[name]
-    return OnGrid(replace(series, rows=rows, clipped=clipped, findings=(*series.findings, *findings)), added)
+    return OnGrid(replace(series, rows=rows, findings=(*series.findings, *findings)), added)
 
 
 def stretches_and_step(time: FloatArray, segment: IntArray, usual_step_s: float = 1.0) -> tuple[IntArray, float]:
@@ -177,12 +174,11 @@ def without_repeats(
     return np.where(again, np.nan, values), [finding("repeated", **facts)]
 
 
-def at_ends(values: FloatArray, reading: Reading) -> tuple[BoolArray, BoolArray]:
-    """Which samples stand at an end of the sensor's range, and which of all at the upper one."""
+def at_ends(values: FloatArray, reading: Reading) -> BoolArray:
+    """Which samples stand at an end of the sensor's range."""
     span = reading.high - reading.low
     slack = 1e-9 * span if np.isfinite(span) else 0.0
-    above = values >= reading.high - slack
-    return above | (values <= reading.low + slack), above
+    return (values >= reading.high - slack) | (values <= reading.low + slack)
 
 
 def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
@@ -218,7 +214,7 @@ def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading
     time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
     begins, step = stretches_and_step(time, segment)
     read, passed = without_repeats(series.rows[str(reading.column)].to_numpy(copy=True), begins, reading, step)
-    clipped, _ = at_ends(read, reading)
+    clipped = at_ends(read, reading)
     if clipped.any():
         facts = {"clipped": int(clipped.sum()), "samples": f"{len(read)}", "name": sensor.name}
         passed.append(finding("clipped distance", column="distance_m", **facts))

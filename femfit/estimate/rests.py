@@ -21,7 +21,7 @@ import numpy as np
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, FINEST, FLOWS, LEAST_BLOCKS, STILL, WRONG_FACTOR
+from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, FINEST, LEAST_BLOCKS, STILL, WRONG_FACTOR
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.findings import finding
 
@@ -90,7 +90,7 @@ def find_rests(model: ActuatorModel, track: Track) -> Rests:
             rests.append(Rest(early, late, level, place))
         contact[rows] = True
     contact |= _touching(model, distance, rests, noise_m)
-    return Rests(tuple(rests), contact, (*_remarks(track, rests), *_departure(model, track, rests)))
+    return Rests(tuple(rests), contact, tuple(_remarks(track, rests)))
 
 
 def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
@@ -211,31 +211,4 @@ def _remarks(track: Track, rests: list[Rest]) -> Iterator[Finding]:
             span=amount_range(float(track.time_s[here[0].first]), float(track.time_s[here[0].last]), "s", 3),
             factor=WRONG_FACTOR,
             size=share,
-        )
-
-
-def _departure(model: ActuatorModel, track: Track, rests: list[Rest]) -> Iterator[Finding]:
-    """When the body left a place, where it stood still with no current, or while the current changed.
-
-    A loop's hover keeps its own current; there, a wrong model would make a held body of a loop's plateau.
-    """
-    leaves = []
-    for rest in rests:
-        largest = np.nanmax(np.abs(track.current_A), initial=0.0)
-        quarters = np.array_split(np.abs(track.current_A[rest.first : rest.last + 1]), 4)
-        means = np.array([np.mean(quarter, axis=0) for quarter in quarters])
-        whatever_flows = (np.ptp(means, axis=0) > FLOWS * largest).any() or (means < FLOWS * largest).all()
-        if (rest.place != "held" or whatever_flows) and rest.last + BLOCK + 1 < len(track.time_s):
-            leaves.append(rest)
-    if leaves:
-        # The rest ends a block before the mean of one is off, and a slow start hides in the noise before that
-        row = min(leaves[0].last + 2 * BLOCK, len(track.time_s) - 1)
-        currents = track.current_A[row, : len(model.circuits)]
-        known = len(currents) and np.isfinite(track.current_A[row]).all()
-        yield finding(
-            "lift-off",
-            where=amount(leaves[0].distance_m, "m", 3),
-            time=amount(float(track.time_s[row]), "s", 3),
-            currents=", at " + " and ".join(amount(float(value), "A") for value in currents) if known else "",
-            more=f"; {counted(len(leaves) - 1, 'more departure')}" if len(leaves) > 1 else "",
         )

@@ -26,8 +26,6 @@ class Log(NamedTuple):
     begins: IntArray  # Indices of the first samples of stretches without a gap, ascending from 0
     guesses: FloatArray  # First estimate of every sample, of which pieces take theirs; (samples, n)
     held: BoolArray  # Whether the body stands still, whatever the forces say; (samples,)
-    limits: FloatArray  # The end of the range at which a reading is clipped; (samples, sensors), NaN where it is not
-    side: FloatArray  # 1 where what is clipped lies above that end, -1 where below
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +64,7 @@ def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed
         if turns > TURNS:
             todo = todo[~np.isin(todo - 1, todo)]
         used = used.with_runs(todo, wanted.of_runs(todo))
-    clipped = np.isfinite(log.limits)  # a bound is no reading, and says nothing of the noise
-    innovation, variance = (np.where(clipped, np.nan, values) for values in (result.innovation, result.variance))
-    return replace(result, innovation=innovation, variance=variance, turns=turns)
+    return replace(result, turns=turns)
 
 
 class _Pieces(NamedTuple):
@@ -110,7 +106,7 @@ def _run(
                 moved = moved.with_runs(here, predicting.predict(state.of_runs(here), log.inputs[row[here]]))
         if j == 0 and opens.any():  # nothing moves before the first sample
             moved = moved.with_runs(np.flatnonzero(opens), state.of_runs(np.flatnonzero(opens)))
-        readings = np.where(alive[:, None], _bounded(filter_, log, row, moved), np.nan)
+        readings = np.where(alive[:, None], log.readings[row], np.nan)
         state = filter_.update(moved, readings)
         here = row[alive]
         result.predicted[here], result.mean[here] = moved.mean[alive], state.mean[alive]
@@ -122,17 +118,6 @@ def _run(
         ended = np.flatnonzero(length == j + 1)
         last = last.with_runs(ended, state.of_runs(ended)) if len(ended) else last
     return last
-
-
-def _bounded(filter_: Filter, log: Log, row: IntArray, moved: FilterState) -> FloatArray:
-    """Readings, and the end of the range for a clipped one that is predicted within it: it is no less than that."""
-    readings = log.readings[row]
-    for k, output in enumerate(filter_.process.outputs):
-        limit, side = log.limits[row, k], log.side[row, k]
-        if np.isfinite(limit).any():
-            inside = side * (limit - output.measure(moved.mean)) > 0.0
-            readings[:, k] = np.where(np.isfinite(limit), np.where(inside, limit, np.nan), readings[:, k])
-    return readings
 
 
 def _joined(used: FilterState, wanted: FilterState) -> BoolArray:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import DTypeLike
 
 from femfit.core.compiled import Compilation
+from femfit.core.graph import GraphFunction
 from femfit.core.numerics import FloatArray
 from femfit.core.tape import Caller
 from femfit.estimate.process import FilterProcess, Output
@@ -46,35 +46,35 @@ class Terms(NamedTuple):
     read_slope: Sequence[Callable[[Any], Any]]  # dh/dx of one state, a row
 
 
-def in_arrays(process: FilterProcess, dtype: DTypeLike) -> Terms:
-    """The terms for many runs, in this precision."""
+def in_arrays(process: FilterProcess) -> Terms:
+    """The terms for many runs."""
 
     def as_points(values: FloatArray, points: FloatArray) -> FloatArray:
         """Values (N, k), or (N,), of points (n, count, runs)."""
-        return np.ascontiguousarray(values.T, dtype=dtype).reshape(-1, *points.shape[1:])
+        return np.ascontiguousarray(values.T).reshape(-1, *points.shape[1:])
 
     def moved(points: FloatArray, inputs: FloatArray) -> FloatArray:
-        every = np.empty((points.shape[1], *inputs.shape), dtype)
+        every = np.empty((points.shape[1], *inputs.shape))
         every[:] = inputs
         states = points.reshape(len(points), -1).T
         return as_points(process.transition(states, every.reshape(len(states), *inputs.shape[1:])), points)
 
     def slope(points: FloatArray, inputs: FloatArray) -> FloatArray:
-        return process.state_jacobian(points[:, 0].T, inputs).transpose(1, 2, 0).astype(dtype, copy=False)
+        return process.state_jacobian(points[:, 0].T, inputs).transpose(1, 2, 0)
 
     def reading(output: Output, points: FloatArray) -> FloatArray:
         return as_points(output.measure(points.reshape(len(points), -1).T), points)
 
     def reading_slope(output: Output, points: FloatArray) -> FloatArray:
-        return process.output_jacobian(points[:, 0].T, output).T[None].astype(dtype, copy=False)
+        return process.output_jacobian(points[:, 0].T, output).T[None]
 
     return Terms(
         product=lambda a, b: np.einsum("ijr,jkr->ikr", a, b),
         turned=lambda a: a.swapaxes(0, 1),
         beside=lambda *parts: np.concatenate(parts, axis=1),
         total=lambda a: a.sum(axis=1, keepdims=True),
-        unit=np.eye(process.order, dtype=dtype)[:, :, None],
-        noise=process.process_covariance.astype(dtype, copy=False)[:, :, None],
+        unit=np.eye(process.order)[:, :, None],
+        noise=process.process_covariance[:, :, None],
         moved=moved,
         moved_slope=slope,
         read=[partial(reading, output) for output in process.outputs],
@@ -96,19 +96,26 @@ class SingleStep(NamedTuple):
 class StepFunction:
     """(mean, covariance or factor, voltages, readings, their variances) -> :class:`SingleStep`.
 
-    ``function`` is that of CasADi, whose output has the parts one below the other, matrices column by column.
+    ``function`` is that of CasADi, whose output has the parts one below the other, matrices column by column. Where it
+    is to be compact, sigma points call one function that looks its tables up: a third of the code in C.
     """
 
-    def __init__(self, filter_: "Filter") -> None:
+    def __init__(self, filter_: "Filter", *, compact: bool = False) -> None:
         graph: ProcessGraph = filter_.process.graph
         outputs, n = filter_.process.outputs, graph.order
         m = len(outputs)
-        steps = [(step.at_a_point, slope().at_a_point) for step, slope in graph.steps]
-        looks = [graph.reading(output.name).at_a_point for output in outputs]
-        look_slopes = [graph.reading_slope(output.name).at_a_point for output in outputs]
         points = 1 if filter_.carries == "covariance" else 2 * n + 1
+        compact = compact and points > 1
+
+        def made(function: GraphFunction) -> ca.Function:
+            return function.by_tables if compact else function.at_a_point
+
+        steps = [(made(step), made(slope())) for step, slope in graph.steps]
+        looks = [made(graph.reading(output.name)) for output in outputs]
+        look_slopes = [made(graph.reading_slope(output.name)) for output in outputs]
         moves = [step for step, _ in steps]
-        written = points * sum(function.n_instructions() for function in (*moves, *looks)) < MOST_WRITTEN
+        count = points * sum(function.n_instructions() for function in (*moves, *looks))
+        written = count < MOST_WRITTEN and not compact
         functions = (*moves, *(slope for _, slope in steps), *looks, *look_slopes)
         plain = all(function.is_a("SXFunction") for function in functions)
         symbol: Any = ca.SX if written and plain else ca.MX

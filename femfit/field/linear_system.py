@@ -53,11 +53,10 @@ class SourceFields:
 
     def coefficients(self) -> Coefficients:
         """Force, flux linkages, co-energy and Hall field of the fields as they are."""
-        self_force, hall = quadratic(self.layer_force, self.own), self._hall
+        hall = self._hall
         linked = inner_products(self.loads, self.total)
         return Coefficients(
-            force=quadratic(self.layer_force, self.total) - self_force,
-            self_force=self_force,
+            force=quadratic(self.layer_force, self.total) - quadratic(self.layer_force, self.own),
             flux_linkage=linked[1:],
             coenergy=0.5 * linked[0, 0],
             hall=None if hall is None else np.array([hall_field(hall, self.mesh, total) for total in self.total]),

@@ -16,7 +16,7 @@ so that a field needs no evaluation anew where the mesh is stretched.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import ngsolve as ng
@@ -30,20 +30,11 @@ from femfit.field.drawing import build_mesh
 from femfit.field.layout import Layout, layer_outlines, layout_of_group
 from femfit.field.material_points import QuadraturePoints
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import AROUND_FIXED, function_of, weight
+from femfit.field.weak_form import function_of, weight
 
 STILL = 0.6  # of the gap above the fixed parts
 BISECTIONS = 40  # of the stretch; a step of rounding of it
 FADE = 8.0  # the stretch has faded out at this multiple of the actuator's radius
-
-
-@dataclass(frozen=True, eq=False)
-class PointField:
-    """A solution and what it was made for."""
-
-    w: ng.GridFunction
-    force: float  # On the moving part in N
-    self_force: float  # The stress of the moving part's own field on this mesh, as subtracted from the force, in N
 
 
 class MovingMesh:
@@ -59,19 +50,18 @@ class MovingMesh:
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
         _, low, _, high = layer_outlines(actuator, self.layout)[1].bounds
         self._layer_heights = (low + self.reference, high + self.reference)
-        self.mover_weight, self.reaction_weight = weight(self.mesh), weight(self.mesh, AROUND_FIXED)
-        self.work_weight = self.reaction_weight
-        if self.layout.stretchable:
-            self.work_weight = stretch_share(self.mesh, self.layout, self._layer_heights)
+        self.mover_weight = weight(self.mesh)
 
-    @property
+    @cached_property
     def vertex_share(self) -> FloatArray:
         """Part of a small shift of the moving part that each vertex makes, shape (vertices,).
 
         The stretch's own, or all of it within the mover's layer: neither moves an element at a corner of either part,
         where the energy of each part's own field is in error.
         """
-        share = self.work_weight if self.layout.stretchable else self.mover_weight
+        share = self.mover_weight
+        if self.layout.stretchable:
+            share = stretch_share(self.mesh, self.layout, self._layer_heights)
         return np.array(share.vec.FV().NumPy()[: self.mesh.nv])
 
     def move_to(self, distance: float) -> None:

@@ -29,7 +29,7 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.material_points import csr
-from femfit.field.moving_mesh import MovingMesh, PointField
+from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import NewtonResult, States, along_currents
 from femfit.field.nonlinear_system import NonlinearSystem
 from femfit.field.point_rows import (
@@ -44,7 +44,7 @@ from femfit.field.point_rows import (
 from femfit.field.problem import PickupCoils
 from femfit.field.signature_rows import SignatureRows
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import LayerForce, OtherForces, hall_field
+from femfit.field.weak_form import LayerForce, hall_field
 
 FIRST_ORDER = 2
 """Polynomial order at which the way along the currents is found: a tenth of what an iteration costs at order 5."""
@@ -85,7 +85,6 @@ class NonlinearActuator:
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
         self._total, self._own = GridFunction(self.fine.space), GridFunction(self.fine.space)
-        self._others = OtherForces((self._total,), (self._own,), self._moving.reaction_weight, self._moving.work_weight)
         self._signatures: SignatureRows | None = None
         self._solved: dict[float, dict[tuple[float, ...], PointSolution]] = {}  # of the distance last solved
         self._references: States = {}
@@ -140,8 +139,8 @@ class NonlinearActuator:
         result[solved] = rows
         return result
 
-    def field(self, distance: float, currents: CurrentsLike) -> PointField:
-        """The field at a point, with the mesh left stretched to it."""
+    def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
+        """The field w and the force in N at a point, with the mesh left stretched to it."""
         (point,) = current_points(currents, len(self._circuits))
         solution = self._solved.get(distance, {}).get(tuple(point))
         if solution is None:
@@ -151,7 +150,7 @@ class NonlinearActuator:
                 amperes = ", ".join(f"{i:g}" for i in point)
                 raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {solved.status}.")
         self._moving.move_to(distance)
-        return PointField(self.fine.function(solution.state), solution.force, solution.self_force)
+        return self.fine.function(solution.state), solution.force
 
     def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
@@ -160,19 +159,14 @@ class NonlinearActuator:
         def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> PointSolution:
             total, own = self._total, self._own
             total.vec.FV().NumPy()[:], own.vec.FV().NumPy()[:] = fine, self.fine.own_state(fine, currents)
-            self_force = self._layer.between(own, own)
-            reaction, work = (float(form[0, 0]) for form in self._others.evaluate())
             coarse_force = None
             if self._coarse_layer is not None:  # the force of a state one order lower is asked for
                 vectors = coarse, self.coarse.own_state(coarse, currents)
                 of_all, of_mover = (self._coarse_layer.between(w, w) for w in map(self.coarse.function, vectors))
                 coarse_force = of_all - of_mover
             return PointSolution(
-                force=self._layer.between(total, total) - self_force,
-                reaction=reaction,
-                work=work,
+                force=self._layer.between(total, total) - self._layer.between(own, own),
                 coarse_force=coarse_force,
-                self_force=self_force,
                 flux_linkage=self.fine.flux_linkage(fine),
                 inductance=self.fine.inductance(fine),
                 coenergy=-self.fine.evaluate(fine, currents).energy,

@@ -3,10 +3,7 @@ r"""Points of the circuits' currents, and from what was solved at a distance to 
 A linear actuator's distance is a form in the sources s = (1, i_1 .. i_n): F = s . F s, flux linkage = A s,
 W' = W_0 + flux_0 . i + i . L i / 2, B = b . s. A saturating one's is solved point by point.
 
-No single body is always safe, so the force is also had from the reaction on the fixed parts and by virtual work
-(:mod:`femfit.field.weak_form`). The estimate is the larger of the change from one order lower, with its factor,
-and of the disagreement of the three. With the fields' own stresses removed the bodies mostly differ by far less than
-the orders do: what is left is the error of the magnetisation, which they share.
+The error of a force is estimated by its change from one polynomial order lower, with a factor.
 """
 
 from collections.abc import Mapping, Sequence
@@ -81,9 +78,6 @@ def bias_currents(actuator: Actuator, rows: "pd.DataFrame") -> dict[float, tuple
     return bias
 
 
-DISAGREEMENT = "force_disagreement_N"
-"""How far reaction or virtual work are from the force: no column of the table, but part of its ``force_error_N``."""
-
 ERROR_SAFETY = 3.0
 """Factor on the force's change between two polynomial orders. At re-entrant corners the error falls algebraically with
 the order, by a factor q = 0.5..0.75 each time, so the true error is q / (1 - q) = 1..3 times the last change."""
@@ -101,7 +95,6 @@ class Coefficients:
     """Forms in the m sources, of a linear field or of small currents about a bias; in N, Wb, T, J and A."""
 
     force: FloatArray  # Symmetric; shape (m, m)
-    self_force: FloatArray  # The stress of the moving part's own field, as subtracted from the force; shape (m, m)
     flux_linkage: FloatArray  # Of the circuits, without current and of each source's ampere; shape (m - 1, m)
     coenergy: float  # W_0
     hall: FloatArray | None  # Shape (m,)
@@ -114,9 +107,6 @@ class DistanceSolution(Coefficients):
 
     # Change of the force from one polynomial order lower, where that was solved; shape (m, m)
     force_change: FloatArray | None
-    # The force by reaction and by virtual work (:class:`femfit.field.weak_form.OtherForces`); shape (m, m)
-    reaction: FloatArray
-    work: FloatArray
     pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by the coils' names; shape (m,) each
 
 
@@ -127,20 +117,16 @@ def superpose(sources: FloatArray, solution: DistanceSolution, circuits: Sequenc
     absent where the change is unknown.
     """
     flux = solution.flux_linkage
-    estimates = (solution.reaction, solution.work)
-    disagreement = np.max([np.abs(_form(sources, solution.force - estimate)) for estimate in estimates], axis=0)
     count = len(sources)
     currents, linked = sources[:, 1:], sources @ flux.T
     columns = {
         "force_N": _form(sources, solution.force),
-        DISAGREEMENT: disagreement,
         **dict(zip(flux_columns(circuits), linked.T, strict=True)),
         **{name: np.full(count, flux[j, 1 + k]) for name, (j, k) in inductance_columns(circuits).items()},
         "coenergy_J": solution.coenergy + 0.5 * np.sum(currents * (flux[:, 0] + linked), axis=1),
     }
     if solution.force_change is not None:
-        change = ERROR_SAFETY * _form(np.abs(sources), np.abs(solution.force_change))
-        columns["force_error_N"] = np.maximum(change, disagreement)
+        columns["force_error_N"] = ERROR_SAFETY * _form(np.abs(sources), np.abs(solution.force_change))
     if solution.hall is not None:
         columns["hall_T"] = sources @ solution.hall
     return columns | {pickup_column(name): sources @ linked for name, linked in solution.pickup.items()}
@@ -156,13 +142,10 @@ class PointSolution:
 
     Parameters
     ----------
-    force, reaction, work, coarse_force : float
-        By the layer round the moving part, by the reaction on the fixed parts, by virtual work, and by the layer one
-        order lower, where that was solved.
+    force, coarse_force : float
+        On the moving part, and one order lower where that was solved.
     flux_linkage : array, shape (circuits,)
     inductance : array, shape (circuits, circuits)
-    self_force : float
-        As subtracted from the force.
     beyond_curve : bool
         Whether a B-H curve had to be extrapolated.
     state : array, shape (unknowns,)
@@ -172,10 +155,7 @@ class PointSolution:
     """
 
     force: float
-    reaction: float
-    work: float
     coarse_force: float | None
-    self_force: float
     flux_linkage: FloatArray
     inductance: FloatArray
     coenergy: float
@@ -215,25 +195,14 @@ def _force_errors(solutions: Sequence[PointSolution | None], weakest_point: int)
     At single currents the change passes through zero, so it counts at least with its mean relative to the force; and
     where the coil cancels the magnet's force, relative to that of the weakest current.
     """
-    force, coarse, disagreement = np.array(
-        [
-            (solution.force, solution.coarse_force, _disagreement(solution))
-            if solution is not None
-            else (np.nan, np.nan, np.nan)
-            for solution in solutions
-        ],
-        dtype=np.float64,
-    ).T
+    unsolved = np.nan, np.nan
+    pairs = [unsolved if solution is None else (solution.force, solution.coarse_force) for solution in solutions]
+    force, coarse = np.array(pairs, dtype=np.float64).T
     change, size = np.abs(force - coarse), np.abs(force)
     share = np.nansum(change) / (np.nansum(size) or np.inf)
     least = share * np.fmax(size, size[weakest_point])
-    errors: list[float] = np.fmax(ERROR_SAFETY * np.fmax(change, least), disagreement).tolist()
+    errors: list[float] = (ERROR_SAFETY * np.fmax(change, least)).tolist()
     return errors
-
-
-def _disagreement(solution: PointSolution) -> float:
-    """The disagreement of reaction and virtual work with the force, in N."""
-    return max(abs(solution.force - estimate) for estimate in (solution.reaction, solution.work))
 
 
 def _columns(point: NonlinearPoint, circuits: Sequence[str]) -> dict[str, Any]:
@@ -250,7 +219,6 @@ def _columns(point: NonlinearPoint, circuits: Sequence[str]) -> dict[str, Any]:
         **dict(zip(flux_columns(circuits), solution.flux_linkage.tolist(), strict=True)),
         **{name: float(solution.inductance[place]) for name, place in inductance_columns(circuits).items()},
         "coenergy_J": solution.coenergy,
-        DISAGREEMENT: _disagreement(solution),
         BEYOND_CURVE: solution.beyond_curve,
     }
     columns |= {pickup_column(name): linked for name, linked in solution.pickup.items()}

@@ -18,17 +18,16 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import ngsolve as ng
 import numpy as np
-from netgen.libngpy._meshing import NgException
 from ngsolve import GridFunction
 
-from femfit.core.errors import DomainError, FieldSolverError
+from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import PickupCoil
 from femfit.device.parts import Actuator
-from femfit.field.layout import Layout, layout_of
+from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
-from femfit.field.moving_mesh import MovingMesh, PointField
+from femfit.field.moving_mesh import MovingMesh
 from femfit.field.point_rows import (
     CurrentsLike,
     DistanceSolution,
@@ -46,9 +45,7 @@ from femfit.field.tolerance import (
     at_level,
     check_currents,
     meet_tolerance,
-    settings_for,
 )
-from femfit.field.weak_form import OtherForces, flux_density
 
 NODES = 6
 """Numerical: of Gauss along each side of a strip, exact for polynomials of degree 11; fields have degree 5 or so."""
@@ -138,23 +135,17 @@ class LinearActuator:
         self._lower = LinearSystem(self._moving, actuator, settings.order - 1) if estimate else None
         self._signatures: SignatureRows | None = None
         self._solved: float | None = None  # distance that the fields are of
-        self._others = OtherForces(
-            self._system.total, self._system.own, self._moving.reaction_weight, self._moving.work_weight
-        )
 
     def solve(self, distance: float) -> DistanceSolution:
         """Solve at a distance."""
         with self._moving.at(distance):
             fine = self._system.evaluate()
-            reaction, work = self._others.evaluate()
             linked = [*map(self._pickups.at(distance), self._system.total)]
             lower = None if self._lower is None else self._lower.evaluate()
         self._solved = distance
         return DistanceSolution(
             **vars(fine),
             force_change=None if lower is None else fine.force - lower.force,
-            reaction=reaction,
-            work=work,
             pickup={name: np.array([links[name] for links in linked]) for name in linked[0]},
         )
 
@@ -179,16 +170,15 @@ class LinearActuator:
         points = current_points(currents, len(self._circuits))
         return self._signatures.of_sources(distance, points, totals, system.respond)
 
-    def field(self, distance: float, currents: CurrentsLike) -> PointField:
-        """The field at a point, with the mesh left stretched to it."""
+    def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
+        """The field w and the force in N at a point, with the mesh left stretched to it."""
         solution = self.solve(distance)
         self._moving.move_to(distance)
         (factors,) = sources(currents, self._circuits)
         field = ng.GridFunction(self._system.space)
         for factor, total in zip(factors, self._system.total, strict=True):  # as solved
             field.vec.data += factor * total.vec
-        force, self_force = (float(factors @ form @ factors) for form in (solution.force, solution.self_force))
-        return PointField(field, force, self_force)
+        return field, float(factors @ solution.force @ factors)
 
 
 if TYPE_CHECKING:
@@ -234,49 +224,3 @@ def prepare(
         return meet_tolerance(level, group, swept, ends, settings)
     wanted = np.unique([*current_points(currents, circuits), swept[weakest(swept)]], axis=0)
     return meet_tolerance(level, group, wanted, wanted, settings, np.unique([*wanted, *ends], axis=0))
-
-
-AxialField = Callable[[FloatArray, FloatArray], FloatArray]
-"""Radii and heights of readings in m, shapes (n,) each -> B_z in T there; a radius across the axis may be negative."""
-
-
-def axial_field(actuator: Actuator, distance: FloatArray, current: FloatArray) -> AxialField:
-    """Solve the drawing at every distance and current that occurs, once for all places.
-
-    Parameters
-    ----------
-    distance, current : array, shape (n,)
-        Of each reading, in m and A.
-
-    Raises
-    ------
-    DomainError
-        If a place lies outside of the solved domain, once the field is evaluated there.
-    """
-    settings = settings_for(actuator)
-    layout, solved = layout_of(actuator, settings), []
-    for d in np.unique(distance):
-        currents = np.unique(current[distance == d])
-        problem = prepare(actuator, (float(d),), layout, settings, currents=currents)
-        for i in currents:
-            here = np.flatnonzero((distance == d) & (current == i))
-            solved.append((here, problem.mesh, flux_density(problem.field(float(d), float(i)).w)))
-
-    def evaluate(radius: FloatArray, height: FloatArray) -> FloatArray:
-        result = np.zeros(len(distance))
-        for here, mesh, density in solved:
-            for k in here:
-                result[k] = _at(density, mesh, abs(float(radius[k])), float(height[k]))
-        return result
-
-    return evaluate
-
-
-def _at(density: Any, mesh: Any, radius: float, height: float) -> float:
-    try:
-        return float(density(mesh(radius, height))[1])
-    except NgException as error:
-        raise DomainError(
-            f"A probe must lie within the solved domain; it is at r = {1e3 * radius:g} mm, z = {1e3 * height:g} mm. "
-            "Check the unit of the places, and that z counts from the drawing's zero."
-        ) from error

@@ -23,14 +23,13 @@ from femfit.field.sweep_task import (
     AGAIN,
     DistanceTask,
     Done,
-    LevelTask,
     MeshGroup,
     Result,
     solve_in_processes,
     solve_task,
     versions,
 )
-from femfit.field.tolerance import SolverSettings, settings_for, shares_checks
+from femfit.field.tolerance import SolverSettings, settings_for
 from femfit.tables.eddy_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
 
@@ -128,7 +127,9 @@ def run_sweep(
         finished = names & journal.finished.keys()
         report()
         unfinished = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
-        _solve_all(_at_levels(unfinished, journal, record, workers), record, workers)
+        _solve_all([task for task in unfinished if task.chooses], record, workers)
+        others = [task for task in unfinished if not task.chooses]
+        _solve_all(_at_levels(others, journal, record), record, workers)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
         rows = sweep_rows(sweep, solved | failed)
         eddy, slopes = None, None
@@ -185,32 +186,18 @@ def _plan(
     return tasks, failed
 
 
-def _at_levels(
-    tasks: Sequence[DistanceTask], journal: Journal, record: Done[DistanceTask], workers: int
-) -> list[DistanceTask]:
-    """The tasks as their groups' levels want them, which are chosen first; those of a level that fails are done."""
-    levels = [
-        LevelTask(task.mesh, task.variant)
-        if task.mesh.settings.tolerance is not None and shares_checks(task.mesh.distances)
-        else None
-        for task in tasks
-    ]
-    solved: dict[LevelTask | None, Result] = {None: {"status": "ok"}}
-
-    def chosen(level: LevelTask, result: Result) -> None:
-        solved[level] = result
-        if "choice" in result:
-            journal.record(level.key, result)
-
-    unsolved = [level for level in dict.fromkeys(levels) if level is not None]
-    solved |= {level: journal.finished[level.key] for level in unsolved if level.key in journal.finished}
-    _solve_all([level for level in unsolved if level not in solved], chosen, workers)
+def _at_levels(tasks: Sequence[DistanceTask], journal: Journal, record: Done[DistanceTask]) -> list[DistanceTask]:
+    """The tasks as the levels want them that their groups' first ones chose; those whose process died are done."""
     ready = []
-    for task, result in zip(tasks, map(solved.__getitem__, levels), strict=True):
-        if result["status"] == "ok":
-            ready.append(task.at_level(result["choice"]) if "choice" in result else task)
+    for task in tasks:
+        if not task.mesh.shares_level:
+            ready.append(task)
+            continue
+        first = journal.finished[task.first.key]
+        if AGAIN in first:
+            record(task, first)
         else:
-            record(task, result)
+            ready.append(task.at_level(first.get("choice")))
     return ready
 
 

@@ -11,12 +11,12 @@ from femfit.core.results import listing
 from femfit.core.sweep_columns import VARIANT, current_columns, flux_columns, sweep_columns
 from femfit.core.text import counted
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.electrics import REMEDY, HallElement, PickupCoil, where_clipped
+from femfit.device.electrics import PickupCoil
 from femfit.device.load import sweep_manifest_entry
 from femfit.device.parts import SweepAxes
 from femfit.device.rewrite import VariantSweep
 from femfit.field.point_rows import NO_CONVERGENCE, swept_currents
-from femfit.field.tolerance import SMALL
+from femfit.field.tolerance import scale
 from femfit.tables.signatures import Signatures
 from femfit.tables.sweep_table import SweepTable, current_names
 
@@ -87,23 +87,6 @@ def signatures_of(
     return Signatures(tuple(number.facts for number in numbers), rows.assign(number=rows["number"].astype(str)))
 
 
-def clipped_hall(sweep: VariantSweep, table: SweepTable) -> list[str]:
-    """Where Hall elements' outputs are clipped within a sweep, a sentence for each element that is."""
-    rows, numbers = table.valid_rows(), dict[HallElement, list[int]]()
-    for number, variant in enumerate(sweep.variants, 1):
-        if variant.actuator is not None and variant.actuator.hall is not None:
-            numbers.setdefault(variant.actuator.hall, []).append(number)
-    sentences = []
-    for hall, variants in numbers.items() if "hall_T" in rows else ():
-        here = rows[rows[VARIANT].isin(variants)] if sweep.columns else rows
-        clause = where_clipped(
-            hall, here["distance_m"].to_numpy(), here[current_names(here)].to_numpy(), here["hall_T"].to_numpy()
-        )
-        if clause:
-            sentences.append(f"Hall element: its output is {clause}. {REMEDY}")
-    return sentences
-
-
 def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dict[str, Any]:
     """The manifest of a sweep.
 
@@ -167,12 +150,12 @@ def summarise(table: SweepTable) -> dict[str, Any]:
     status = table.rows["status"]
     good = table.valid_rows()
     failures = {str(reason): int(count) for reason, count in status[status != "ok"].value_counts().items()}
-    relative = _relative_errors(good, _near_force(good))
+    scales = _scales(good)
+    relative = _relative_errors(good, scales.combine(_near_force(good), max))
     tolerance = table.manifest.get("settings", {}).get("tolerance")
     notes = {name: table.manifest[name] for name in ("points_beyond_bh_curve",) if name in table.manifest}
     if tolerance is not None:
-        strict = _relative_errors(good, good["force_N"].abs())
-        notes["rows_beyond_tolerance"] = int((strict > tolerance).sum())
+        notes["rows_beyond_tolerance"] = int((_relative_errors(good, scales) > tolerance).sum())
     return {
         "rows": len(table.rows),
         "failed": len(table.rows) - len(good),
@@ -219,12 +202,13 @@ def _near_force(rows: "pd.DataFrame") -> "pd.Series[float]":
     return size
 
 
-def _relative_errors(rows: "pd.DataFrame", size: "pd.Series[float]") -> "pd.Series[float]":
-    """Estimated error of each row with a force, relative to its size or to that of the weakest current."""
-    keys = [name for name in (VARIANT, "distance_m") if name in rows]
-    magnitude = np.linalg.norm(rows[current_names(rows)], axis=1)
-    weakest_first = rows.assign(size=size, magnitude=magnitude).sort_values("magnitude", kind="stable")
-    weakest = weakest_first.groupby(keys)["size"].transform("first")
-    largest = weakest_first["force_N"].abs().groupby([weakest_first[name] for name in keys]).transform("max")
-    scale = size.combine(weakest.reindex(rows.index), max).combine(SMALL * largest.reindex(rows.index), max)
-    return (rows["force_error_N"] / scale)[scale > 0.0]
+def _scales(rows: "pd.DataFrame") -> "pd.Series[float]":
+    """What an error of each row's force is relative to, at its distance: :func:`femfit.field.tolerance.scale`."""
+    scales = rows["force_N"].abs()
+    for _, here in rows.groupby([name for name in (VARIANT, "distance_m") if name in rows]):
+        scales[here.index] = scale(here["force_N"].to_numpy(), here[current_names(here)].to_numpy())
+    return scales
+
+
+def _relative_errors(rows: "pd.DataFrame", scales: "pd.Series[float]") -> "pd.Series[float]":
+    return (rows["force_error_N"] / scales)[scales > 0.0]

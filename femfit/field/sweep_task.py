@@ -1,6 +1,6 @@
 """The tasks of a sweep, and the processes that solve them; one that kills its worker costs itself alone.
 
-A task is the level of a group of distances, a distance, or, of the harmonic part, a probe or the forms of a distance.
+A task is a distance or, of the harmonic part, a probe or the forms of a distance.
 
 A process that dies breaks its pool and every task in it, and the pool does not say whose fault it was. So few tasks are
 handed out at a time, those that were out are solved again, each in a process of its own, and the rest goes to a new
@@ -21,12 +21,12 @@ from femfit import __version__
 from femfit.core.errors import FemfitError, FieldSolverError
 from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
-from femfit.core.processes import held_interrupts, kept_interrupts, process_pool
+from femfit.core.processes import kept_interrupts, process_pool
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.point_rows import swept_currents
-from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem
+from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem, shares_checks
 
 Task = TypeVar("Task")
 Result = dict[str, Any]
@@ -95,6 +95,11 @@ class MeshGroup:
     # groups apart: whoever chose the level goes on with its mesh.
     choice: LevelChoice | None = field(default=None, compare=False)
 
+    @property
+    def shares_level(self) -> bool:
+        """Whether one level is chosen for all of the distances, by the task of the first one."""
+        return self.settings.tolerance is not None and shares_checks(self.distances)
+
     def of(self, distance: float) -> "MeshGroup":
         """The group of a distance alone, in m."""
         return replace(self, distances=(distance,), choice=None)
@@ -102,7 +107,11 @@ class MeshGroup:
 
 @dataclass(frozen=True)
 class DistanceTask:
-    """One distance of a sweep; its result has ``rows``, the table's columns, one value a point of the currents."""
+    """One distance of a sweep; its result has ``rows``, the table's columns, one value a point of the currents.
+
+    The first one of a group that shares its level searches for it, so that not every worker does; its result has the
+    ``choice``; where the group has no mesh it has none.
+    """
 
     mesh: MeshGroup
     distance: float
@@ -114,16 +123,29 @@ class DistanceTask:
         """Name in the journal."""
         return f"{self.variant}: {self.distance!r}"
 
+    @property
+    def first(self) -> "DistanceTask":
+        """The task of the group's first distance."""
+        return replace(self, distance=self.mesh.distances[0])
+
+    @property
+    def chooses(self) -> bool:
+        """Whether it searches for its group's level."""
+        return self.mesh.shares_level and self.distance == self.mesh.distances[0]
+
     def at_level(self, choice: Mapping[str, Any] | None) -> "DistanceTask":
-        """The task on the level of a :class:`LevelTask`'s result, or on a mesh of its own where its group has none."""
+        """The task on the level that was chosen, or on a mesh of its own where its group has none."""
         if choice is None:
             return replace(self, mesh=self.mesh.of(self.distance))
         return replace(self, mesh=replace(self.mesh, choice=LevelChoice(**choice)))
 
     def result(self) -> dict[str, Any]:
         """On the group's mesh, or on one of the distance's own where that cannot be made."""
+        choice = None
         try:
             problem = MESHES.problem(self.mesh)
+            if self.chooses and isinstance(problem, ToleranceProblem):
+                choice = asdict(problem.choice)
         except FieldSolverError:
             if len(self.mesh.distances) == 1:
                 raise
@@ -131,41 +153,15 @@ class DistanceTask:
         currents = swept_currents(self.mesh.actuator.sweep)
         rows = problem.rows(self.distance, currents)
         result = {"rows": json_ready(rows)}  # a current without a field has null
+        if choice is not None:
+            result["choice"] = choice
         if not self.numbers:
             return result
         slopes = problem.signatures(self.distance, currents, self.numbers)
         return result | {"signatures": json_ready(slopes.tolist())}
 
 
-@dataclass(frozen=True)
-class LevelTask:
-    """The level on which a group meets its tolerance; its result has ``choice``, None where the group has no mesh.
-
-    Each worker would else check each group for itself, which takes longer than to solve a short one.
-    """
-
-    mesh: MeshGroup
-    variant: int = 1
-
-    @property
-    def key(self) -> str:
-        """Name in the journal."""
-        return f"{self.variant}: level from {self.mesh.distances[0]!r}"
-
-    def result(self) -> dict[str, Any]:
-        """Refine; the mesh is kept for the group's distances."""
-        try:
-            problem = MESHES.problem(self.mesh)
-        except FieldSolverError:
-            return {"choice": None}
-        return {"choice": asdict(problem.choice) if isinstance(problem, ToleranceProblem) else None}
-
-
-SweepTask = DistanceTask | LevelTask
-"""What a worker solves; picklable."""
-
-
-def solve_task(task: SweepTask) -> dict[str, Any]:
+def solve_task(task: "DistanceTask | ProbeTask | FormsTask") -> dict[str, Any]:
     """Solve a task; a mesh or solution that fails becomes a result with its reason.
 
     Returns
@@ -207,7 +203,7 @@ class MeshCache:
     def problem(self, group: MeshGroup) -> "FieldProblem":
         """The group's field problem, made where it is not the one that was asked for last."""
         if self._problem is None or group != self._group:
-            with held_interrupts():  # NGSolve prints a stack where a signal hits its import
+            with kept_interrupts():  # NGSolve turns one that hits its import into an error of its own
                 from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
 
                 from femfit.field.problem import prepare  # noqa: PLC0415

@@ -11,9 +11,7 @@ below instead, which costs a third of the solution: the difference is four times
 and once the error where corners of saturating steel let it fall to a half (relay, push solenoid). What the comparison
 solved on the level that is chosen is kept.
 
-On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.weak_form`), and a
-row states the larger of the difference and of their disagreement. The settings have the defaults that the validation
-was made with.
+A row states the difference as its error. The settings have the defaults that the validation was made with.
 
 References
 ----------
@@ -32,7 +30,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import is_flux
 from femfit.device.parts import Actuator
 from femfit.field.newton import TOLERANCE
-from femfit.field.point_rows import DISAGREEMENT, CurrentsLike, between, current_points, weakest
+from femfit.field.point_rows import CurrentsLike, between, current_points, weakest
 
 
 @dataclass(frozen=True)
@@ -124,7 +122,7 @@ class ToleranceProblem:
             # The largest error of the checked points round each point: with no other checked one between
             near = [[between(self._currents, x, place).sum() == 1 for place in self._currents] for x in points]
             error = np.max(np.where(near, self._errors, 0.0), axis=1) * scale(columns["force_N"], points)
-            columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
+            columns["force_error_N"] = error.tolist()
         return columns
 
 
@@ -169,7 +167,7 @@ def meet_tolerance(
         linked = [_difference(name, below, above, small).max() for name in below.columns[0] if is_flux(name)]
         flux = CHECK_SAFETY * max(linked, default=0.0)
         chosen = below if shared else above
-        met = max(force.max(), flux, _disagreement(chosen, small)) <= tolerance
+        met = max(force.max(), flux) <= tolerance
     choice = LevelChoice(chosen.level, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
     return ToleranceProblem(chosen.problem, levels[chosen.level], choice, None if shared else chosen)
 
@@ -231,17 +229,6 @@ def _difference(name: str, first: _Solved, second: _Solved, small: Sequence[Mapp
         if name in coarse and name in fine:  # a current that did not converge has NaN, which says nothing of the error
             change, size = np.abs(coarse[name] - fine[name]), np.fmax(scale(fine[name], first.checked), least[name])
             worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(worst)), where=size > 0.0))
-    return worst
-
-
-def _disagreement(solved: _Solved, small: Sequence[Mapping[str, float]]) -> float:
-    """The largest one of the bodies, relative to the scale: part of the error that the rows will state."""
-    worst = 0.0
-    for columns, least in zip(solved.columns, small, strict=True):
-        if DISAGREEMENT in columns:
-            size = np.fmax(scale(columns["force_N"], solved.checked), least["force_N"])
-            share = np.divide(columns[DISAGREEMENT], size, out=np.zeros(len(size)), where=size > 0.0)
-            worst = float(np.fmax.reduce(share, initial=worst))
     return worst
 
 

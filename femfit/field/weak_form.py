@@ -15,35 +15,18 @@ T_z = (B_z B_r, B_z^2 - B^2 / 2) / mu_0: the average of the surface integral ove
 quadratic form in w; its matrix lives in the layer alone, which moves as a rigid body, so that one matrix serves all
 distances of a mesh.
 
-The force is held against two others, by the reaction on the fixed parts and by virtual work. With the total field u + v
-(u of the moving part's magnetisation alone, v of all the rest; :mod:`femfit.field.linear_system`) the force is the
-mutual stress 2 T(u, v), weighted by any function g that is 1 on the moving part and 0 on the fixed ones. The stress of
-either field with itself integrates to zero and is left out. On a mesh it does not: round the corners of a core it was
-found up to fifty times the error of the mover's force, whose layer touches no corner. That is why the plain reaction is
-the worse number, and no measure of the better one.
-
-**Reaction.** g is harmonic in all air, down to the surfaces of the fixed parts.
-
-**Virtual work.** Weighted by g, the stress is the derivative of the discrete co-energy as the mesh moves by g. With the
-sweep's own stretch as g, 2 T(u, v) is the slope of the fields' mutual co-energy along the table's distances: what
-differences of neighbouring rows would give, without their rounding, and without the slope of each field's own energy,
-which is error. Where each distance has a mesh of its own, all air moves with the part as for the reaction.
-
-Neither has its weight in the layer of the mover's force. All three share the error of the magnetisation, which only the
-change between two orders measures; the disagreement says what is left beside it.
+The force of the moving part's own field integrates to zero, but not on a mesh: it is subtracted
+(:mod:`femfit.field.linear_system`).
 
 References
 ----------
 K. Meeker, FEMM 4.2 manual, section A.3 (asymptotic boundary); J. Gopalakrishnan and S. Reitzinger, Numer. Linear
 Algebra Appl. 16 (2009), for unknowns A/r in axisymmetric spaces.
-F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the eggshell method, and virtual work as weighted stress;
-J. L. Coulomb, IEEE Trans. Magn. 19 (1983) 2514: virtual work on a mesh; S. McFee, J. P. Webb and D. A. Lowther, IEEE
-Trans. Magn. 24 (1988) 439: weight functions and their equality with virtual work.
+F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the eggshell method.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
@@ -51,11 +34,13 @@ import numpy as np
 import shapely
 from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, ds, dx, grad
 
-from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import MU_0, BoolArray, FloatArray
 from femfit.device.electrics import HallElement
-from femfit.device.parts import Actuator, Coil, LinearMaterial, Material, NonlinearMaterial
+from femfit.device.parts import Actuator, Coil, LinearMaterial, Material
 from femfit.field.layout import FIXED, MOVING, coil_region
+
+LAYER = "layer"
+"""The region of the mesh's own layer round the moving part, which touches no corner."""
 
 RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the quadrature's order
 
@@ -87,13 +72,8 @@ def materials(actuator: Actuator) -> dict[str, Material]:
 
 
 def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
-    """The same for an actuator without saturating parts."""
-    linear: dict[str, LinearMaterial] = {}
-    for name, material in materials(actuator).items():
-        if isinstance(material, NonlinearMaterial):
-            raise FieldSolverError(f"{name} is of {material.name}, which saturates. Use the nonlinear solver for it.")
-        linear[name] = material
-    return linear
+    """The same of the parts that do not saturate."""
+    return {name: material for name, material in materials(actuator).items() if isinstance(material, LinearMaterial)}
 
 
 def stiffness(
@@ -152,34 +132,17 @@ def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
     return mesh.MaterialCF({name: material.reluctivity for name, material in named.items()}, default=1.0 / MU_0)
 
 
-@dataclass(frozen=True)
-class Layer:
-    """A layer of air with a body on its inner side."""
-
-    region: str
-    inner: str
-    outer: str
-
-
-AROUND_MOVER = Layer("layer", inner=f"halo|{MOVING}", outer=f"air|{FIXED}")
-"""The mesh's own layer, which touches no corner: the force on the moving part."""
-
-AROUND_FIXED = Layer("air", inner=f"halo|layer|{MOVING}", outer=FIXED)
-"""All air between the moving part's layer and the fixed parts: the reaction on the fixed parts, with the sign of the
-force on the moving one."""
-
-
-def weight(mesh: Mesh, layer: Layer = AROUND_MOVER) -> GridFunction:
+def weight(mesh: Mesh) -> GridFunction:
     """The weight g: 1 up to the layer's inner outline, 0 from its outer outline on, harmonic between."""
     space = H1(mesh, order=2)
     g = GridFunction(space)
-    inner = _dofs(space, mesh.Materials(layer.inner))
-    outer = _dofs(space, mesh.Materials(layer.outer)) | _dofs(space, mesh.Boundaries("outer"))
+    inner = _dofs(space, mesh.Materials(f"halo|{MOVING}"))
+    outer = _dofs(space, mesh.Materials(f"air|{FIXED}"))
     vertices = np.arange(space.ndof) < mesh.nv
     g.vec.FV().NumPy()[:] = inner & vertices
-    free = ng.BitArray((_dofs(space, mesh.Materials(layer.region)) & ~inner & ~outer).tolist())
+    free = ng.BitArray((_dofs(space, mesh.Materials(LAYER)) & ~inner & ~outer).tolist())
     u, v = space.TnT()
-    laplace = BilinearForm(grad(u) * grad(v) * dx(layer.region)).Assemble()
+    laplace = BilinearForm(grad(u) * grad(v) * dx(LAYER)).Assemble()
     residual = laplace.mat.CreateColVector()
     residual.data = -laplace.mat * g.vec
     g.vec.data += laplace.mat.Inverse(free, inverse="sparsecholesky") * residual
@@ -203,10 +166,10 @@ def stress_density(b: Any, c: Any, slope: Any) -> Any:
 class LayerForce:
     """The force as a quadratic form of solutions on one mesh."""
 
-    def __init__(self, space: H1, g: GridFunction, layer: Layer = AROUND_MOVER) -> None:
+    def __init__(self, space: H1, g: GridFunction) -> None:
         w, v = space.TnT()
         form = BilinearForm(space, symmetric=True)
-        region = dx(layer.region, bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
+        region = dx(LAYER, bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
         form += stress_density(flux_density(w), flux_density(v), grad(g)) * region
         self._form = form.Assemble()
 
@@ -219,38 +182,6 @@ class LayerForce:
         image = function.vec.CreateVector()
         image.data = self._form.mat * function.vec
         return image
-
-
-class OtherForces:
-    """Reaction and virtual work of the sources' fields w and u, as they are when :meth:`evaluate` is called.
-
-    The two are integrated for the products of the sources alone; to assemble their matrices at each distance would take
-    four times as long. Both weights vary in the air outside of the mover's layer alone.
-    """
-
-    def __init__(
-        self,
-        total: Sequence[GridFunction],
-        alone: Sequence[GridFunction],
-        reaction_weight: GridFunction,
-        work_weight: GridFunction,
-    ) -> None:
-        space = total[0].space
-        self._mesh = space.mesh
-        self._order = 2 * space.globalorder + 2  # B, B, r and the slope of a weight of order 2
-        w, u = ([flux_density(function) for function in functions] for functions in (total, alone))
-        v = [b - own_b for b, own_b in zip(w, u, strict=True)]
-        slopes = grad(reaction_weight), grad(work_weight)
-        terms = [2.0 * stress_density(b, c, slope) for slope in slopes for b in u for c in v]
-        self._shape = (2, len(w), len(w))
-        self._density = ng.CF(tuple(terms)).Compile()  # each field is evaluated once, not in every term
-
-    def evaluate(self) -> tuple[FloatArray, FloatArray]:
-        """The reaction and virtual work as quadratic forms in the sources, signed as the force."""
-        air = self._mesh.Materials(AROUND_FIXED.region)
-        terms = np.array(ng.Integrate(self._density, self._mesh, order=self._order, definedon=air)).reshape(self._shape)
-        reaction, work = 0.5 * (terms + terms.swapaxes(1, 2))
-        return reaction, work
 
 
 def quadratic(form: LayerForce, functions: Sequence[GridFunction]) -> FloatArray:

@@ -13,8 +13,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.fit.constants import ALONE, U_DEGREE
-from femfit.model.bspline import basis_matrix
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.bspline import DistanceCoordinate, basis_matrix
 
 
 def clamped_knots(breaks: FloatArray, degree: int) -> FloatArray:

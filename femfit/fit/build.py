@@ -13,7 +13,7 @@ import numpy as np
 from femfit.core.errors import FitError, UsageError
 from femfit.core.numerics import GRAVITY
 from femfit.fit.circuits_fit import fit_circuits, require_currents
-from femfit.fit.coenergy import fit_coenergy, missed_between
+from femfit.fit.coenergy import fit_coenergy
 from femfit.fit.drawing import drawn_effects
 from femfit.fit.eddy import with_eddy_currents
 from femfit.fit.law_columns import default_bounds
@@ -154,16 +154,15 @@ def fit_model(
     model = replace(model, sample_time_s=period_of(entry) or sample_time(model))
     model = replace(model, misfit=misfit_to_rows(as_written(model), rows))
     spline = None if fits.law or fits.network else fits.coenergy
-    between = missed_between(spline, rows) if spline else None
     notes = (
         *(unknown if has_coil else ()),  # a pair of magnets lacks none
         *unmoved,
         *not_held,
         *unsensed,
-        *(fits.circuits.notes() if fits.circuits else misfit_notes(model, rows, spline, between)),
+        *(fits.circuits.notes() if fits.circuits else misfit_notes(model, rows, spline)),
     )
     of_data = import_notes(table)
-    result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=of_data, between=between)
+    result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=of_data)
     versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
     return result.with_provenance(table.manifest, versions={"python": platform.python_version(), **versions})
 

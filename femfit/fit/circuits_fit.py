@@ -293,7 +293,7 @@ def _require_agreement(fit: CircuitsFit) -> None:
 def _require_definite(magnetics: CoenergyMatrix, rows: FitRows) -> None:
     """Refuse inductances that would store a negative energy at some distance between the rows."""
     d = np.unique(np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)]))
-    least = np.linalg.eigvalsh(magnetics.matrix(d)[:, 1:, 1:])[:, 0]
+    least = np.linalg.eigvalsh(magnetics.inductance(d, np.zeros((len(d), len(magnetics.names)))))[:, 0]
     if not np.all(least > 0.0):
         raise FitError(
             f"The inductances of {', '.join(magnetics.names)} must be positive definite; at "

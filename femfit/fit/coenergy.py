@@ -2,41 +2,20 @@
 
 W' is a tensor B-spline in a coordinate u(d) and i; F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are
 linear in its coefficients, so all columns of the sweep enter one bounded QP, and reciprocity holds exactly.
-
-How far the co-energy of iron that saturates may be off between the points of its sweep, without solving any more.
-
-A bend of the steel that is narrower than a step of the sweep leaves much open: splines of as many pieces, in other
-coordinates of the distance and with their breaks in the current moved, meet the points alike and part between them. By
-how much they part from the model is the estimate. It is the median over these splines for force and flux linkage; the
-inductance is a broken line in the current for all of them, and what they share does not show, hence two thirds.
-
-Calibrated on 29 grids, thinned out of sweeps of a conical solenoid, a holding magnet, a thin flange, two flat
-solenoids, a relay and a valve: of what the points that were taken out are missed by (rms), the estimate is 0.27 to 3.2
-for the force, 0.27 to 2.4 for the flux linkage and 0.31 to 6 for the inductance; within a factor of two on 21, 24 and
-25 grids, of three on 26, 28 and 27. Points left out in turn give 0.1 to 2 for the force: they never leave out the least
-distance, where it is missed most.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.fit.basis import CoenergyBasis, CurrentSplines
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
-from femfit.fit.coenergy_choice import choose_basis, distance_trials
+from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system, determined
-from femfit.fit.constants import (
-    ALLOWED_VIOLATION,
-    COARSE,
-    COARSE_INDUCTANCE,
-    MOVED_BREAKS,
-    PARTED,
-    SHAPE_POINTS,
-    U_DEGREE,
-)
-from femfit.fit.rows import FitRows, rms
+from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
+from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.magnetics import CoenergySpline
 
@@ -190,65 +169,3 @@ def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> 
 
     origin = np.clip(0.0, rows.currents[0], rows.currents[-1])
     return spline(coefficients - spline(coefficients).coenergy(rows.distances[-1:], np.array([[origin]])))
-
-
-@dataclass(frozen=True, eq=False)
-class Between:
-    """Estimated errors between the points, as parts of the rms over the table."""
-
-    # Rms over the points halfway
-    force: float
-    flux_linkage: float
-    inductance: float
-    finer: dict[str, list[float]]  # The ``distance_m`` and ``current_A`` to add where it is missed most
-
-    @property
-    def poor(self) -> bool:
-        """Whether the user is told to sweep more finely."""
-        return self.force > COARSE or self.inductance > COARSE_INDUCTANCE
-
-
-def missed_between(fit: CoenergyFit, rows: FitRows) -> Between | None:
-    """The estimate; None for a table without inductances, whose model is judged by points left out."""
-    if rows.inductance is None or rows.flux_linkage is None:
-        return None
-    distance, current = halfway(rows)
-    splines = fit.magnetics, *_others(fit.basis, rows)
-    states = [spline.state(distance, current[:, None]) for spline in splines]
-    linked = [spline.flux_linkage(distance, current[:, None])[:, 0] for spline in splines]
-    values = np.array([[at.force, flux, at.inductance[:, 0, 0]] for at, flux in zip(states, linked, strict=True)])
-    table = (rows.force, rows.flux_linkage[:, 0], rows.inductance[np.isfinite(rows.inductance)])
-    off = np.abs(values[1:] - values[0]) / np.array([[rms(column)] for column in table])
-    parted = np.array([np.quantile(off[:, k], share, axis=0) for k, share in enumerate(PARTED)])
-    force, flux_linkage, inductance = (rms(departure) for departure in parted)
-    chosen = parted[0] if force > COARSE else parted[2]
-    most = 2.0 * chosen >= chosen.max()
-    finer = {
-        "distance_m": np.setdiff1d(distance[most], rows.distances).tolist(),
-        "current_A": np.setdiff1d(current[most], rows.currents).tolist(),
-    }
-    return Between(force, flux_linkage, inductance, finer)
-
-
-def halfway(rows: FitRows) -> tuple[FloatArray, FloatArray]:
-    """Distances and currents in the middles of the grid's cells and of their sides, shape (n,) each."""
-    axes = [np.sort(np.append(axis, 0.5 * (axis[1:] + axis[:-1]))) for axis in (rows.distances, rows.currents)]
-    distance, current = (grid.ravel() for grid in np.meshgrid(*axes, indexing="ij"))
-    new = ~(np.isin(distance, rows.distances) & np.isin(current, rows.currents))
-    return distance[new], current[new]
-
-
-def _others(basis: CoenergyBasis, rows: FitRows) -> Iterator[CoenergySpline]:
-    """The other splines: with each of the distance's trials the inner breaks in the current go up or down.
-
-    They go without the shape constraints, which hold at the points and hardly act between them.
-    """
-    system = coenergy_system(rows)
-    columns = np.array([rows.force, rows.linked[:, 0], rows.inductance[:, 0, 0]])[..., None]  # type: ignore[index]
-    functions = splines_of_current(basis)
-    (knots,) = functions.knots
-    step = MOVED_BREAKS * np.diff(np.unique(knots)).min() * ((knots > knots[0]) & (knots < knots[-1]))
-    alike = [replace(basis, **trial) for trial in distance_trials(rows)]
-    for n, trial_basis in enumerate(trial for trial in alike if trial.u_cells == basis.u_cells):
-        moved = replace(trial_basis, functions=replace(functions, knots=(knots + (-1) ** (n + 1) * step,)))
-        yield spline_of(moved, system.without_constraints(moved, columns).reshape(moved.shape), rows)

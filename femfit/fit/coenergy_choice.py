@@ -31,7 +31,7 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.bspline import DistanceCoordinate
 
 
 def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
@@ -154,7 +154,7 @@ def distance_coordinates(distances: FloatArray) -> list[DistanceCoordinate]:
     nearest = float(distances[0])
     shifts = [share * stroke for share in SHIFTS]
     inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
-    return [*(DistanceCoordinate(nearest + s, s) for s in inverse), DistanceCoordinate(stroke, inverse=False)]
+    return [*(DistanceCoordinate(nearest + s, s) for s in inverse), DistanceCoordinate(stroke, kind="distance")]
 
 
 Along = tuple[DistanceCoordinate, FloatArray]
@@ -184,7 +184,7 @@ def choose_along_distance(
             "Sweep more distances."
         )
     middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
-    between = [DistanceCoordinate(middle, inverse=False, stretch_m=share * width) for share in TWO_GAPS]
+    between = [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * width) for share in TWO_GAPS]
     coordinates = [*distance_coordinates(distances), *between]
     scored: list[tuple[float, Along]] = []
     for cells in CIRCUIT_CELLS:

@@ -34,9 +34,6 @@ STRAIGHT = 1e-3
 COARSE = 0.01
 """Conventional: misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of."""
 
-COARSE_INDUCTANCE = 0.05
-"""Conventional: the same of the inductance between the points of a sweep of iron that saturates."""
-
 POOR_CIRCUIT = 0.1
 """Conventional: misfit of flux linkage or inductance, over the rms of the table's, or over the inductance's change with
 the distance, that the user is warned of."""
@@ -152,10 +149,6 @@ SMOOTHED_DEGREE = 3
 DISTANCE_FOLDS, SCATTERED_FOLDS = 4, 5
 """Derived: with row j + 2 current k modulo 5, no two rows of a fold are neighbours, nor next but one along an axis;
 every fourth distance keeps its neighbours."""
-
-MOVED_BREAKS, PARTED = 0.2, (0.5, 0.5, 0.68)
-"""Calibrated, on the grids that :mod:`femfit.fit.coenergy` names: by what part of the narrowest cell the breaks in the
-current are moved, and which part of the other splines' departures is taken for force, flux linkage and inductance."""
 
 # Laws
 

@@ -21,8 +21,7 @@ from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, ED
 from femfit.fit.drawing import CONDUCTIVITY, spline_frequencies, with_impedances
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.bspline import basis_matrix
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.bspline import DistanceCoordinate, basis_matrix
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyBias, EddyCurrents, EddyError
 from femfit.model.impedance import impedance_change
@@ -61,7 +60,7 @@ def fit_eddy(
     _, modes = np.linalg.eigh(-combined.flux_linkage[middle, n:, 1 + n :])  # the slowest first
     combined = combined.combined(modes)
     coordinate = getattr(magnetics, "coordinate", None) or DistanceCoordinate(
-        float(np.ptp(table.distances_m)), inverse=False
+        float(np.ptp(table.distances_m)), kind="distance"
     )
     eddy = _through(combined, coordinate)
     _require_passive(eddy, table.distances_m)

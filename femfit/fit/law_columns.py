@@ -154,11 +154,11 @@ def term_bounds(
                     continue
                 if len(only) == 1:
                     # sign row x >= sign limit bounds this term alone, from below where the row's entry has that sign.
-                    entry = row[only[0]]
+                    entry, place = float(row[only[0]]), int(only[0])
                     if sign * entry > 0:
-                        lower[only[0]] = max(lower[only[0]], limit / entry)
+                        lower[place] = max(float(lower[place]), float(limit) / entry)
                     else:
-                        upper[only[0]] = min(upper[only[0]], limit / entry)
+                        upper[place] = min(float(upper[place]), float(limit) / entry)
                 else:
                     rows.append(sign * row)
                     right.append(sign * limit)

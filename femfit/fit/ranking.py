@@ -21,7 +21,7 @@ import numpy as np
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
 from femfit.core.text import amount
-from femfit.fit.coenergy import Between, CoenergyFit
+from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.constants import COARSE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics, refit
@@ -95,9 +95,7 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     )
 
 
-def misfit_notes(
-    model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | None, between: Between | None = None
-) -> tuple[str, ...]:
+def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | None) -> tuple[str, ...]:
     """Warnings where the model misses the table that it was fitted to.
 
     Parameters
@@ -108,16 +106,12 @@ def misfit_notes(
         The table's.
     coenergy : CoenergyFit or None
         The model, where it is one.
-    between : Between or None
-        What a co-energy may be off by between the points.
     """
     misfit = model.misfit
     assert misfit is not None  # noqa: S101  every fit computes it
     notes = []
     if coenergy is not None:
         notes += _finer_sweep(coenergy.missed_N, misfit, rows)
-    if not notes and between is not None and between.poor:
-        notes.append(f"The steps of the sweep are too wide for a bend of the steel. {to_be_added(between.finer)}")
     poor = [
         f"{name} by {amount(share, '')}"
         for name, share in (
@@ -188,9 +182,7 @@ class Candidate:
     law: ForceLaw
     fit: LawFit | None = None  # To all rows; None where the law could not be fitted
     misfit: Misfit | None = None  # The law's, as a model file would hold it, to all rows
-    # Error on the rows left out, as a part of the weight (or of the rms force)
-    held_out_rms: float = np.inf
-    held_out_max: float = np.inf
+    held_out_rms: float = np.inf  # Error on the rows left out, as a part of the weight (or of the rms force)
     rms: float = np.inf  # Rms force error as written, on all rows, over the same scale
     parameters: int = 0
     failure: str = ""  # Why it could not be fitted, or empty
@@ -222,7 +214,6 @@ class Ranking:
                     "law": c.law.name,
                     "formula": c.law.formula,
                     "held_out_rms": c.held_out_rms if c.fit else None,
-                    "held_out_max": c.held_out_max if c.fit else None,
                     "rms": c.rms if c.fit else None,
                     "misfit": asdict(c.misfit) if c.misfit else None,
                     "operations": c.fit.operations if c.fit else None,
@@ -275,7 +266,6 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
         law=law,
         misfit=written,
         held_out_rms=rms(errors) / scale,
-        held_out_max=float(np.max(np.abs(errors))) / scale,
         rms=written.force_rms_N / scale,
         parameters=len(fit.terms) + len(fit.shape),
     )

@@ -12,15 +12,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from femfit.core.results import Printed
 from femfit.core.text import amount, rounded
 from femfit.fit.circuits_fit import CircuitsFit
-from femfit.fit.coenergy import SHAPES, Between, CoenergyFit, splines_of_current
+from femfit.fit.coenergy import SHAPES, CoenergyFit, splines_of_current
 from femfit.fit.constants import SMALL_CIRCUIT_FORCE, TARGET
 from femfit.fit.law_fit import LawFit, law_magnetics
 from femfit.fit.ranking import Ranking, finer_settings
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
-from femfit.model.actuator_model import ActuatorModel
+from femfit.model.actuator_model import ActuatorModel, sentence
 from femfit.model.magnetics import Magnetics
-from femfit.model.model_text import sentence
 from femfit.model.several_magnetics import NETWORK, OPERATIONS
 from femfit.model.validity import Misfit
 
@@ -97,8 +96,6 @@ class FitResult(Printed, Fits):
         The law of a plunger that saturates, where it was asked for or is better than every other law.
     circuits : CircuitsFit or None
         The co-energy of several circuits.
-    between : Between or None
-        Of a co-energy whose iron saturates: what it may be off by between the table's points.
 
     Examples
     --------
@@ -113,7 +110,6 @@ class FitResult(Printed, Fits):
     rows: FitRows
     notes: tuple[str, ...]
     of_data: tuple[str, ...] = ()
-    between: Between | None = None
 
     @property
     def misfit(self) -> Misfit:
@@ -154,7 +150,6 @@ class FitResult(Printed, Fits):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": None if self.hall is None else self.hall.to_dict(),
-            "between_points": asdict(self.between) if self.between else None,
             "finer_sweep": finer_settings(spline.missed_N, self.rows) if spline else None,
             "notes": [*self.of_data, *self.notes],
         }

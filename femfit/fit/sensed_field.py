@@ -29,8 +29,7 @@ from femfit.fit.coenergy import splines_of_current
 from femfit.fit.coenergy_choice import Along, choose_along_distance, distance_coordinates
 from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HALL_TARGET, HELD_OUT_TARGET, U_DEGREE
 from femfit.fit.rows import FitRows, rms
-from femfit.model.bspline import LINE, TensorSpline, basis_matrix
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.bspline import LINE, DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.hall import CurrentAxis, HallSpline, SensedField
 from femfit.tables.sweep_table import SweepTable, current_names
 
@@ -64,33 +63,6 @@ class SensedFit:
         return text if self.held_out < COARSE else f"{text} The sweep is too coarse for it: sweep more distances."
 
 
-@dataclass(frozen=True, eq=False)
-class _Currents:
-    """Functions of all currents together: 1 and each current, or products of splines."""
-
-    knots: tuple[FloatArray, ...]
-    degrees: tuple[int, ...]
-    linear: bool
-
-    def columns(self, currents: FloatArray) -> FloatArray:
-        """Value of each function, (points, functions)."""
-        if self.linear:
-            return np.column_stack([np.ones(len(currents)), currents])
-        axes = zip(currents.T, self.knots, self.degrees, strict=True)
-        return row_products(np.ones((len(currents), 1)), *(basis_matrix(*axis) for axis in axes))
-
-    def coefficients(self, solution: FloatArray) -> FloatArray:
-        """Of the products of splines, shape (functions of u, functions of i_1, ..)."""
-        shape = [len(knots) - degree - 1 for knots, degree in zip(self.knots, self.degrees, strict=True)]
-        if not self.linear:
-            return solution.reshape(-1, *shape)
-        result = solution[:, 0].reshape(-1, *[1] * len(shape)) * np.ones(shape)
-        for k, knots in enumerate(self.knots):  # a line's coefficients are its values at both ends
-            along = np.array(knots[[0, -1]]).reshape([2 if j == k else 1 for j in range(len(shape))])
-            result = result + solution[:, 1 + k].reshape(-1, *[1] * len(shape)) * along
-        return result
-
-
 def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
     """Fit the values; ``what`` names them in an error.
 
@@ -106,12 +78,13 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
         raise FitError(
             f"{what} needs two currents or more of each circuit; circuit {constant[0]} has one. Sweep another."
         )
-    linear = _Currents(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes), True)
-    missed = rms(misfit_by_currents(linear.columns(rows.currents), rows.values, rows.distance)) / scale
+    lines = CurrentSplines(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes))
+    each = np.column_stack([np.ones(len(rows.values)), rows.currents])  # lines in each current by itself
+    missed = rms(misfit_by_currents(each, rows.values, rows.distance)) / scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
-    tried = [linear] if missed <= HELD_OUT_TARGET else [_splines(axes), *([linear] if missed < COARSE else [])]
-    for currents in tried:
-        columns = currents.columns(rows.currents)
+    tried = [lines] if missed <= HELD_OUT_TARGET else [_splines(axes), *([lines] if missed < COARSE else [])]
+    for functions in tried:
+        columns = each if functions is lines else functions.columns(rows.currents)
         (coordinate, knots), error = choose_along_distance(
             rows.distances, lambda *along, of=columns: _left_out(along, rows, of) / scale
         )
@@ -123,25 +96,27 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
             f"{what}: the rows do not determine it. Sweep each circuit's current by itself, or every combination of "
             "them where the iron saturates."
         )
-    field = SensedField(
-        coordinate,
-        knots,
-        U_DEGREE,
-        tuple(map(CurrentAxis, currents.knots, currents.degrees)),
-        currents.coefficients(solution.reshape(-1, columns.shape[1])),
-    )
+    coefficients = solution.reshape(-1, columns.shape[1])
+    table = _of_lines(coefficients, lines) if functions is lines else functions.table(coefficients)
+    field = SensedField(coordinate, knots, U_DEGREE, tuple(map(CurrentAxis, functions.knots, functions.degrees)), table)
     errors = field.field(rows.distance, rows.currents) - rows.values
     return SensedFit(field, error, rms(errors))
 
 
-def _splines(axes: list[FloatArray]) -> _Currents:
+def _of_lines(coefficients: FloatArray, lines: CurrentSplines) -> FloatArray:
+    """Coefficients of 1 and each current (functions of u, 1 + n) as those of the products of lines (.., 2, .., 2)."""
+    ends = np.meshgrid(*(knots[[0, -1]] for knots in lines.knots), indexing="ij")  # a line's coefficients
+    return np.asarray(np.tensordot(coefficients, np.stack([np.ones(lines.shape), *ends]), axes=1))
+
+
+def _splines(axes: list[FloatArray]) -> CurrentSplines:
     """Interpolating splines, whose knots lie at currents but the outermost ones."""
     degrees = tuple(min(CURRENT_DEGREE, len(axis) - 1) for axis in axes)
     knots = []
     for axis, degree in zip(axes, degrees, strict=True):
         inner = axis[2:-2] if degree == CURRENT_DEGREE else axis[:0]
         knots.append(np.concatenate([np.repeat(axis[0], degree + 1), inner, np.repeat(axis[-1], degree + 1)]))
-    return _Currents(tuple(knots), degrees, False)
+    return CurrentSplines(tuple(knots), degrees)
 
 
 def _left_out(along: Along, rows: SensedRows, columns: FloatArray) -> float:

@@ -24,35 +24,22 @@ HORIZON = 30.0
 """Numerical: of the slowest time constant, after which a network is taken as settled: 1e-13 is left."""
 
 
-@dataclass(frozen=True, eq=False)
-class Loads:
-    """What heats a network at held currents: windings by their resistance at 20 degC, and parts by a given heat."""
+def settled(network: HeatNetwork, ambient: float, cold_W: FloatArray) -> FloatArray:
+    """Temperatures in degC at held currents, shape (n,); NaN where they grow until something gives way.
 
-    winding_W: FloatArray  # At 20 degC, shape (n,), zero where a part is no winding
-    other_W: FloatArray  # Shape (n,)
-
-    def scaled(self, factor: float) -> "Loads":
-        """The same at currents that are larger by the root of a factor."""
-        return Loads(factor * self.winding_W, factor * self.other_W)
-
-    def at(self, temperatures: FloatArray) -> FloatArray:
-        """Heat of each part at their temperatures."""
-        return np.asarray(self.winding_W * copper_growth(temperatures) + self.other_W)
-
-
-def settled(network: HeatNetwork, ambient: float, loads: Loads) -> FloatArray:
-    """Temperatures in degC at held currents, shape (n,); NaN where they grow until something gives way."""
-    rising = COPPER_TEMPERATURE_COEFFICIENT * loads.winding_W
+    ``cold_W`` is each winding's heat at 20 degC, zero where a part is no winding, shape (n,).
+    """
+    rising = COPPER_TEMPERATURE_COEFFICIENT * cold_W
     matrix = network.laplacian - np.diag(rising)
     if not np.linalg.eigvalsh(matrix)[0] > 0.0:
         return np.full(len(matrix), np.nan)
-    cold = loads.winding_W - rising * REFERENCE_TEMPERATURE + loads.other_W
-    return np.asarray(np.linalg.solve(matrix, network.outwards * ambient + cold))
+    constant = cold_W - rising * REFERENCE_TEMPERATURE
+    return np.asarray(np.linalg.solve(matrix, network.outwards * ambient + constant))
 
 
-def largest_factor(network: HeatNetwork, loads: Loads) -> float:
-    """What the loads may be multiplied by at most to settle at all; infinite without a winding that is heated."""
-    rising = np.diag(COPPER_TEMPERATURE_COEFFICIENT * loads.winding_W)
+def largest_factor(network: HeatNetwork, cold_W: FloatArray) -> float:
+    """What the windings' heat may be multiplied by at most to settle at all; infinite where none is heated."""
+    rising = np.diag(COPPER_TEMPERATURE_COEFFICIENT * cold_W)
     largest = np.linalg.eigvals(np.linalg.solve(network.laplacian, rising)).real.max(initial=0.0)
     return float(1.0 / largest) if largest > 0.0 else np.inf
 
@@ -102,11 +89,9 @@ class Feed:
 
     volts: FloatArray  # NaN where a current is held
     amperes: FloatArray  # NaN where a voltage is held
-    alternating_A: FloatArray  # Rms value beside it
     external_ohm: FloatArray  # In series with the windings, at ambient
     cold_ohm: FloatArray  # Of each winding at 20 degC, shape (k,)
     circuit: FloatArray  # One where a winding is in a circuit, shape (n, k)
-    eddy_W: FloatArray  # By the alternating currents, of each part
 
     def resistances(self, temperatures: FloatArray) -> FloatArray:
         """Of the circuits in ohm, at the temperatures of all parts."""
@@ -114,30 +99,27 @@ class Feed:
         return np.asarray(self.external_ohm + self.circuit @ windings)
 
     def currents(self, temperatures: FloatArray) -> FloatArray:
-        """Direct currents in A."""
+        """Currents in A."""
         return np.where(np.isnan(self.volts), self.amperes, self.volts / self.resistances(temperatures))
 
-    def loads(self, currents: FloatArray) -> Loads:
-        """Heat at direct currents."""
-        winding = np.zeros(len(self.eddy_W))
-        winding[: len(self.cold_ohm)] = self.cold_ohm * ((currents**2 + self.alternating_A**2) @ self.circuit)
-        return Loads(winding, self.eddy_W)
+    def cold_W(self, currents: FloatArray, parts: int) -> FloatArray:  # noqa: N802  the unit
+        """Heat of each part at currents, the windings at 20 degC."""
+        return np.pad(self.cold_ohm * (currents**2 @ self.circuit), (0, parts - len(self.cold_ohm)))
 
     def powers(self, temperatures: FloatArray) -> FloatArray:
         """Heat of each part in W at its temperature."""
-        return self.loads(self.currents(temperatures)).at(temperatures)
+        cold = self.cold_W(self.currents(temperatures), len(temperatures))
+        return np.asarray(cold * copper_growth(temperatures))
 
     def held(self, factor: float, currents: FloatArray) -> "Feed":
-        """The direct currents, now held, with all currents multiplied by a factor."""
-        none = np.full(len(self.volts), np.nan)
-        alternating, eddy = factor * self.alternating_A, factor**2 * self.eddy_W
-        return replace(self, volts=none, amperes=factor * currents, alternating_A=alternating, eddy_W=eddy)
+        """The currents, now held, multiplied by a factor."""
+        return replace(self, volts=np.full(len(self.volts), np.nan), amperes=factor * currents)
 
     def settled(self, network: HeatNetwork, ambient: float) -> FloatArray:
         """Temperatures that last, shape (parts,); NaN where there are none."""
         start = np.full(len(network.names), ambient)
         if np.isnan(self.volts).all():
-            return settled(network, ambient, self.loads(self.currents(start)))
+            return settled(network, ambient, self.cold_W(self.amperes, len(start)))
         now = start
         for _ in range(ROUNDS):
             following = np.linalg.solve(network.laplacian, self.powers(now) + network.outwards * ambient)
@@ -154,9 +136,8 @@ def feed_of(
     network: HeatNetwork,
     voltage_V: float | Sequence[float] | None,
     current_A: float | Sequence[float] | None,
-    alternating_A: float | Sequence[float],
 ) -> Feed:
-    """Feed every circuit with what is given, or else with the most that its supply gives; no eddy currents yet."""
+    """Feed every circuit with what is given, or else with the most that its supply gives."""
     circuits = actuator.circuits
     if not circuits:
         raise MissingPartError(f"Actuator {actuator.name!r} must have a coil for this; it has none.")
@@ -177,18 +158,10 @@ def feed_of(
             raise UsageError("The drawing's supply has no limits; give a voltage or a current.")
     coils = actuator.coils
     member = np.array([[float(coil.circuit == circuit.name) for coil in coils] for circuit in circuits])
-    drawn = np.array([circuit.resistance_ohm for circuit in circuits]) - member @ [
-        coil.resistance_ohm for coil in coils
-    ]
-    return Feed(
-        volts,
-        amperes,
-        _each(alternating_A, circuits, "alternating_A"),
-        np.maximum(drawn, 0.0),
-        np.array([winding.cold_ohm for winding in network.windings]),
-        member,
-        np.zeros(len(network.names)),
-    )
+    drawn = np.array([circuit.resistance_ohm for circuit in circuits])
+    external = drawn - member @ [coil.resistance_ohm for coil in coils]
+    cold = np.array([winding.cold_ohm for winding in network.windings])
+    return Feed(volts, amperes, np.maximum(external, 0.0), cold, member)
 
 
 def _each(value: float | Sequence[float], circuits: Sequence[object], name: str) -> FloatArray:
@@ -210,14 +183,14 @@ def hottest(network: HeatNetwork, ambient: float, temperatures: FloatArray) -> F
     return np.asarray(temperatures[: len(network.windings)] + np.maximum(inside, 0.0))
 
 
-def largest_loads(network: HeatNetwork, around: Surroundings, loads: Loads) -> tuple[float, str]:
-    """Factor of the loads that brings a part to its limit, infinite where none can, and that part's name."""
+def largest_heat(network: HeatNetwork, around: Surroundings, cold_W: FloatArray) -> tuple[float, str]:
+    """Factor of the windings' heat that brings a part to its limit, infinite where none can, and that part's name."""
     count = len(network.windings)
     limits_C = [region.material.thermal.working_temperature_C for region in network.regions]
     limits = np.array([around.winding_limit_C] * count + [np.inf if limit is None else limit for limit in limits_C])
 
     def over(factor: float) -> FloatArray:
-        temperatures = settled(network, around.ambient_C, loads.scaled(factor))
+        temperatures = settled(network, around.ambient_C, factor * cold_W)
         if np.isnan(temperatures).any():
             return np.where(np.isfinite(limits), np.inf, -np.inf)
         temperatures[:count] = hottest(network, around.ambient_C, temperatures)
@@ -225,7 +198,7 @@ def largest_loads(network: HeatNetwork, around: Surroundings, loads: Loads) -> t
 
     if over(0.0).max() >= 0.0:
         return 0.0, network.names[int(over(0.0).argmax())]
-    high = largest_factor(network, loads)
+    high = largest_factor(network, cold_W)
     if not np.isfinite(high):
         return np.inf, ""
     factor = float(brentq(lambda trial: over(trial).max(), 0.0, high * (1.0 - 1e-9), rtol=1e-12))

@@ -11,14 +11,13 @@ import numpy as np
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Printed, Words, listing
-from femfit.core.text import amount, amount_range, rounded
+from femfit.core.results import Printed, Words
+from femfit.core.text import rounded
 from femfit.device.load import read_actuator
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial
 from femfit.device.thermal import Surroundings
-from femfit.heat.balance import Feed, feed_of, hottest, largest_loads, time_until
+from femfit.heat.balance import Feed, feed_of, hottest, largest_heat, time_until
 from femfit.heat.network import HeatNetwork, heat_network
-from femfit.tables.eddy_table import EddyTable, read_eddy
 
 BURNT_C = 300.0
 """Conventional: how warm a winding would become above it is not said; enamels end at 240 degC (IEC 60317)."""
@@ -55,10 +54,10 @@ class Temperatures(Printed):
         Of a winding its mean.
     hottest_C : array, shape (windings,)
         Of the hottest strand, about.
-    volts, cold_currents_A, currents_A, alternating_A, cold_resistances_ohm, resistances_ohm : arrays, shape (circuits,)
+    volts, cold_currents_A, currents_A, cold_resistances_ohm, resistances_ohm : arrays, shape (circuits,)
         Of the circuits, ``cold`` as they are switched on.
-    heat_W, eddy_W : arrays, shape (parts,)
-        All heat, and that of eddy currents.
+    heat_W : array, shape (parts,)
+        Heat of each.
     settling_s, limit_s : float or None
         Times after switching on when the first winding has warmed by 63 %, and when the hottest strand is at its limit;
         None where never.
@@ -85,11 +84,9 @@ class Temperatures(Printed):
     volts: FloatArray
     cold_currents_A: FloatArray
     currents_A: FloatArray
-    alternating_A: FloatArray
     cold_resistances_ohm: FloatArray
     resistances_ohm: FloatArray
     heat_W: FloatArray
-    eddy_W: FloatArray
     settling_s: float | None
     limit_s: float | None
     allowed_factor: float
@@ -108,10 +105,10 @@ class Temperatures(Printed):
 
     @property
     def allowed_A(self) -> FloatArray:  # noqa: N802  the unit
-        """Rms currents that may last, in the ratio of those that were found; shape (circuits,)."""
+        """Currents that may last, in the ratio of those that were found; shape (circuits,)."""
         if not np.isfinite(self.allowed_factor):
             return np.full(len(self.currents_A), np.inf)
-        return np.asarray(self.allowed_factor * np.hypot(self.currents_A, self.alternating_A))
+        return np.asarray(self.allowed_factor * np.abs(self.currents_A))
 
     @property
     def settles(self) -> bool:
@@ -153,9 +150,6 @@ def find_temperatures(
     current_A: float | Sequence[float] | None = None,
     voltage_V: float | Sequence[float] | None = None,
     distance_m: float | None = None,
-    alternating_A: float | Sequence[float] = 0.0,
-    frequency_Hz: float | None = None,
-    sweep: str | Path | None = None,
 ) -> Temperatures:
     """Find the temperatures at which a drawing's parts settle, by a network of its parts.
 
@@ -164,18 +158,15 @@ def find_temperatures(
     actuator : Actuator or path
         With ``[thermal]`` where its surroundings are not the usual ones.
     current_A, voltage_V : float or sequence of float
-        What is held, of each circuit; without either, the most that the supply gives.
+        What is held, of each circuit, of a current that alternates the rms value; without either, the most that the
+        supply gives.
     distance_m : float
         At which the moving part is held; by default the first reference distance, or the shortest that it can have.
-    alternating_A : float or sequence of float
-        Rms value of a sinusoidal current beside it.
-    frequency_Hz, sweep : float and path
-        Of that current, and a sweep with ``frequency_Hz``, for the heat of its eddy currents.
 
     Raises
     ------
     MissingPartError
-        If there is no coil, or the sweep has no eddy currents.
+        If there is no coil.
     UsageError
         If what is given does not fit together.
 
@@ -194,16 +185,7 @@ def find_temperatures(
     else:
         distance = max(min(actuator.sweep.distances_m), actuator.mechanics.ends[0])
     network = heat_network(actuator, distance)
-    if (sweep is None) != (frequency_Hz is None):
-        raise UsageError("Eddy currents need both a frequency and a sweep. Give both or none.")
-    if voltage_V is None and current_A is None and np.any(alternating_A):
-        current_A = 0.0
-    feed = feed_of(actuator, network, voltage_V, current_A, alternating_A)
-    if sweep is not None and frequency_Hz is not None:
-        if not np.any(feed.alternating_A):
-            raise UsageError("A frequency must stand beside an alternating current; there is none. Give alternating_A.")
-        table = _eddy_table(sweep, actuator, distance, frequency_Hz)
-        feed = replace(feed, eddy_W=_eddy_heat(network, table, distance, frequency_Hz, feed.alternating_A))
+    feed = feed_of(actuator, network, voltage_V, current_A)
     find = partial(_found, actuator.thermal, network, distance)
     result = find(feed)
     if not 0.0 < result.allowed_factor < np.inf:
@@ -225,7 +207,7 @@ def _found(around: Surroundings, network: HeatNetwork, distance: float, feed: Fe
     start, count = np.full(len(network.names), ambient), len(network.windings)
     warm = feed.settled(network, ambient)
     currents = feed.currents(start if np.isnan(warm).any() else warm)
-    factor, limiting = largest_loads(network, around, feed.loads(currents))
+    factor, limiting = largest_heat(network, around, feed.cold_W(currents, len(start)))
     rise = warm[0] - ambient
     until = partial(time_until, network, ambient, feed.powers)
     return Temperatures(
@@ -238,11 +220,9 @@ def _found(around: Surroundings, network: HeatNetwork, distance: float, feed: Fe
         volts=feed.volts,
         cold_currents_A=feed.currents(start),
         currents_A=currents,
-        alternating_A=feed.alternating_A,
         cold_resistances_ohm=feed.resistances(start),
         resistances_ohm=feed.resistances(warm),
         heat_W=feed.powers(warm),
-        eddy_W=feed.eddy_W,
         settling_s=until(lambda now: float(now[0] - ambient - SETTLED * rise)) if rise > 0.0 else None,
         limit_s=until(lambda now: float(hottest(network, ambient, now).max() - around.winding_limit_C)),
         allowed_factor=float(np.sqrt(factor)),
@@ -250,37 +230,6 @@ def _found(around: Surroundings, network: HeatNetwork, distance: float, feed: Fe
         magnets=_magnets(network, warm),
         network=network,
     )
-
-
-def _eddy_table(sweep: str | Path, actuator: Actuator, distance: float, frequency: float) -> EddyTable:
-    table = read_eddy(Path(sweep))
-    if table is None:
-        raise MissingPartError(f"{sweep} must hold eddy currents; sweep the drawing with [solver] frequency_Hz.")
-    (low, high), highest = table.distances_m[[0, -1]], float(table.checked_Hz[-1])
-    if not (low <= distance <= high and 0.0 < frequency <= highest):
-        raise UsageError(
-            f"Distance and frequency must lie within that sweep, {amount_range(low, high, 'm', 3)} and above 0 up to "
-            f"{amount(highest, 'Hz', 3)}; they are {amount(distance, 'm', 3)} and {amount(frequency, 'Hz', 3)}."
-        )
-    drawn = {region.material.name for region in actuator.regions}
-    circuits = tuple(circuit.name for circuit in actuator.circuits)
-    if circuits != table.circuits or not drawn.issuperset(table.materials):
-        raise UsageError(
-            f"The sweep must be of this drawing; {sweep} has circuits {listing(table.circuits)} and conducting "
-            f"materials {listing(table.materials)}. Sweep the drawing anew."
-        )
-    return table
-
-
-def _eddy_heat(
-    network: HeatNetwork, table: EddyTable, distance: float, frequency: float, currents: FloatArray
-) -> FloatArray:
-    """Heat of each part in W: a material's loss, by the volumes of its parts."""
-    place = int(np.argmin(np.abs(table.distances_m - distance)))
-    losses = table.losses(place, np.array([frequency]), currents)[0]
-    volumes = network.volumes_m3[len(network.windings) :]
-    members = np.array([[region.material.name == name for region in network.regions] for name in table.materials])
-    return np.concatenate([np.zeros(len(network.windings)), losses / (members @ volumes) @ members * volumes])
 
 
 def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarmth, ...]:

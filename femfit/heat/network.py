@@ -175,8 +175,8 @@ class HeatNetwork:
     ----------
     windings : tuple of WindingHeat
         Of the coils.
-    capacities, volumes_m3 : arrays, shape (n,)
-        The first in J/K.
+    capacities : array, shape (n,)
+        In J/K.
     between : array, shape (n, n)
         Conductances between the parts in W/K, symmetric, with zeros on the diagonal. A winding's stand for its mean:
         where that is kept, a warmer face means a colder one opposite, so that one past a winding may be negative.
@@ -191,7 +191,6 @@ class HeatNetwork:
     regions: tuple[Region, ...]
     windings: tuple[WindingHeat, ...]
     capacities: FloatArray
-    volumes_m3: FloatArray
     between: FloatArray
     outwards: FloatArray
     inside: FloatArray
@@ -249,7 +248,7 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     np.fill_diagonal(between, 0.0)
     stored = [cast("float", material.heat_capacity_J_per_m3_K) for material in materials] * volumes[count:]
     capacities = np.array([*(winding.heat_capacity_J_per_K for winding in windings), *stored])
-    return HeatNetwork(coils, regions, windings, capacities, volumes, between, -reduced[:n, n], inside)
+    return HeatNetwork(coils, regions, windings, capacities, between, -reduced[:n, n], inside)
 
 
 def _outside(n: int, count: int, faces: Faces, resistance: FloatArray, around: Surroundings) -> FloatArray:

@@ -12,22 +12,22 @@ from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.add_result import AddResult, effect_sizes, fit_facts, suspicious_values
+from femfit.identify.add_result import AddResult, filter_fall, fit_facts, suspicious_values
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.left_out import checked_refit, filter_fall
+from femfit.identify.left_out import checked_refit
 from femfit.identify.misfit import beyond_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Start, refit, starting_point
+from femfit.identify.refit import Start, starting_point
 from femfit.identify.remainder import NAME as UNEXPLAINED
 from femfit.identify.remainder import add_remainder
 from femfit.identify.signatures import why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
-from femfit.tables.measurement import Measurement, TimeSeries
+from femfit.tables.measurement import Measurement
 
 
 def add_effects(
@@ -101,10 +101,7 @@ def add_effects(
     observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
     say("Fitting the effects")
     start = in_their_runs(starting_point(whitening, wanted), whitening, runs or {})
-    partial = [refit(whitening, start[:k]).effects for k in range(len(refitted) + 1, len(start))]
     fitted = checked_refit(whitening, start)
-    stages = [("model", refitted), *zip([effect.name for effect in new], [*partial, fitted.fit.effects], strict=False)]
-    stages += [] if new else [("refit", fitted.fit.effects)]
     stay = of_last_run(fitted.fit.effects, observations)
     # The temperatures where it is to run: as given, else as recorded in the mean
     means = observations.covariates[list(temperatures)].mean().dropna()
@@ -112,22 +109,18 @@ def add_effects(
     running = replace(model, **recorded | {name: t for name, t in temperatures.items() if t is not None})
     after = with_effects(running, (*staying, *stay))
     fit = fitted.fit
-    sizes, facts = effect_sizes(observations, fit), fit_facts(whitening, stages, fit.jacobian[:, ~fit.active])
-    result = AddResult(
+    facts = fit_facts(whitening, refitted, fit.effects, fit.jacobian[:, ~fit.active])
+    return AddResult(
         model=after,
         added=fit.effects,
         kept=tuple(added.effect.name for added in staying),
         left_out=fitted.error.rms,
-        sizes=sizes,
-        suspicious=suspicious_values(observations, fit, sizes),
+        suspicious=suspicious_values(observations, fit),
         findings=(*observations.findings, *fitted.findings, *guessed_noises(whitening.noise)),
         beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),
+        filter=filter_fall(model, after, measured),
         **facts,
     )
-    if not isinstance(measured, TimeSeries):
-        return result
-    say("Running the filter over what was left out")
-    return replace(result, filter=filter_fall(model, after, staying, measured, observations, fitted.error.effects))
 
 
 def _with_remainder(

@@ -1,95 +1,43 @@
 """What adding effects to a model says: the new model, the effects' sizes, whether they are plausible, and the error."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
-from femfit.identify.constants import HARMS, LEAST_CHANGE
+from femfit.estimate.follow import followed
+from femfit.identify.constants import FILTER_WORSE, HARMS
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
-from femfit.identify.left_out import FilterFall
 from femfit.identify.misfit import ErrorFall, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, at_bounds, is_plausible
-from femfit.identify.words import Result, plain, printed, sentence
+from femfit.identify.words import Result, plain, printed
 from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.measurement import Measurement, TimeSeries
 
 
-@dataclass(frozen=True)
-class EffectSize:
-    """What an added effect changes of one channel, where it changes it most within the data."""
-
-    effect: str
-    channel: str
-    change: float
-    ci95: tuple[float, float]
-    # ``change`` over the largest magnitude that the base predicts for this channel; None where it predicts nothing
-    of_largest: float | None
-    distance_m: float
-    current_A: float
-
-    def __str__(self) -> str:
-        return sentence("add", "size", self)
-
-
-def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ...]:
-    """The largest change that each effect makes of each channel within the data, with its 95 % interval."""
-    slopes = observations.slopes(fit.effects, [(k, p.name) for k, p in fit.free]) * [p.width for _, p in fit.free]
-    result = list[EffectSize]()
-    for k, added in enumerate(fit.effects):
-        # What the predictions gain by the effect, the others in place
-        change = observations.predict(fit.effects) - observations.predict(fit.effects[:k] + fit.effects[k + 1 :])
-        fitted = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
-        covariance = fit.covariance[np.ix_(fitted, fitted)]
-        result += largest_changes(added.effect.name, observations, change, slopes[:, fitted], covariance)
-    return tuple(result)
-
-
-def largest_changes(
-    effect: str, observations: Observations, change: FloatArray, slopes: FloatArray, covariance: FloatArray
-) -> Iterator[EffectSize]:
-    """The largest change, (M,), of each channel within the data, with its interval.
-
-    The interval follows from the change's slopes by what was fitted, (M, p), and the covariance of that, (p, p).
-    """
-    weight = np.ones_like(change) if observations.weight is None else observations.weight
-    change, base = change / weight, observations.base / weight
-    for c, channel in enumerate(observations.channels):
-        here = np.flatnonzero(observations.channel == c)
-        largest = float(np.abs(base[here]).max(initial=0.0))
-        place = int(here[np.argmax(np.abs(change[here]))]) if len(here) else -1
-        if place < 0 or abs(change[place]) < LEAST_CHANGE * largest:
-            continue
-        variance = max(float(slopes[place] @ covariance @ slopes[place]), 0.0)
-        half = stats.norm.isf(0.025) * np.sqrt(variance) / weight[place]
-        yield EffectSize(
-            effect=effect,
-            channel=channel,
-            change=float(change[place]),
-            ci95=(float(change[place] - half), float(change[place] + half)),
-            of_largest=float(change[place]) / largest if largest else None,
-            distance_m=float(observations.column("distance_m")[place]),
-            current_A=float(observations.column("current_A")[place]),
-        )
-
-
-def suspicious_values(observations: Observations, fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, ...]:
+def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]:
     """What is unusual of fitted parameters, one sentence each."""
     nominal = observations.nominal
     unusual = [
         (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
     ]
     ends = [(fit.effects[k], _clocked(p, observations)) for k, p in at_bounds(fit)]
-    absent = [name for name in fit.names if all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name)]
+    absent = [added.effect.name for added in fit.effects if _may_be_absent(added)]
     text = printed("suspicious", fit=fit, unusual=unusual, ends=ends, absent=absent, nominal=nominal, alone=_alone)
     return tuple(text.splitlines())
+
+
+def _may_be_absent(added: AddedEffect) -> bool:
+    """Whether no fitted amplitude differs from what it is without the effect."""
+    limits = [(p.null, *added.ci95[p.name]) for p in added.effect.amplitudes if p.name in added.ci95]
+    return all(low <= null <= high for null, low, high in limits)
 
 
 def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
@@ -101,14 +49,6 @@ def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
 def _alone(added: AddedEffect, p: EffectParameter) -> AddedEffect:
     """An effect with one of its parameters alone."""
     return AddedEffect(added.effect, added.effect.null() | {p.name: added.parameters[p.name]})
-
-
-@dataclass(frozen=True)
-class Step:
-    """One bar of the waterfall: what was added, and the error per channel with it and everything before it."""
-
-    text: str
-    rms: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,16 +69,15 @@ class AddResult(Result):
         Root mean square per channel on readings that were not fitted: each run in turn, or quarters of a single run.
     floor : mapping of str to float
         Standard deviation of one reading, in the channels in which it is known.
-    steps : tuple of Step
-        From the model as it was to the last effect.
     suspicious : tuple of str
         What is unusual of the fitted parameters, one sentence each.
     observations : Observations
         The readings beside the model without what was refitted.
     beyond_noise : mapping of str to float
         Channels whose error after is more than 1.2 times what declared noise, or repeats, show, in times the noise.
-    filter : FilterFall or None
-        What it does to the filter on runs of a record that were left out; None of a bench table.
+    filter : dict of str to dict, or None
+        Mean square of the innovations of the model's filter, which should be 1, over a record's beginning ``before``
+        and ``after``; None of a bench table, and where the model has no filter for the record.
 
     Examples
     --------
@@ -150,7 +89,7 @@ class AddResult(Result):
     """
 
     data = (
-        *("added", "kept", "left_out", "floor", "floor_source", "readings", "runs", "steps", "sizes"),
+        *("added", "kept", "left_out", "floor", "floor_source", "readings", "runs"),
         *("suspicious", "lack_of_fit_before", "lack_of_fit_after", "findings", "accepted", "beyond_noise", "filter"),
     )
 
@@ -161,8 +100,6 @@ class AddResult(Result):
     left_out: Mapping[str, float]
     floor: Mapping[str, float]
     floor_source: Mapping[str, str]
-    steps: tuple[Step, ...]
-    sizes: tuple[EffectSize, ...]
     suspicious: tuple[str, ...]
     lack_of_fit_before: LackOfFit
     lack_of_fit_after: LackOfFit
@@ -171,13 +108,19 @@ class AddResult(Result):
     observations: Observations
     findings: tuple[Finding, ...] = ()
     beyond_noise: Mapping[str, float] = field(default_factory=dict)
-    filter: FilterFall | None = None
+    filter: Mapping[str, Mapping[str, float]] | None = None
 
     @property
     def accepted(self) -> bool:
-        """Whether the effects help on runs left out: the error falls somewhere, and no filter there is worse."""
+        """Whether the error on runs left out falls somewhere, or rises nowhere, and the filter is not worse."""
         helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
-        return (helps or not self.risen) and (self.filter is None or self.filter.accepted)
+        return (helps or not self.risen) and not self.filter_worse
+
+    @property
+    def filter_worse(self) -> bool:
+        """Whether the mean square of the filter's innovations is farther from 1 than before by more than a factor."""
+        before, after = np.abs(np.log([*self.filter["mean_square"].values()])) if self.filter else (0.0, 0.0)
+        return bool(after > before + np.log(FILTER_WORSE))
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -194,30 +137,42 @@ class AddResult(Result):
     def __str__(self) -> str:
         rms, magnitude = self.fall.rms_after, self.observations.magnitude
         facts = {"r": self, "rms": rms, "magnitude": magnitude, "beyond": self.beyond_noise}
-        return titled(printed("add", **facts), titles_of(self.observations.nominal.drawn))
+        return titled(
+            printed("add", **facts),
+            titles_of(self.observations.nominal.drawn),
+        )
+
+
+def filter_fall(
+    before: ActuatorModel, after: ActuatorModel, measured: Measurement
+) -> Mapping[str, Mapping[str, float]] | None:
+    """The mean square of innovations of both models' filters; None where there is no record or no filter for it."""
+    if not isinstance(measured, TimeSeries):
+        return None
+    filters = {name: followed(model, measured) for name, model in (("before", before), ("after", after))}
+    squares = {name: one_filter.mean_square for name, one_filter in filters.items() if one_filter is not None}
+    return {"mean_square": squares} if len(squares) == len(filters) else None
 
 
 def fit_facts(
-    whitening: Whitening, stages: Sequence[tuple[str, Sequence[AddedEffect]]], fitted: FloatArray | None
+    whitening: Whitening, before: Sequence[AddedEffect], after: Sequence[AddedEffect], fitted: FloatArray | None
 ) -> dict[str, Any]:
-    """The fields of a result that follow from the readings and the effects of each stage, the model's own first.
+    """The fields of a result that follow from the readings, with the model's own effects before and all of them after.
 
     Parameters
     ----------
     fitted : array, shape (M, k), or None
-        Whitened columns of what the last stage was fitted by.
+        Whitened columns of what was fitted.
     """
     observations, noise = whitening.observations, whitening.noise
-    predictions = [observations.predict(effects) for _, effects in stages]
-    misfits = [observations.value - prediction for prediction in predictions]
+    first, last = observations.predict(before), observations.predict(after)
     patterns = pattern_space(whitening)
     return {
-        "fall": error_fall(observations, predictions[0], predictions[-1], noise.known),
+        "fall": error_fall(observations, first, last, noise.known),
         "floor": noise.known,
         "floor_source": noise.source,
-        "steps": tuple(Step(text, observations.rms(misfit)) for (text, _), misfit in zip(stages, misfits, strict=True)),
-        "lack_of_fit_before": patterns.test(whitening.full(misfits[0])),
-        "lack_of_fit_after": patterns.test(whitening.full(misfits[-1]), fitted),
+        "lack_of_fit_before": patterns.test(whitening.full(observations.value - first)),
+        "lack_of_fit_after": patterns.test(whitening.full(observations.value - last), fitted),
         "readings": len(observations.value),
         "runs": len(np.unique(observations.column("run"))),
         "observations": observations,

@@ -23,7 +23,7 @@ from femfit.identify.impedance import away_from_bias, bias_remark, weighed_by_ma
 from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
-from femfit.identify.settings import averaged, current_names, currents_in, inductive, with_currents, without_bias
+from femfit.identify.settings import averaged, current_names, currents_in, with_currents, without_bias
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
@@ -54,9 +54,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     if not placed_rows.all():
         findings.append(finding("no-setting", rows=int((~placed_rows).sum())))
     if outside := int((placed_rows & ~within_domain(model, d, i)).sum()):
-        nearest = float(d[placed_rows].min())
-        beyond_the_face = model.validity.distance_min_m > 0.0 >= nearest
-        findings.append(finding("outside-domain", rows=outside, nearest=nearest, beyond_the_face=beyond_the_face))
+        findings.append(finding("outside-domain", rows=outside))
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
     if beyond.any():
@@ -64,7 +62,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         quadratic, limits = model.without_effects.kind is None, box.column_limits_A.tolist()
         findings.append(finding("extrapolated", **counts, quadratic=quadratic, limits=limits))
     if not inside.any():
-        raise TableError(nothing_in_domain(model, table))
+        raise TableError(nothing_in_domain(model, table.source, d[placed_rows], i[placed_rows]))
     measured = table.rows[inside].reset_index(drop=True)
     covariates, nominal = _covariates(measured, current_names(model)), nominal_of(model)
     conditions = conditions_of(covariates, nominal)
@@ -225,7 +223,7 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
     data = measurement_of(data)
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
-    data = plausible_table(model, inductive(model, without_bias(model, data)))
+    data = plausible_table(model, without_bias(model, data))
     data = averaged(data, current_names(model) or ("current_A",), partial(_residuals, model))
     if len(data.rows) > MOST_ROWS:
         raise TableError(

@@ -1,6 +1,5 @@
 """How far a model is from measurements, against their noise, and where: ``femfit compare``."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from femfit.estimate.follow import OneFilter, followed
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit, times_own
+from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import allowed, beyond_noise, finer_sweep
 from femfit.identify.noise.components import estimate_noise
@@ -56,7 +55,6 @@ class ChannelMisfit:
     # Root mean square of the model's misfit to the table that it was fitted to, in the channel's unit
     model_misfit: float
     magnitude: float | None = None  # Of impedances: |Z| in the channel's unit at which all of them are given
-    noise_declared: float | None = None  # Standard deviation that a bench's user declared; None where nobody did
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,8 +76,6 @@ class Comparison(Result):
         That test, in the worst of its groups of patterns.
     noise : NoiseModel or None
         Of the readings; None where it is unknown.
-    times_own : float
-        Misfit beyond noise over the model's own misfit to its table; infinite where that is none or there is no test.
     filter : OneFilter or None
         A record through the model's filter; None of a bench table, and where the model has no filter for it.
 
@@ -102,7 +98,6 @@ class Comparison(Result):
     p_value: float | None
     structure: LackOfFit | None
     noise: NoiseModel | None
-    times_own: float
     observations: Observations
     model: ActuatorModel
     findings: tuple[Finding, ...] = ()
@@ -164,26 +159,25 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     observations = placed(model, data)
     campaign = gather(observations, considered_effects((), observations.nominal))
     if isinstance(campaign, Finding):
-        noise, findings = estimate_noise(observations), [campaign]
-        whitening = Whitening(observations, noise or scatter_as_noise(observations))
-        test, times, verdict = None, math.inf, "compare_only"
+        noise, findings, test, verdict = estimate_noise(observations), [campaign], None, "compare_only"
+        where = where_it_fails(observations, Whitening(observations, noise or scatter_as_noise(observations)))
     else:
-        noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
-        test, times = lack_of_fit(campaign), times_own(campaign)
-        verdict = "fails"
+        noise, findings = campaign.noise, campaign_remarks(campaign)
+        test, verdict = lack_of_fit(campaign), "fails"
         if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
             verdict = "wrong_shape" if decision.own_misfit else "agrees"
+        beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
+        where = Where("", (), "" if beyond else "The model explains these data within their noise.")
+        if verdict != "agrees":
+            where = where_it_fails(observations, campaign.whitening)
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
-    beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
-    agrees = Where("", (), "" if beyond else "The model explains these data within their noise.")
     return Comparison(
         verdict=cast("CompareVerdict", verdict),
         channels=channels,
-        where=agrees if verdict == "agrees" else where_it_fails(observations, whitening),
+        where=where,
         p_value=test.p_value if test else None,
         structure=test,
         noise=noise,
-        times_own=times,
         observations=observations,
         model=model,
         findings=(*observations.findings, *findings),
@@ -214,5 +208,4 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         noise_readings=float(noise.repeats[c]) if noise and "repeats" in source else None,
         model_misfit=observations.rms(observations.tolerance)[name],
         magnitude=observations.magnitude.get(name),
-        noise_declared=observations.declared_noise.get(name) if observations.noise_source == "declared" else None,
     )

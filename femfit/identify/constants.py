@@ -46,24 +46,6 @@ LEAST_SPREAD_C = 0.5
 SPANNED = 1e-4
 """Numerical: squared sine below which a pattern lies in the fitted columns."""
 
-# What an added effect does to the filter
-
-FILTER_RUNS = 4
-"""Conventional: runs left out that the filter is judged on, the last ones; each costs four passes of a filter."""
-
-FILTER_SAMPLES = 3000
-"""Conventional, for the time that it takes: samples of all runs left out that the filter is judged on."""
-
-FILTER_BLOCK = 100
-"""Conventional: samples of a block whose mean counts as one, since innovations of a wrong model are not white."""
-
-FILTER_WORSE, FILTER_GREW = 3.0, 1.05
-"""Conventional: standard errors, and a factor of an error, from which the filter has become worse."""
-
-FILTER_CHANCE = 1.645
-"""Conventional: standard deviations of a count of signs from which more blocks that are less likely are no chance: 5 %
-by chance."""
-
 # A refit, and an effect that is added
 
 ROUNDING = 1e-3
@@ -79,8 +61,8 @@ squares, whose standard deviation is 1 and more, rises by no more than this."""
 MOST_EVALUATIONS = 60
 """Numerical: steps after which a search is ended; nearly all of them need fewer than twenty."""
 
-HELPS = 9.0
-"""Conventional: fall of the weighted error on runs left out from which tolerances are used (three deviations)."""
+FILTER_WORSE = 2.0
+"""Conventional: factor by which the mean square of a filter's innovations may move away from 1 by an added effect."""
 
 HARMS = 1.05
 """Assumed: rise of a channel's error on runs left out from which they are not, whatever the other channels gain, and
@@ -88,9 +70,6 @@ from which it is said of an effect that is added."""
 
 SETTLED = 2.0
 """Assumed: time constants that the longest run must last for it to show where an effect settles (to 14 %)."""
-
-LEAST_CHANGE = 1e-6
-"""Numerical: a change below this part of the channel's largest value is rounding."""
 
 # The noise
 
@@ -218,34 +197,12 @@ IN_ORDER = 0.75
 COVARIATE_SHARE = 0.05
 """Assumed: part of a channel's structure that a covariate must add to be reported."""
 
-THRESHOLDS = 15
-"""Numerical: thresholds that are tried along a covariate."""
-
-LEAST_SCORE, SECOND_WORTH = 0.2, 0.06
-"""Assumed: share of the squared misfit beyond the share of readings below which no part of the range is named,
-and what a second threshold must add to it."""
-
 LEFT_BY_SHARE, SAME_SHARE = 0.05, 0.25
-"""Assumed: a misfit is one share of the prediction where that leaves this part of its square; and it is everywhere
-where its size in the smaller half of the readings differs from that in all by less than this part."""
+"""Assumed: a misfit is the same everywhere, or one share of the prediction, where that leaves this part of its square,
+and where its size in the smaller half of the readings differs from that in all by less than this part."""
 
-NOTHING, NEXT_TO_NOTHING = 1e-9, 1e-3
-"""Numerical: a misfit over the prediction that is rounding; and part of the largest prediction below which its sign is
-the fit's own error, as for a magnet that is none."""
-
-OTHER_SIGN = 0.25
-"""Assumed: share of the squared misfit from which its other sign is described too."""
-
-# A probe scan
-
-SCAN_STEP_M = 1e-4
-"""Numerical: a probe that is found so near to where no field is solved stands at the edge."""
-
-SCAN_STEPS = 30
-"""Numerical: most steps of the fit to a probe scan."""
-
-LEAST_SCAN = 8
-"""Conventional: twice as many readings as numbers that are fitted to a probe scan."""
+NOTHING = 1e-9
+"""Numerical: a misfit over the prediction that is rounding."""
 
 # Impedances
 
@@ -292,27 +249,6 @@ IN_COMBINATION = 0.1
 
 UNUSUAL = 3.0
 """Conventional: a number that is more tolerances than this from its drawn value is to be checked otherwise."""
-
-# What is left unexplained
-
-PRICE = 4.5
-"""Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
-
-SPLINE_DEGREE = 4
-"""Derived: force gradients and inductance gradients, third derivatives of W', are continuous with quartic splines."""
-
-FIELD_CELLS, CURVE_CELLS = (12, 3), 8
-"""Numerical: cells of a function of distance and current, and of a curve. Smoothness is chosen by the data; these are
-the finest that it can be."""
-
-FIELD_SCALES, CURVE_SCALES = ((0.05, 0.15, 0.4), (0.6, 1.8, 6.0)), (0.15, 0.6)
-"""Numerical: correlation lengths that are tried, over the range of the data; the longest is next to a straight line."""
-
-JITTER = 1e-8
-"""Numerical: added to the correlation of a coefficient with itself, so that its root exists."""
-
-REMAINDER_SIZES = 50
-"""Numerical: sizes of a part that are tried, from a tenth of the noise to 1e4 times as much."""
 
 # Records over time: windows
 
@@ -381,3 +317,27 @@ TURNS_OF_MISFIT = 5.0
 
 SLOPE_STEP = 1e-3
 """Numerical: step of a difference over the width of a parameter's plausible range."""
+
+# What is left unexplained
+
+PRICE = 4.5
+"""Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
+
+SPLINE_DEGREE = 4
+"""Derived: force gradients and inductance gradients, third derivatives of W', are continuous with quartic splines."""
+
+FIELD_CELLS, CURVE_CELLS = (12, 3), 8
+"""Numerical: cells of a function of distance and current, and of a curve. Smoothness is chosen by the data; these are
+the finest that it can be."""
+
+FIELD_SCALES, CURVE_SCALES = ((0.05, 0.15, 0.4), (0.6, 1.8, 6.0)), (0.15, 0.6)
+"""Numerical: correlation lengths that are tried, over the range of the data; the longest is next to a straight line."""
+
+JITTER = 1e-8
+"""Numerical: added to the correlation of a coefficient with itself, so that its root exists."""
+
+REMAINDER_SIZES = 50
+"""Numerical: sizes of a part that are tried, from a tenth of the noise to 1e4 times as much."""
+
+HELPS = 9.0
+"""Conventional: fall of the weighted error on runs left out from which a remainder is used (three deviations)."""

@@ -63,12 +63,12 @@ class Group(WithoutCache):
         gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, SPANNED))
         return float(along @ along + squares @ gain), count - int(np.count_nonzero(spanned))
 
-    def test(self, residual: FloatArray, fitted: FloatArray, variance: float) -> LackOfFit:
+    def test(self, residual: FloatArray, fitted: FloatArray) -> LackOfFit:
         """Test a residual beside orthonormal fitted columns."""
         square, count = self.along(residual, fitted)
         if not count:
             return LackOfFit(0.0, 0, 1.0)
-        return LackOfFit(square / count, count, tail_probability(square / variance, count, self.degrees_of_freedom))
+        return LackOfFit(square / count, count, tail_probability(square, count, self.degrees_of_freedom))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,19 +78,18 @@ class PatternSpace:
     patterns: Patterns
     groups: tuple[Group, ...]
 
-    def excess(self, residual: FloatArray, fitted: FloatArray | None = None) -> float:
+    def excess(self, residual: FloatArray) -> float:
         """Squared length of a whitened residual in the patterns beyond what noise gives; may be negative."""
-        square, count = self.groups[-1].along(*_beside(residual, fitted))
+        square, count = self.groups[-1].along(*_beside(residual, None))
         return square - count
 
-    def test(self, residual: FloatArray, fitted: FloatArray | None = None, variance: float = 1.0) -> LackOfFit:
+    def test(self, residual: FloatArray, fitted: FloatArray | None = None) -> LackOfFit:
         """Test a whitened residual in every group; the p-value of the worst counts times their number (Bonferroni).
 
-        What was fitted to it, whitened columns of shape (M, p), are directions in which it has no freedom left. A
-        variance above 1, of a smooth pattern in units of the noise, allows for a misfit of the model.
+        What was fitted to it, whitened columns of shape (M, p), are directions in which it has no freedom left.
         """
         residual, basis = _beside(residual, fitted)
-        tests = [group.test(residual, basis, variance) for group in self.groups]
+        tests = [group.test(residual, basis) for group in self.groups]
         worst = tests[first_best([-outcome.p_value for outcome in tests])]
         return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
 

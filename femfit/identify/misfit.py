@@ -140,8 +140,8 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
     if noise is None:
         return facts
     any_distance = noise.test_mount_m >= np.ptp(observations.column("distance_m"))
-    source: Literal["assumed", "estimated"] = "assumed" if noise.mount_assumed else "estimated"
     made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
+    source: Literal["assumed", "estimated"] = "assumed" if noise.mount_assumed else "estimated"
     return replace(
         facts,
         unknown=tuple(name for name in observations.channels if name not in noise.source),
@@ -205,9 +205,7 @@ class MeasuredCurves:
     """Readings of one channel on the model's curves."""
 
     channel: str
-    # Setting along the horizontal axis, ``distance_m`` or ``current_A``: the one that was set to more levels; of
-    # impedances ``frequency_Hz``
-    along: str
+    along: str  # Setting along the horizontal axis: ``distance_m``; of impedances ``frequency_Hz``
     over: str  # The other setting; each of its levels has a curve
     levels: FloatArray  # Settings ``over`` of the curves; shape (L,)
     axis: FloatArray  # Settings ``along`` of the curves; shape (K,)
@@ -237,13 +235,9 @@ def measured_curves(
         here = np.flatnonzero(observations.of(name))
         keys = ("frequency_Hz", "distance_m") if observations.of_impedances else ("distance_m", "current_A")
         settings = {key: observations.column(key)[here] for key in keys}
-        along, over = keys
-        if not observations.of_impedances:
-            along, over = sorted(settings, key=lambda key: -len(_levels(settings[key], 400)))
+        along, over = sorted(keys, key=lambda key: not np.ptp(settings[key]))
         scale = 1.0 if observations.weight is None else 1.0 / observations.weight[here]
-        levels = _levels(settings[over], 40)
-        if len(levels) > _MOST_CURVES:
-            levels = np.quantile(settings[over], np.linspace(0.0, 1.0, _MOST_CURVES))
+        levels = np.unique(np.quantile(settings[over], np.linspace(0.0, 1.0, _MOST_CURVES)).round(9))
         spaced = np.geomspace if along == "frequency_Hz" else np.linspace
         axis = spaced(settings[along].min(), settings[along].max(), _POINTS)
         curves = [_curves(model, observations, name, (over, levels), (along, axis), e) for e in ((), after)]
@@ -265,13 +259,6 @@ def measured_curves(
             )
         )
     return tuple(result)
-
-
-def _levels(x: FloatArray, parts: int) -> FloatArray:
-    """Settings that were brought to about the same value, a part of the range apart, as their means."""
-    ordered = np.sort(x)
-    group = np.concatenate([[0], np.cumsum(np.diff(ordered) > np.ptp(x) / parts)])
-    return np.asarray(np.bincount(group, ordered) / np.bincount(group))
 
 
 def _curves(

@@ -29,7 +29,6 @@ from femfit.identify.bench import bench_observations
 from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
 from femfit.identify.decision.constants import (
-    A_DECADE,
     ALMOST_SURELY,
     CHANNEL_COST,
     CURRENTS,
@@ -37,7 +36,6 @@ from femfit.identify.decision.constants import (
     GUESSED_NOISE,
     HEAT_COST,
     HEATED_K,
-    IMPEDANCE_DISTANCES,
     LARGEST_BENDING,
     NEAR_SHARE,
     TIE,
@@ -258,7 +256,7 @@ def possible_experiments(
     """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here."""
     nominal, measured = observations.nominal, observations.channels
     if observations.of_impedances:
-        return sorted([*_impedances(observations), *_direct(effects)], key=lambda experiment: experiment.cost)
+        return sorted(_direct(effects), key=lambda experiment: experiment.cost)
     current, branch = observations.covariates["current_A"], observations.covariates["branch"]
     low, high = np.clip([current.min(), current.max()], nominal.current_min_A, nominal.current_max_A).tolist()
     held = low > current.min() or high < current.max()
@@ -301,28 +299,6 @@ def _direct(effects: Sequence[Effect]) -> list[Experiment]:
         for effect in effects
         for calibration in effect.calibrations
     ]
-
-
-def _impedances(observations: Observations) -> list[Experiment]:
-    """Further impedances: the same again, a decade of frequencies on either side, other distances, a warm winding."""
-    nominal, measured = observations.nominal, observations.channels
-    usual = observations.covariates[list(observations.settings)].drop_duplicates()
-    places, f = usual.drop(columns="frequency_Hz").drop_duplicates(), usual["frequency_Hz"]
-    everywhere = np.linspace(nominal.distance_min_m, nominal.distance_max_m, IMPEDANCE_DISTANCES)
-    at_one = usual[usual["distance_m"] == usual["distance_m"].iloc[0]].drop(columns="distance_m")
-    runs = {"Measure the same range once more, on a new mount": usual}
-    for words, ends, far in (("down", (0.1 * f.min(), f.min()), 0), ("up", (f.max(), 10.0 * f.max()), 1)):
-        decade = pd.DataFrame({"frequency_Hz": np.geomspace(*ends, A_DECADE)})
-        text = f"Go {words} to {amount(ends[far], 'Hz')}, at {A_DECADE} frequencies and the same settings"
-        runs[text] = places.merge(decade, how="cross")
-    rows = pd.DataFrame({"distance_m": everywhere}).merge(at_one, how="cross")
-    runs[f"Read impedances at {IMPEDANCE_DISTANCES} distances of the whole range"] = rows
-    warm = _complete(usual).assign(coil_temperature_C=REFERENCE_TEMPERATURE_C + HEATED_K)
-    text = (
-        f"Heat the winding by {HEATED_K:.0f} K, record its temperature (coil_temperature_C) and measure the same range"
-    )
-    again = [_run(words, _complete(rows), measured) for words, rows in runs.items()]
-    return [*again, _run(text, warm, measured, HEAT_COST)]
 
 
 def _complete(rows: pd.DataFrame) -> pd.DataFrame:

@@ -30,7 +30,7 @@ from femfit.identify.constants import (
     WELL,
     WRONG_FACTOR,
 )
-from femfit.identify.settings import current_names, currents_in, with_leading_current
+from femfit.identify.settings import current_names, currents_in
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
@@ -261,15 +261,18 @@ def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
     return np.asarray(((columns >= limits[:, 0] - slack) & (columns <= limits[:, 1] + slack)).all(axis=1))
 
 
-def nothing_in_domain(model: ActuatorModel, table: BenchTable) -> str:
-    """Say where the model holds, where the rows of a table outside of it are, and what their units may be."""
-    box = model.without_effects.validity
-    d, i = table.rows["distance_m"], with_leading_current(model, table).rows["current_A"]
-    where = (
-        f"{table.source} must have rows within the model's validity domain, {box.distance_min_m:g} to "
-        f"{box.distance_max_m:g} m and {box.current_min_A:g} to {box.current_max_A:g} A; its distances are "
-        f"{d.min():g} to {d.max():g} m and its currents {i.min():g} to {i.max():g} A."
+def nothing_in_domain(model: ActuatorModel, source: str, distance: FloatArray, current: FloatArray) -> str:
+    """Say where the model holds, where readings outside of it are, and what their units may be."""
+    box, names = model.without_effects.validity, current_names(model) or ("current_A",)
+    columns = current.reshape(len(distance), -1).T
+    ranges = [
+        f"{low:g} to {high:g} A of {name} (here {values.min():g} to {values.max():g} A)"
+        for name, (low, high), values in zip(names, box.column_limits_A.tolist(), columns, strict=True)
+    ]
+    suspected = suspect_settings(model, distance, current, names)
+    remedy = " ".join(map(str, suspected)) or "Check the columns and units, or sweep and fit a wider range."
+    return (
+        f"{source} must have readings within the model's validity domain, {box.distance_min_m:g} to "
+        f"{box.distance_max_m:g} m (here {distance.min():g} to {distance.max():g} m) and {' and '.join(ranges)}; none "
+        f"was found. {remedy}"
     )
-    remedy = "Convert the columns, or sweep and fit a wider range."
-    suspected = suspect_units(model, table)
-    return " ".join([where, *(str(finding) for finding in suspected)] if suspected else [where, remedy])

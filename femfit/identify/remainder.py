@@ -14,7 +14,7 @@ S. N. Wood, Journal of the Royal Statistical Society B 73 (2011) 3: smoothing by
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -25,7 +25,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
-from femfit.identify.add_result import AddResult, EffectSize, fit_facts, largest_changes
+from femfit.identify.add_result import AddResult, filter_fall, fit_facts
 from femfit.identify.bench import placed
 from femfit.identify.constants import (
     CURVE_CELLS,
@@ -40,18 +40,17 @@ from femfit.identify.constants import (
 )
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.evidence import Linear, LogDensity
-from femfit.identify.left_out import cross_validated, filter_fall
+from femfit.identify.left_out import cross_validated
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.observations import Observations
 from femfit.identify.words import plain, printed
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.bspline import TensorSpline
+from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis, carried_effect
-from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
-from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
+from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
 NAME = "unexplained"
 """What the remainder is called as an effect; no cause is."""
@@ -123,7 +122,7 @@ def parts_of(observations: Observations) -> list[Part]:
     """The parts that these readings could show."""
     nominal, table, result = observations.nominal, observations.covariates, list[Part]()
     d, i = table["distance_m"].to_numpy(), table["current_A"].to_numpy()
-    plain_distance = DistanceCoordinate(1.0, inverse=False)
+    plain_distance = DistanceCoordinate(1.0, kind="distance")
     coordinate = DistanceCoordinate(float(d.max()), 0.0) if d.min() > 0.2 * np.ptp(d) else plain_distance
     along = Axis.over(coordinate.of(d), FIELD_CELLS[0], FIELD_SCALES[0])
     still = Axis(np.array([i[0] - 1.0, i[0] + 1.0]), 0, np.ones((1, 1)), [np.ones((1, 1))])  # without a current to vary
@@ -275,7 +274,7 @@ class RemainderResult(AddResult):
     @property
     def accepted(self) -> bool:
         """Whether it helps on runs left out, and the filter is not worse."""
-        return bool(self.parts) and self.fall_unseen > HELPS and (self.filter is None or self.filter.accepted)
+        return bool(self.parts) and self.fall_unseen > HELPS and not self.filter_worse
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -333,31 +332,26 @@ def add_remainder(
 
     before = cross_validated(whitening, lambda _: ())
     error = cross_validated(whitening, learnt_from) if learnt.parts else before
-    effects, sizes, decided = learnt.effects, list[EffectSize](), None
+    effects, decided = learnt.effects, None
     if learnt.covariance is not None and learnt.columns is not None:
-        change = observations.predict(effects) - observations.base
-        sizes += largest_changes(NAME, observations, change, learnt.columns, learnt.covariance)
         # Rounding must not make it indefinite
         rounding = 1e-10 * float(np.trace(learnt.covariance)) / len(learnt.covariance) * np.eye(len(learnt.covariance))
         root = np.linalg.cholesky(learnt.covariance + rounding)
         directions, size, _ = np.linalg.svd(whitening.full(learnt.columns) @ root, full_matrices=False)
         decided = directions[:, size**2 > 0.5]  # what the readings decided more than the penalty did
     after = with_effects(model, (*model.effects, *effects))
-    result = RemainderResult(
+    if effects:
+        progress("Running the filter before and after")
+    return RemainderResult(
         model=after,
         added=effects,
         kept=tuple(present.effect.name for present in model.effects),
         left_out=error.rms,
-        sizes=tuple(sizes),
         suspicious=(),
         findings=(*observations.findings, *guessed_noises(noise)),
         parts=tuple(part.kind for part in learnt.parts),
         fall_unseen=before.chi2 - error.chi2,
         beside=beside,
-        **fit_facts(whitening, [("model", ()), *([(NAME, effects)] if effects else [])], decided),
+        filter=filter_fall(model, after, measured) if effects else None,
+        **fit_facts(whitening, (), effects, decided),
     )
-    if not effects or not isinstance(measured, TimeSeries):
-        return result
-    progress("Running the filter over what was left out")
-    fall = filter_fall(model, after, model.effects, measured, observations, error.effects)
-    return replace(result, filter=fall)

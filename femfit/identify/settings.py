@@ -41,7 +41,7 @@ from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
 from femfit.tables.header import parts_of
-from femfit.tables.impedance import SERIES, without_capacitive
+from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import BenchTable
 
 
@@ -120,18 +120,6 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     return with_leading_current(model, table)
 
 
-def inductive(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """The table without what no inductance gives; by its name alone it may take that of ``coil_1`` for one of two."""
-    circuits = model.without_effects.circuit_names if "frequency_Hz" in table.given else ()
-    for name in (column for column in map("inductance_{}_H".format, circuits) if column in table.given):
-        rows, of = table.rows, {SERIES[1]: name, SERIES[0]: resistance_column(name)}
-        values_of = {quantity: rows[column].to_numpy() for quantity, column in of.items() if column in rows}
-        usable, findings = without_capacitive(values_of, rows["frequency_Hz"].to_numpy(), table.source, name)
-        rows = rows.assign(**{of[quantity]: values for quantity, values in usable.items()})
-        table = replace(table, rows=rows, findings=(*table.findings, *findings))
-    return table
-
-
 def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:
     """The table with ``current_A`` as the leading one of several currents."""
     names = current_names(model)
@@ -142,37 +130,14 @@ def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:
 
 
 @once_for_settings
-def repeat_cells(observations: Observations) -> IntArray:
-    """A number for each setting that may have been repeated: one of ``setting_cells`` with one magnetic history.
-
-    The history is the current at which the branch began. Readings of one channel with the same number are repeats.
-    """
-    keys = {"setting": setting_cells(observations), "turn": _turning_current(observations)}
-    return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
-
-
-@once_for_settings
 def setting_cells(observations: Observations) -> IntArray:
-    """A number for each setting: one level of distance, current and frequency, one branch."""
+    """A number for each setting: one level of distance, current and frequency, one branch.
+
+    Readings of one channel with the same number are repeats.
+    """
     keys = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
-
-
-def _turning_current(observations: Observations) -> FloatArray:
-    """Level of the current at which the branch of each reading began; 0 without branches, or where no order is known.
-
-    A run's stretch of one branch at one distance begins where the current turned.
-    """
-    table, current, branch = observations.covariates, observations.covariates["current_A"].to_numpy(), "branch"
-    if not observations.clocked or not table[branch].to_numpy().any():
-        return np.zeros(len(observations.value))
-    order = np.lexsort((table["order"], table["run"]))
-    place = np.stack([levels(table["distance_m"].to_numpy(), SAME_SETTING), table["run"], table[branch]])[:, order]
-    begins = np.append(True, np.any(np.diff(place, axis=1) != 0.0, axis=0))
-    turn = np.zeros(len(current))
-    turn[order] = levels(current, SAME_LINE)[order[np.flatnonzero(begins)]][np.cumsum(begins) - 1]
-    return np.where(table[branch] == 0.0, 0.0, turn)[observations.row]
 
 
 def levels(x: FloatArray, share: float) -> FloatArray:

@@ -22,7 +22,7 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, HINTS, NONLINEAR_PRICE, SHOWN
+from femfit.identify.decision.constants import COMPARED, NONLINEAR_PRICE, SHOWN
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.misfit import finer_sweep
@@ -68,22 +68,17 @@ class Advice(Result):
     explanations: tuple[str, ...]
     # The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be
     suggestions: tuple[Suggestion, ...] = ()
-    never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows would separate
+    never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows is sure to separate
     # Per effect the measurement that isolates it: for records, to which no readings can be added on trial, and where
     # one name alone is left and is not certain
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
     further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
-    # Pairs that no suggestion separates for sure, and the direct reading that may: instruction, and the standard
-    # deviations that it would be expected to be apart
-    perhaps: tuple[tuple[str, str, str, float], ...] = ()
     remarks: tuple[str, ...] = ()  # On what the advice rests, where that is a guess
     titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
 
     def __str__(self) -> str:
-        readings = list(dict.fromkeys(text for _, _, text, _ in self.perhaps))[:SHOWN]
-        hints = [(text, [pair for pair in self.perhaps if pair[2] == text]) for text in readings]
-        facts = {"clauses": pair_clauses, "hints": hints, "SHOWN": SHOWN, "COMPARED": COMPARED}
+        facts = {"clauses": pair_clauses, "SHOWN": SHOWN, "COMPARED": COMPARED}
         return titled(printed("advice", r=self, **facts), self.titles)
 
 
@@ -137,32 +132,18 @@ def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, s
     names = tuple(" + ".join(fit.names) for fit in every)
     if diagnosis.campaign is None or len(every) < 2:
         sure = diagnosis.confident and not diagnosis.excluded
-        most = diagnosis.dominant.tie if diagnosis.dominant else ()
-        unsure = [] if sure else [*(effect.name for effect in diagnosis.missing), *most]
+        unsure = [] if sure else [effect.name for effect in diagnosis.missing]
         note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
         return Advice(names, isolating=_isolating(unsure, nominal), note=note)
-    of_one = not nominal.circuits or diagnosis.observations.of_impedances  # as trials are, but for these
-    if not isinstance(measured, BenchTable) or not of_one:
+    if not isinstance(measured, BenchTable) or nominal.circuits:
         return Advice(names, isolating=_isolating([name for fit in every for name in fit.names], nominal))
     explanations, unlisted = every[:COMPARED], max(0, len(every) - COMPARED)
     say("Trying measurements")
     noise = diagnosis.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations)
     apart = {pair[:2] for suggestion in suggestions for pair in suggestion.separates}
-    hints = []
-    for a, b in combinations(explanations, 2):
-        if _pair(a, b) not in apart:  # the direct reading of which the two expect the most different values
-            effects = {added.effect.name: added.effect for fit in (a, b) for added in fit.effects}.values()
-            expected = [
-                (apart_by_direct_reading(effect.name, calibration, a, b), calibration.instruction)
-                for effect in effects
-                for calibration in effect.calibrations
-            ]
-            farthest, text = max(expected, default=(0.0, ""), key=lambda reading: reading[0])
-            hints.append((*_pair(a, b), text, round(farthest, 1)))
-    perhaps = tuple(hint for hint in hints if hint[3] >= HINTS)
-    never = tuple(hint[:2] for hint in hints if hint[3] < HINTS)
-    return Advice(names[:COMPARED], tuple(suggestions), never, further=unlisted, perhaps=perhaps)
+    never = tuple(pair for a, b in combinations(explanations, 2) if (pair := _pair(a, b)) not in apart)
+    return Advice(names[:COMPARED], tuple(suggestions), never, further=unlisted)
 
 
 def _pair(a: Refit, b: Refit) -> tuple[str, str]:

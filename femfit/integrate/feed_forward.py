@@ -72,36 +72,7 @@ BIN = 1e-3
 rate, and at 204.8 kS/s it would hide every plateau."""
 
 
-@dataclass(frozen=True)
-class Window:
-    """Sums over the samples of a window that is not complete yet, or of the zero reading."""
-
-    samples: int = 0
-    voltage_sum: float = 0.0
-    # Extremes of the current's means over :data:`BIN`, A; infinite without a current
-    current_min: float = math.inf
-    current_max: float = -math.inf
-    # Sum (A) and number of the samples of a mean that is not complete yet; at the window's end it is left out
-    bin_sum: float = 0.0
-    bin_samples: int = 0
-
-    def extended(self, voltage: FloatArray, current: FloatArray | None, bin_size: int) -> "Window":
-        """With more samples; the current is averaged over ``bin_size`` of them."""
-        low, high, bin_sum, bin_samples = self.current_min, self.current_max, self.bin_sum, self.bin_samples
-        if current is not None:
-            starts = np.concatenate([[0], np.arange(bin_size - bin_samples, len(current), bin_size)])
-            sums = np.add.reduceat(current, starts)
-            counts = np.diff(starts, append=len(current))
-            sums[0], counts[0] = sums[0] + bin_sum, counts[0] + bin_samples
-            means = sums[counts == bin_size] / bin_size
-            low, high = float(means.min(initial=low)), float(means.max(initial=high))
-            full = counts[-1] == bin_size
-            bin_sum, bin_samples = (0.0, 0) if full else (float(sums[-1]), int(counts[-1]))
-        total = self.voltage_sum + float(np.sum(voltage))
-        return Window(self.samples + len(voltage), total, low, high, bin_sum, bin_samples)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FeedForwardState:
     """State of a feed-forward integrator after a sample.
 
@@ -117,6 +88,8 @@ class FeedForwardState:
     """
 
     last: LastSample
+    # Voltage (V) and current (A, NaN without one) of a window that is not complete yet; shape (2, n)
+    window: FloatArray
     field: float
     still: float
     variance: float = 0.0
@@ -126,7 +99,6 @@ class FeedForwardState:
     former: float = 0.0
     offset: float = 0.0
     level: float = math.nan
-    window: Window = Window()  # frozen
 
 
 @dataclass(frozen=True)
@@ -146,7 +118,8 @@ class FeedForwardIntegrator:
 
     def start(self) -> FeedForwardState:
         """The state before the first sample: no ramp yet, so that the first still window counts."""
-        return FeedForwardState(LastSample(), self.initial_field, math.inf if self.on_plateaus else 0.0)
+        still = math.inf if self.on_plateaus else 0.0
+        return FeedForwardState(LastSample(), np.zeros((2, 0)), self.initial_field, still)
 
     def advance(self, state: FeedForwardState, block: CoilBlock) -> tuple[FeedForwardState, FieldBlock]:
         """Integrate a block."""
@@ -175,47 +148,48 @@ class FeedForwardIntegrator:
         """The state, the mean of the zero reading up to each sample, 1 for the samples that belong to it, its noise."""
         since = state.still + np.cumsum(dt)
         reading = (since < self.zero_reading - 1e-3 * self.sample_time).astype(np.float64)
-        total = state.window.voltage_sum + np.cumsum(reading * block.voltage)
-        samples = state.window.samples + np.cumsum(reading)
+        total = state.offset * state.offset_samples + np.cumsum(reading * block.voltage)
+        samples = state.offset_samples + np.cumsum(reading)
         offset = total / np.maximum(samples, 1.0)
         used = state.used + np.cumsum((1.0 - reading) * dt)
-        window = Window(int(samples[-1]), float(total[-1]))
-        now = replace(state, still=float(since[-1]), offset=float(offset[-1]), window=window, used=float(used[-1]))
-        return now, offset, reading, self._of_offset(offset, window.samples, used, 0.5 * self.sample_time)
+        count, latest = int(samples[-1]), float(offset[-1])
+        now = replace(state, still=float(since[-1]), offset=latest, offset_samples=count, used=float(used[-1]))
+        return now, offset, reading, self._of_offset(offset, count, used, 0.5 * self.sample_time)
 
     def _plateau_offsets(
         self, state: FeedForwardState, block: CoilBlock, dt: FloatArray
     ) -> tuple[FeedForwardState, FloatArray, FloatArray, FloatArray]:
         """The state, the last settled plateau's mean at each sample, zeros as no sample is left out, and its noise."""
         size = max(1, round(self.window / self.sample_time))
-        bin_size = min(max(1, round(BIN / self.sample_time)), size)
+        readings = np.stack([block.voltage, np.full(len(block), np.nan) if block.current is None else block.current])
         offset, of_offset = np.zeros(len(block)), np.zeros(len(block))
         now, begin = state, 0
         while begin < len(block):
-            samples = slice(begin, min(len(block), begin + size - now.window.samples))
+            samples = slice(begin, min(len(block), begin + size - now.window.shape[1]))
             offset[samples], used = now.offset, now.used + np.cumsum(dt[samples])
             integrated = now.offset_samples * self.sample_time
             of_offset[samples] = now.former + self._of_offset(offset[samples], now.offset_samples, used, integrated)
-            current = None if block.current is None else block.current[samples]
-            window = now.window.extended(block.voltage[samples], current, bin_size)
+            window = np.concatenate([now.window, readings[:, samples]], axis=1)
             now = replace(now, window=window, used=float(used[-1]))
-            if now.window.samples == size:
-                now = replace(self._updated(now, float(of_offset[samples][-1])), window=Window())
+            if window.shape[1] == size:
+                now = replace(self._updated(now, float(of_offset[samples][-1])), window=window[:, :0])
             begin = samples.stop
         return now, offset, np.zeros(len(dt)), of_offset
 
     def _updated(self, state: FeedForwardState, brought: float) -> FeedForwardState:
         """After a complete window, whose offset holds from the next sample on; those before have brought a variance."""
-        window, still = state.window, state.still + self.window
-        mean, level = window.voltage_sum / window.samples, 0.5 * (window.current_min + window.current_max)
-        if math.isinf(window.current_min):
+        (voltage, current), still = state.window, state.still + self.window
+        size = min(max(1, round(BIN / self.sample_time)), len(voltage))
+        means = current[: len(current) // size * size].reshape(-1, size).mean(axis=1)
+        mean, level = float(voltage.mean()), 0.5 * float(means.min() + means.max())
+        if np.isnan(current).all():
             moves = abs(mean) > STILL_V
         else:  # a wander too slow for one window shows against the window before
             since = 0.0 if math.isnan(state.level) else abs(level - state.level)
-            moves = max(window.current_max - window.current_min, since) > self.still_A
+            moves = max(float(np.ptp(means)), since) > self.still_A
         if moves:
             return replace(state, still=0.0, level=level)
         state, settled = replace(state, still=still, level=level), state.still >= self.settling - 1e-9
         if not settled:
             return state
-        return replace(state, offset=mean, offset_samples=window.samples, used=0.0, former=brought)
+        return replace(state, offset=mean, offset_samples=len(voltage), used=0.0, former=brought)

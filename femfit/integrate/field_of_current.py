@@ -10,48 +10,21 @@ I. Mayergoyz, Mathematical Models of Hysteresis and their Applications (Elsevier
 Differential Models of Hysteresis (Springer, 1994), III.1 (play); G. Moritz, arXiv:1103.1800 (eddy currents).
 """
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Annotated, Literal
+from dataclasses import dataclass
 
 import numpy as np
-import pydantic
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from femfit.core.errors import ModelFileError
-from femfit.core.files import write_json
 from femfit.core.numerics import FloatArray
-from femfit.core.text import quoted
-
-_KIND: Literal["field of current"] = "field of current"
-_PLACES = ("zero", "medium", "full")
-
-MOST_TERMS = 50
-"""Highest degree, and most radii or lag times, that a file may have."""
 
 
-_STRICT = ConfigDict(strict=True, allow_inf_nan=False)
-_Positive = Annotated[float, Field(gt=0.0)]
-_Terms = Annotated[tuple[_Positive, ...], Field(max_length=MOST_TERMS)]
-
-
-@pydantic.dataclasses.dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True)
 class FieldTerms:
     """Which terms a field model has; the magnet was cycled to ``current_max_A`` before the record."""
 
-    current_max_A: _Positive
-    degree: Annotated[int, Field(ge=0, le=MOST_TERMS)] = 7
-    play_radii_A: _Terms = ()
-    lag_times_s: _Terms = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the coefficients, in the order of the columns."""
-        return (
-            *(f"polynomial {n}" for n in range(self.degree + 1)),
-            *(f"play {radius:g} A at {place} current" for place in _PLACES for radius in self.play_radii_A),
-            *(f"eddy lag {time:g} s" for time in self.lag_times_s),
-        )
+    current_max_A: float
+    degree: int = 7
+    play_radii_A: tuple[float, ...] = ()
+    lag_times_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,15 +39,11 @@ class MagnetState:
 
 @dataclass(frozen=True, eq=False)
 class FieldModel:
-    """A field model with its coefficients, in the order of ``terms.names``, and the rms of its error in T."""
+    """A field model with its coefficients, in the order of :func:`field_columns`, and the rms of its error in T."""
 
     terms: FieldTerms
     coefficients: FloatArray
     rms_T: float
-
-    def start(self) -> MagnetState:
-        """After cycling to the largest current and back to zero."""
-        return precycled(self.terms)
 
     def advance(self, state: MagnetState, time: FloatArray, current: FloatArray) -> tuple[MagnetState, FloatArray]:
         """Field in T of a stretch of currents, shape (n,)."""
@@ -131,31 +100,3 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
     for row in range(len(time)):
         paths[row] = lag = keep[row] * lag + (1.0 - keep[row]) * times * rate[row]
     return paths
-
-
-class _File(BaseModel):
-    model_config = _STRICT
-
-    kind: Literal["field of current"]
-    terms: FieldTerms
-    coefficients_T: dict[str, float]
-    rms_T: float = Field(ge=0.0)
-
-
-def write_field_model(model: FieldModel, path: Path) -> None:
-    """Write a field model as JSON."""
-    coefficients = dict(zip(model.terms.names, model.coefficients.tolist(), strict=True))
-    data = {"kind": _KIND, "terms": asdict(model.terms), "coefficients_T": coefficients, "rms_T": model.rms_T}
-    write_json(path, data)
-
-
-def read_field_model(path: Path) -> FieldModel:
-    """Read a field model."""
-    try:
-        data = _File.model_validate_json(path.read_bytes())
-        coefficients = np.array([data.coefficients_T[name] for name in data.terms.names])
-    except (ValidationError, OSError, KeyError) as error:
-        raise ModelFileError(
-            f"{path} cannot be read as a {_KIND}: {quoted(error, 300)}. Identify it again from a lab record."
-        ) from error
-    return FieldModel(data.terms, coefficients, data.rms_T)

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from femfit.core.errors import FitError, TableError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
-from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, precycled, read_field_model
+from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, precycled
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
-from femfit.integrate.uncertainty import LinearSigma, SensingCoil
+from femfit.integrate.uncertainty import SensingCoil
 from femfit.tables.coil_record import open_coil_record
 
 PATH_INTERVAL = 0.01
@@ -51,34 +51,9 @@ class LabRun:
     field: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class CurrentField:
-    """What is known of the field of a current; nothing by default."""
-
-    model: FieldModel | None = None
-    currents: tuple[float, float] | None = None  # Between which the model holds, A
-    sigma: LinearSigma | None = None  # Of a ratio, in T
-    ratio: float | None = None  # In A/T
-
-
-def field_of_ratio(ratio: float, sigma: LinearSigma) -> CurrentField:
+def field_of_ratio(ratio: float, rms_T: float) -> FieldModel:
     """B = I / g with the ratio g in A/T, without hysteresis and eddy currents."""
-    model = FieldModel(FieldTerms(1.0, degree=1), np.array([0.5, 0.5]) / ratio, sigma.floor)
-    return CurrentField(model, None, sigma, ratio)
-
-
-def identified_field(coil: SensingCoil, lab: str | Path | None, field: str | Path | FieldModel | None) -> CurrentField:
-    """A field model that was identified before, or is now from a lab record."""
-    if lab is None and field is None:
-        raise TableError(
-            "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
-            "magnet that was cycled before), or --field-model FILE."
-        )
-    if lab is not None:
-        model = _field_of_lab_record(lab, coil)
-    else:
-        model = field if isinstance(field, FieldModel) else read_field_model(Path(str(field)))
-    return CurrentField(model, (0.0, model.terms.current_max_A))
+    return FieldModel(FieldTerms(1.0, degree=1), np.array([0.5, 0.5]) / ratio, rms_T)
 
 
 def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> FieldModel:
@@ -101,13 +76,14 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     current = np.concatenate([_means(run.current, ROW_STEPS) for run in paths])
     used = np.flatnonzero(np.any(matrix != 0.0, axis=0))
     lower = np.where(used <= terms.degree, -np.inf, 0.0)
-    sigmas = ROW_SIGMA * float(np.abs(field).max()), STRENGTH_SIGMA * float(np.abs(field).max()) / top
-    problem = _Problem(matrix[:, used], field, lower, *sigmas)
-    names = [terms.names[k] for k in used]
-    solution = solve_bounded_qp(*problem.rows(np.ones(len(field), dtype=np.bool_)), lower, names=names)
-    coefficients = np.zeros(len(terms.names))
-    coefficients[used] = solution.x
-    return FieldModel(terms, coefficients, _left_out_rms(problem, current))
+    prior = np.eye(len(used))[np.isfinite(lower)]  # A row for each strength, of which little is believed without runs
+    largest = float(np.abs(field).max())
+    sigma = np.repeat([ROW_SIGMA * largest, STRENGTH_SIGMA * largest / top], [len(field), len(prior)])
+    rows, target = np.concatenate([matrix[:, used], prior]), np.concatenate([field, np.zeros(len(prior))])
+    names = [f"coefficient {k}" for k in used]
+    coefficients = np.zeros(matrix.shape[1])
+    coefficients[used] = solve_bounded_qp(rows, target, sigma, lower, names=names).x
+    return FieldModel(terms, coefficients, _left_out_rms(rows, target, sigma, lower, current))
 
 
 def _path(run: LabRun) -> LabRun:
@@ -122,36 +98,21 @@ def _means(values: FloatArray, size: int) -> FloatArray:
     return np.asarray(values[: rows * size].reshape(rows, size, *values.shape[1:]).mean(axis=1))
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """Rows of the fit, and what is believed of the strengths without them."""
-
-    matrix: FloatArray
-    target: FloatArray
-    lower: FloatArray
-    row_sigma: float
-    strength_sigma: float
-
-    def rows(self, chosen: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Matrix, target and sigma of the kept rows, and one prior row for each bounded strength."""
-        prior = np.eye(len(self.lower))[np.isfinite(self.lower)]
-        sigma = np.r_[np.full(int(chosen.sum()), self.row_sigma), np.full(len(prior), self.strength_sigma)]
-        return np.concatenate([self.matrix[chosen], prior]), np.r_[self.target[chosen], np.zeros(len(prior))], sigma
-
-
-def _left_out_rms(problem: _Problem, current: FloatArray) -> float:
+def _left_out_rms(
+    rows: FloatArray, target: FloatArray, sigma: FloatArray, lower: FloatArray, current: FloatArray
+) -> float:
     """Rms error on each stretch of the runs when fitted to the others, at currents that the others reach."""
     squares = []
-    for rows in np.array_split(np.arange(len(current)), FOLDS):
-        remaining = np.ones(len(current), dtype=np.bool_)
-        remaining[rows] = False
-        reached = rows[(current[rows] <= current[remaining].max()) & (current[rows] >= current[remaining].min())]
-        x = active_set_least_squares(*problem.rows(remaining), problem.lower)
-        squares.append(np.square(problem.matrix[reached] @ x - problem.target[reached]))
+    for stretch in np.array_split(np.arange(len(current)), FOLDS):
+        others, remaining = np.delete(current, stretch), np.delete(np.arange(len(rows)), stretch)
+        reached = stretch[(current[stretch] <= others.max()) & (current[stretch] >= others.min())]
+        x = active_set_least_squares(rows[remaining], target[remaining], sigma[remaining], lower)
+        squares.append(np.square(rows[reached] @ x - target[reached]))
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def _field_of_lab_record(lab: str | Path, coil: SensingCoil) -> FieldModel:
+def field_of_lab_record(lab: str | Path, coil: SensingCoil) -> FieldModel:
+    """Identify the field of a magnet that was cycled before, from a record of coil, Hall probe and current."""
     record = open_coil_record(Path(lab))
     if not {"hall_T", "current_A"} <= set(record.columns):
         raise TableError(f"A lab record needs hall_T and current_A; {record.path} has {', '.join(record.columns)}.")

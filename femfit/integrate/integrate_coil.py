@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.files import FIELD_MODEL, INTEGRATED, RAW_SIDECAR, require_outputs
-from femfit.integrate.field_of_current import FieldModel, write_field_model
-from femfit.integrate.identified_field import CurrentField, field_of_ratio, identified_field
+from femfit.core.files import INTEGRATED, require_outputs
+from femfit.integrate.identified_field import field_of_lab_record, field_of_ratio
 from femfit.integrate.methods import FILTERS, CoilIntegral, IntegrationOptions, Method
-from femfit.integrate.record_stream import Streamed, stream_record
+from femfit.integrate.record_stream import stream_record
 from femfit.integrate.uncertainty import OFFSET_SIGMA_V, SETTLING_S, STILL_A, LinearSigma, SensingCoil, Systematics
 from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
 
@@ -25,7 +24,6 @@ _OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "still_A": ("--still-A", ("ffa2",)),
     "current_to_field_A_per_T": ("--current-to-field", ("cs2",)),
     "lab": ("--lab", ("cs2-identified",)),
-    "field_model": ("--field-model", ("cs2-identified",)),
     "reference_gain_sigma": ("--reference-gain-sigma", FILTERS),
     "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS),
 }
@@ -44,7 +42,6 @@ def integrate_coil(
     still_A: float | None = None,
     current_to_field_A_per_T: float | None = None,
     lab: str | Path | None = None,
-    field_model: str | Path | FieldModel | None = None,
     coil_area_sigma_m2: float | None = None,
     reference_gain_sigma: float | None = None,
     reference_offset_sigma_T: float | None = None,
@@ -69,7 +66,7 @@ def integrate_coil(
     coil_area_m2 : float
         Total area of the coil; filters with a Hall probe or a ratio need it.
     output : path
-        File for the rows, .csv, .parquet, .bin, .raw or .f32; without it they stay in the result.
+        File for the rows, .csv or .parquet; without it they stay in the result.
     initial_field_T : float
         Field at the record's begin (flux linkage without an area); default 0, or the reference's first reading.
     zero_reading_s, settling_s, still_A : float
@@ -77,9 +74,8 @@ def integrate_coil(
         in a second of a plateau (0.1 A).
     current_to_field_A_per_T : float
         Of cs2.
-    lab, field_model : path
-        Of cs2-identified: a record with Hall probe and current to identify the field from, and the file of the
-        identified field, written with ``lab`` and read without.
+    lab : path
+        Of cs2-identified: a record with Hall probe and current of the cycled magnet, to identify its field from.
     coil_area_sigma_m2, reference_gain_sigma, reference_offset_sigma_T, offset_sigma_V : float
         Standard uncertainties of what stays the same through the record; the gain's is relative.
     columns, units, table : optional
@@ -113,28 +109,23 @@ def integrate_coil(
     recorded = tuple(name for name in COLUMNS if name in source.columns)
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
     _require_fitting(chosen, arguments)
-    written = Path(field_model) if lab is not None and isinstance(field_model, str | Path) else None
-    _require_free([record, lab, field_model if lab is None else None], output, written)
+    _require_free([record, lab], output)
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
-    current_field = CurrentField()
+    field_model, offset_sigma, reference_sigma = None, reference_offset_sigma_T or 0.0, None
     if current_to_field_A_per_T is not None:
-        sigma = LinearSigma(reference_offset_sigma_T or 0.0, reference_gain_sigma or 0.0)
-        current_field = field_of_ratio(current_to_field_A_per_T, sigma)
-    elif chosen == "cs2-identified":
-        current_field = identified_field(coil, lab, field_model)
-    if written is not None and current_field.model is not None:
-        write_field_model(current_field.model, written)
+        reference_sigma = LinearSigma(offset_sigma, reference_gain_sigma or 0.0)
+        field_model = field_of_ratio(current_to_field_A_per_T, offset_sigma)
+    elif lab is not None:
+        field_model = field_of_lab_record(lab, coil)
+        offset_sigma = max(offset_sigma, field_model.rms_T)
     settling, still = SETTLING_S if settling_s is None else settling_s, STILL_A if still_A is None else still_A
     options = IntegrationOptions(
-        chosen, coil, initial_field_T, zero_reading_s, settling, still, current_field.model, current_field.sigma
+        chosen, coil, initial_field_T, zero_reading_s, settling, still, field_model, reference_sigma
     )
     systematics = Systematics(
         (coil_area_sigma_m2 or 0.0) / coil.area_m2,
         reference_gain_sigma or 0.0,
-        max(
-            reference_offset_sigma_T or 0.0,
-            current_field.model.rms_T if chosen == "cs2-identified" and current_field.model else 0.0,
-        ),
+        offset_sigma,
         OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V,
     )
     before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
@@ -143,25 +134,16 @@ def integrate_coil(
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
     claimed = before, systematics
     streamed = stream_record(
-        source, recorded, options, current_field, claimed, quantity, output=output, progress=progress
+        source, recorded, options, current_to_field_A_per_T, claimed, quantity, output=output, progress=progress
     )
-    return _integral(
-        streamed,
+    end = streamed.last
+    parts = {name: float(values[-1]) for name, values in end.responses.parts(streamed.systematics).items()}
+    return CoilIntegral(
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
         method=chosen,
         quantity=quantity,
         coverage=coverage,
         output=output,
-        field_model=written,
-        seconds=time.perf_counter() - begin,
-    )
-
-
-def _integral(streamed: Streamed, **facts: Any) -> CoilIntegral:
-    """The result at a record's end, with the facts that the stream does not know."""
-    end = streamed.last
-    parts = {name: float(values[-1]) for name, values in end.responses.parts(streamed.systematics).items()}
-    return CoilIntegral(
         samples=streamed.samples,
         sample_time_s=streamed.sample_time,
         end_s=float(end.time[-1]),
@@ -171,7 +153,7 @@ def _integral(streamed: Streamed, **facts: Any) -> CoilIntegral:
         offset_V=float(end.offset[-1]),
         findings=streamed.findings,
         rows=streamed.rows,
-        **facts,
+        seconds=time.perf_counter() - begin,
     )
 
 
@@ -191,12 +173,16 @@ def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
             "cs2 takes the current over the magnet's current-to-field ratio for a field: give that ratio in A/T with "
             "--current-to-field."
         )
+    if method == "cs2-identified" and "--lab" not in options:
+        raise TableError(
+            "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
+            "magnet that was cycled before)."
+        )
 
 
-def _require_free(read: list[Any], output: Path | None, field_model: Path | None) -> None:
-    """Refuse results that would replace what is read, or a file of another kind."""
+def _require_free(read: list[Any], output: Path | None) -> None:
+    """Refuse rows that would replace what is read, or a file of another kind."""
     inputs = [Path(path) for path in read if isinstance(path, str | Path)]
     raw = [path for path in inputs if path.suffix in RAW_SUFFIXES]
     sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
-    sidecar = output.with_suffix(".json") if output is not None and output.suffix in RAW_SUFFIXES else None
-    require_outputs([*inputs, *sidecars], (output, INTEGRATED), (sidecar, RAW_SIDECAR), (field_model, FIELD_MODEL))
+    require_outputs([*inputs, *sidecars], (output, INTEGRATED))

@@ -13,7 +13,7 @@ from femfit.core.errors import TableError
 from femfit.core.results import Finding, Printed, listing
 from femfit.core.text import counted
 from femfit.integrate.feed_forward import FeedForwardIntegrator
-from femfit.integrate.field_of_current import FieldModel
+from femfit.integrate.field_of_current import FieldModel, precycled
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.uncertainty import (
     FIRST_FIELD_SIGMA_T,
@@ -56,8 +56,6 @@ class IntegrationOptions:
 
 def make_integrator(options: IntegrationOptions, first: CoilBlock) -> AnyIntegrator:
     """The integrator of a method, for a record that begins with a block."""
-    if options.method in {"cs2", "cs2-identified"} and options.field_model is None:
-        raise TableError("cs2-identified needs a field model: give --field-model, or --lab with a Hall probe's record.")
     dt = sample_time(first)
     noise = options.noise or record_noise(options, first)
     if options.method in FILTERS:
@@ -102,7 +100,7 @@ def record_noise(options: IntegrationOptions, first: CoilBlock) -> Noise:
     if options.reference_sigma is not None:
         if first.current is None:
             raise TableError(f"{options.method} needs current_A; instead received a record without it.")
-        _, field = options.field_model.advance(options.field_model.start(), first.time, first.current)
+        _, field = options.field_model.advance(precycled(options.field_model.terms), first.time, first.current)
         error = LinearSigma(max(options.reference_sigma.floor, white_sigma(field)), options.reference_sigma.relative)
     return Noise(voltage, error, max(FIRST_FIELD_SIGMA_T, 3.0 * error.floor))
 
@@ -153,7 +151,6 @@ class CoilIntegral(Printed):
     offset_V: float
     findings: tuple[Finding, ...]
     output: Path | None
-    field_model: Path | None
     rows: pd.DataFrame | None = field(repr=False, default=None)
     seconds: float = 0.0
 
@@ -170,9 +167,9 @@ class CoilIntegral(Printed):
         gain explains leave the condition that the gain be exact.
         """
         codes = tuple(finding.code for finding in self.findings)
-        spoiled = {"sign", "clipped", "stuck-voltage"}
+        spoiled = {"sign", "clipped"}
         if self.method == "cs1-offset":
-            spoiled |= {"stuck", "saturated"}
+            spoiled |= {"stuck"}
         if "gain" not in codes:
             spoiled |= {"innovations"}
         return tuple(code for code in codes if code in spoiled)
@@ -199,7 +196,7 @@ class CoilIntegral(Printed):
             ),
             *weighed,
             *(f"{finding.code}: {finding}" for finding in self.findings),
-            *(f"written: {path}" for path in (self.field_model, self.output) if path is not None),
+            *([] if self.output is None else [f"written: {self.output}"]),
         ]
         return "\n".join(lines)
 

@@ -16,7 +16,7 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.integrate.feed_forward import LastSample, increments
-from femfit.integrate.field_of_current import FieldModel, MagnetState
+from femfit.integrate.field_of_current import FieldModel, MagnetState, precycled
 from femfit.integrate.uncertainty import (
     FIRST_OFFSET_SIGMA_V,
     MODEL_ERROR_TIME_S,
@@ -64,7 +64,7 @@ class OffsetFilter:
         mean = np.zeros((2, 4))
         mean[0, 0] = self.initial_field
         covariance = np.diag([self.noise.initial_T**2, self.offset_sigma**2])
-        magnet = None if self.field_model is None else self.field_model.start()
+        magnet = None if self.field_model is None else precycled(self.field_model.terms)
         return OffsetState(LastSample(), mean, covariance, np.zeros((5, 0)), magnet)
 
     def advance(self, state: OffsetState, block: CoilBlock) -> tuple[OffsetState, FieldBlock]:

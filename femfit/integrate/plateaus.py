@@ -12,7 +12,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.integrate.uncertainty import GAP, white_sigma
+from femfit.integrate.uncertainty import white_sigma
 
 _LEAST = 3
 """Samples of a settled plateau."""
@@ -41,8 +41,8 @@ class PlateauFlux:
     # Samples of each plateau, the last exclusive
     first: IntArray
     last: IntArray
-    # Mean flux linkage minus that of the first plateau, Wb, and its standard uncertainty: from the samples' white
-    # noise, the offset's wander between plateaus (both type A), and what gaps between plateaus may hide
+    # Mean flux linkage minus that of the first plateau, Wb, and its standard uncertainty (type A): from the samples'
+    # white noise and the offset's wander between plateaus
     flux: FloatArray
     sigma: FloatArray
     branch: FloatArray  # Sign of the last change of current: +1, -1, or 0 before any
@@ -72,8 +72,7 @@ def plateau_flux(
     flux = np.concatenate([[0.0], np.cumsum(0.5 * step * (rest[1:] + rest[:-1]))])
     mean = np.array([flux[a:b].mean() for a, b in spans])
     level = np.array([current[a:b].mean() for a, b in spans])
-    variance = noise**2 * _variance(time, first, last) + _hidden(time, voltage, first, last)
-    variance += _wandered(time, voltage, first, last, noise)
+    variance = noise**2 * _variance(time, first, last) + _wandered(time, voltage, first, last, noise)
     change = np.diff(level, prepend=level[0])
     turn = pd.Series(np.where(np.abs(change) > options.still_A, np.sign(change), np.nan))
     branch = np.asarray(turn.ffill().fillna(0.0), dtype=np.float64)
@@ -94,18 +93,6 @@ def _variance(time: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
     inner = np.concatenate([[0.0], np.cumsum(np.square(before + after) / 4.0 / count)])[:-1]
     through = inner + np.square(before) / 4.0 / count
     return np.where(elapsed > 0.0, step * (np.cumsum(before) + (held[0] + held) / 12.0) + through, 0.0)
-
-
-def _hidden(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Variance of what gaps between plateaus may hide of the flux, as in :func:`increments`, Wb^2; shape (p,)."""
-    step = np.diff(time)
-    moving = np.ones(len(step), dtype=np.bool_)
-    for a, b in zip(first, last, strict=True):
-        moving[a : b - 1] = False
-    gap = moving & (step > GAP * float(np.median(step)))
-    lost = np.where(gap, np.square(step * np.maximum.accumulate(np.abs(voltage))[:-1]), 0.0)
-    since = np.concatenate([[0.0], np.cumsum(lost)])[first]
-    return np.asarray(since - since[0])
 
 
 def _wandered(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray, noise: float) -> FloatArray:

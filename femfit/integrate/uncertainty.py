@@ -130,19 +130,12 @@ half a sample time is left for jitter."""
 
 # ---- what may be wrong with a record
 
-LARGEST_VOLTAGE_V = 1e6
-"""No coil on a bench has more. Chosen."""
-
 CLIPPED_RUN = 4
-"""So many equal samples in a row at the largest |voltage| look clipped. Chosen: two neighbours are equal by chance on a
-converter of few steps, four in a row at the very top hardly ever."""
+"""So many equal samples in a row at the largest |voltage| are clipped where noise above a converter's steps, or a rise
+of two samples before, leads beyond it. Chosen: two neighbours are equal by chance, four at the very top hardly ever."""
 
-CLIPPED_STEPS = 16
-"""A record of fewer different voltages is quiet noise on a coarse converter, or computed. Chosen."""
-
-STEPS_COMPARED = 7
-"""Of the steps below the largest |voltage|, these are held against as many beside them. Derived: twice as many and the
-outermost one are no more than :data:`CLIPPED_STEPS`."""
+CLIPPED_LEVELS = 16
+"""A record of fewer different voltages is quiet, or computed. Chosen."""
 
 STUCK_TIME_S = 0.05
 """For so long a living instrument never repeats a reading exactly. Chosen: its noise is above its resolution."""
@@ -165,9 +158,6 @@ AGREEMENT = 0.8
 COMPARED_S = 0.1
 """Time over which changes of coil and reference are compared: long enough that white noise is small beside a ramp.
 Chosen."""
-
-RANGE_SLACK = 0.01
-"""Share of its range of currents by which a field model may be exceeded. Chosen: noise of the current reading."""
 
 INNOVATIONS_AVERAGED = 50
 INNOVATION_BAND = 9.0

@@ -90,13 +90,6 @@ TWO_DIPOLES = law_of_powers(
 )
 
 
-def _columns_of_dipole_disk(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    image = distance + shape["shift_m"]
-    square = 1.0 / (image * image)
-    inverse = 1.0 / (distance * distance + shape["radius_m"] ** 2)
-    return square * square, inverse * np.sqrt(inverse)
-
-
 def _potential_of_dipole_disk(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     radius = shape["radius_m"]
     root = np.sqrt(distance**2 + radius**2)
@@ -109,7 +102,6 @@ DIPOLE_DISK = ForceLaw(
     formula="a (d + d1)^-4 + b (d^2 + R^2)^(-3/2)",
     basis=("(d+d1)^-4", "(d^2+R^2)^(-3/2)"),
     coefficient_units=("N m^4", "N m^3"),
-    terms=_columns_of_dipole_disk,
     potentials=_potential_of_dipole_disk,
     column_operations=9,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), 1.6 (disk) and 5.7 (dipole)",
@@ -118,13 +110,6 @@ DIPOLE_DISK = ForceLaw(
         ShapeParameter("radius_m", "m", 1e-3, 0.3, 23e-3, "radius of the pole face"),
     ),
 )
-
-
-def _columns_of_dipole_loop(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    image, loop = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    square = 1.0 / (image * image)
-    inverse = 1.0 / (loop * loop + shape["radius_m"] ** 2)
-    return square * square, loop * inverse * inverse * np.sqrt(inverse)
 
 
 def _potential_of_dipole_loop(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -137,7 +122,6 @@ DIPOLE_LOOP = ForceLaw(
     formula="a (d + d1)^-4 + b s (s^2 + R^2)^(-5/2), s = d + d2",
     basis=("(d+d1)^-4", "loop gradient"),
     coefficient_units=("N m^4", "N m^4"),
-    terms=_columns_of_dipole_loop,
     potentials=_potential_of_dipole_loop,
     column_operations=12,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), 5.5 (loop) and 5.7 (dipole)",
@@ -184,16 +168,9 @@ SHIFTED_MULTIPOLES = law_of_powers(
 )
 
 
-def _columns_of_rational(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    image = distance + shape["shift_m"]
-    square = 1.0 / (image * image)
-    bell = 1.0 / (distance * distance + shape["radius_m"] ** 2)
-    return square * square, bell * bell
-
-
 def _potential_of_rational(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     radius = shape["radius_m"]
-    tail = np.arctan2(radius, distance) - radius * distance / (distance**2 + radius**2)
+    tail = 0.5 * np.pi - np.arctan(distance / radius) - radius * distance / (distance**2 + radius**2)
     return (distance + shape["shift_m"]) ** -3.0 / 3.0, tail / (2.0 * radius**3)
 
 
@@ -202,7 +179,6 @@ RATIONAL = ForceLaw(
     formula="a (d + d1)^-4 + b (d^2 + R^2)^-2",
     basis=("(d+d1)^-4", "(d^2+R^2)^-2"),
     coefficient_units=("N m^4", "N m^4"),
-    terms=_columns_of_rational,
     potentials=_potential_of_rational,
     column_operations=8,
     reference="I. S. Gradshteyn and I. M. Ryzhik, Table of Integrals (Academic Press, 2007), 2.103 (potential)",

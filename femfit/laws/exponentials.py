@@ -16,12 +16,6 @@ import numpy as np
 from femfit.laws.law import ForceLaw, ShapeParameter
 
 
-def _columns(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    first = np.exp(-1.0 / shape["length_m"] * distance)
-    second = first * first
-    return first, second, second * second
-
-
 def _potential(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     length = shape["length_m"]
     return tuple(length / k * np.exp(-k / length * distance) for k in (1.0, 2.0, 4.0))
@@ -32,18 +26,12 @@ EXPONENTIAL_HARMONICS = ForceLaw(
     formula="a e + b e^2 + c e^4, e = exp(-d / l)",
     basis=("e", "e^2", "e^4"),
     coefficient_units=("N", "N", "N"),
-    terms=_columns,
     potentials=_potential,
     column_operations=23,
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
     passes_face=True,
     shape=(ShapeParameter("length_m", "m", 1e-4, 0.3, 16e-3, "decay length of the first harmonic"),),
 )
-
-
-def _columns_of_two_exponentials(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    rate1, rate2 = -1.0 / shape["length1_m"], -1.0 / shape["length2_m"]
-    return np.exp(rate1 * distance), np.exp(rate2 * distance)
 
 
 def _potential_of_two_exponentials(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -56,7 +44,6 @@ TWO_EXPONENTIALS = ForceLaw(
     formula="a exp(-d / l1) + b exp(-d / l2)",
     basis=("exp(-d/l1)", "exp(-d/l2)"),
     coefficient_units=("N", "N"),
-    terms=_columns_of_two_exponentials,
     potentials=_potential_of_two_exponentials,
     column_operations=42,
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
@@ -72,13 +59,6 @@ HIGHEST = 6
 """Power of the distance: a coil that leaves its gap on both sides has a Bl(d) with a top and two bends."""
 
 
-def _columns_of_moving_coil(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    powers = [1.0, distance]
-    while len(powers) <= HIGHEST:
-        powers.append(powers[-1] * distance)
-    return tuple(powers)
-
-
 def _potential_of_moving_coil(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
     return tuple(-(distance ** (k + 1)) / (k + 1) for k in range(HIGHEST + 1))
 
@@ -88,7 +68,6 @@ MOVING_COIL = ForceLaw(
     formula="sum_k c_k d^k, k = 0..6",
     basis=("1", "d", *(f"d^{k}" for k in range(2, HIGHEST + 1))),
     coefficient_units=("N", "N m^-1", *(f"N m^-{k}" for k in range(2, HIGHEST + 1))),
-    terms=_columns_of_moving_coil,
     potentials=_potential_of_moving_coil,
     column_operations=HIGHEST - 1,
     reference="W. Klippel, J. Audio Eng. Soc. 54 (2006) 907, section 1 (Bl(x), L(x) and the reluctance force)",

@@ -3,7 +3,12 @@
 A law is a dictionary of columns phi_k(d; shape). With polynomial coefficient functions c_k(i) the force is
 F(d, i) = sum_k c_k(i) phi_k(d), which belongs to the co-energy W'(d, i) = sum_k c_k(i) Phi_k(d) with
 Phi_k(d) = integral of phi_k from d to infinity, so that F = -dW'/dd; of columns that do not decay, from d to zero. A
-law therefore gives flux linkage, motional constant and inductance as well, and cannot contradict reciprocity.
+law therefore gives flux linkage, motional constant and inductance as well, and cannot contradict reciprocity. A law
+declares Phi_k alone; phi_k is its derivative.
+
+References
+----------
+W. Squire and G. Trapp, SIAM Review 40 (1998) 110: derivatives by a complex step.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,32 +36,19 @@ class ShapeParameter:
 Columns = Callable[[Any, Mapping[str, Any]], tuple[Any, ...]]
 """(d, shape parameters) -> a value of each column, of arrays and of expressions."""
 
+STEP = 1e-30
+"""Numerical: of a complex distance, whose imaginary part carries the derivative of Phi to rounding."""
+
 Powers = tuple[tuple[int, str], ...]
 """Columns (d + shift)^-k, each as k and the name of its shift; empty for none."""
 
 
 def law_of_powers(powers: Powers, **declared: Any) -> "ForceLaw":
     """A law of inverse powers, declared as a :class:`ForceLaw` is."""
-    return ForceLaw(terms=partial(_columns, powers), potentials=partial(potential_of_powers, powers), **declared)
+    return ForceLaw(potentials=partial(_potential_of_powers, powers), **declared)
 
 
-def _columns(powers: Powers, distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    """The powers, of each distance by one division, and of a power by those of 2 that it is made of."""
-    known: dict[tuple[int, str], Any] = {}
-
-    def power(k: int, name: str) -> Any:
-        if (k, name) not in known:
-            if k == 1:
-                known[k, name] = 1.0 / (distance + shape[name] if name else distance)
-            else:
-                low = 1 << ((k - 1).bit_length() - 1)  # the power of 2 below
-                known[k, name] = power(low, name) * power(k - low, name)
-        return known[k, name]
-
-    return tuple(power(k, name) for k, name in powers)
-
-
-def potential_of_powers(powers: Powers, distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
+def _potential_of_powers(powers: Powers, distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     """The integrals of inverse powers; as of :attr:`ForceLaw.potentials`."""
     shifted = [(float(k), distance + shape[name] if name else distance) for k, name in powers]
     return tuple(s ** (1.0 - k) / (k - 1.0) for k, s in shifted)
@@ -71,10 +63,9 @@ class ForceLaw:
     basis: tuple[str, ...]  # Name of each column, for example ``d^-4``
     # Unit of each column's coefficient at current power zero; each power of current divides by A
     coefficient_units: tuple[str, ...]
-    terms: Columns  # phi(d), in N over the coefficient's unit
     potentials: Columns  # Phi(d), the integral of phi from d to infinity or zero
-    # Floating-point operations of the columns at one distance: each addition, multiplication, division and square
-    # root counts one (division and square root take the same time on common microcontrollers), exp counts 20
+    # Floating-point operations of the columns at one distance, written out: each addition, multiplication, division and
+    # square root counts one (division and square root take the same time on common microcontrollers), exp counts 20
     column_operations: int
     reference: str
     shape: tuple[ShapeParameter, ...] = ()  # Parameters that enter nonlinearly; empty for most laws
@@ -84,7 +75,7 @@ class ForceLaw:
 
     def columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
         """The columns phi at distances (n,) in m, of shape (n, k)."""
-        return np.stack(np.broadcast_arrays(*self.terms(distance, shape)), axis=-1)
+        return np.stack([-potential.imag / STEP for potential in self.potentials(distance + 1j * STEP, shape)], axis=-1)
 
     def potential_columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
         """Their integrals Phi at distances (n,) in m, of shape (n, k)."""

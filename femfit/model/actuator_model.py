@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.graph import Memo
 from femfit.core.numerics import ABSOLUTE_ZERO_C, ComplexArray, FloatArray
-from femfit.core.results import Printed
+from femfit.core.results import Printed, Words
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
@@ -23,11 +23,10 @@ from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents, EddyMagnetics
 from femfit.model.equations import Equations
 from femfit.model.hall import HallSensor, OtherSensor
-from femfit.model.impedance import checked_frequency, impedances_at
+from femfit.model.impedance import impedances_at
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics, Windings
-from femfit.model.model_text import sentence
 from femfit.model.sample_step import SampleStep
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor, NetworkMagnetics
+from femfit.model.several_magnetics import FORMULA, NETWORK, CoenergyMatrix, CoenergyTensor, NetworkMagnetics
 from femfit.model.validity import ActuatorKind, FiledBox, Misfit, ProcessNoise, ValidityBox
 
 Part = TypeVar("Part")
@@ -130,7 +129,9 @@ class ActuatorModel(Printed):
         Raises
         ------
         DomainError
-            If a point lies outside of the validity domain and ``extrapolate`` is false, or the shapes do not broadcast.
+            If a point lies outside of the validity domain and ``extrapolate`` is false.
+        ValueError
+            If the shapes do not broadcast.
         """
         return self._evaluate(self.magnetics.force, distance, current, extrapolate)
 
@@ -174,7 +175,9 @@ class ActuatorModel(Printed):
         if not self.require_circuits():
             self.require_circuit()
         d, i = self._points(distance, current, extrapolate)
-        f = checked_frequency(np.asarray(frequency, dtype=np.float64), np.broadcast_shapes(d.shape, i.shape[:-1]))
+        f = np.asarray(frequency, dtype=np.float64)
+        if not (np.isfinite(f) & (f >= 0.0)).all():
+            raise DomainError("Frequencies must be numbers >= 0, in Hz. Leave out what is no frequency.")
         return self._squeezed(impedances_at(self, d, i, f), 2)
 
     def _evaluate(
@@ -198,17 +201,9 @@ class ActuatorModel(Printed):
 
     def _points(self, distance: ArrayLike, current: ArrayLike, extrapolate: bool) -> tuple[FloatArray, FloatArray]:
         """Distances (...) and currents (..., n) from what a caller gives, in the domain unless it says otherwise."""
-        try:
-            d, given = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-            i = self.validity.with_axis(given)
-            np.broadcast_shapes(d.shape, i.shape[:-1])
-        except DomainError:
-            raise
-        except (TypeError, ValueError) as error:
-            raise DomainError(
-                "Distance and current must be numbers, or arrays of numbers whose shapes broadcast; instead received "
-                f"{_shape_of(distance)} and {_shape_of(current)}. For a grid, give distance[:, None] and current."
-            ) from error
+        d, given = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        i = self.validity.with_axis(given)
+        np.broadcast_shapes(d.shape, i.shape[:-1])
         if not extrapolate:
             self.validity.require(d, i)
             if not i.shape[-1] and np.any(given != 0.0):
@@ -449,8 +444,13 @@ class ActuatorModel(Printed):
 _CIRCUIT = "circuit (winding resistance and supply)", "[coils.NAME] and [supply]"
 
 
-def _shape_of(values: ArrayLike) -> str:
-    try:
-        return f"shape {np.asarray(values, dtype=np.float64).shape}"
-    except (TypeError, ValueError):
-        return "what is no such array"
+def eddy_times(model: "ActuatorModel") -> FloatArray:
+    """Time constants in s of the eddy currents' states over the distances, while nothing changes the circuits'."""
+    windings, n = model.windings, len(model.circuits)
+    d = np.linspace(model.validity.distance_min_m, model.validity.distance_max_m, 9)
+    own = windings.magnetics.inductance(d, np.zeros((9, windings.count)))[:, n:, n:]
+    root = np.sqrt(windings.resistances_ohm[n:])
+    return np.asarray(np.linalg.eigvalsh(own / (root[:, None] * root)))
+
+
+sentence = Words("femfit.model", names={"NETWORK": NETWORK, "FORMULA": FORMULA, "eddy_times": eddy_times}).sentence

@@ -159,11 +159,5 @@ def at_rest(
 
     acting, n = tuple(added for added in effects if added.effect.coenergy is not None), currents.shape[1]
     values = at_points(model, "at rest", magnetic, distance, currents, acting, conditions)
-    columns = {name: value.T for name, value in values.items()}
-    return AtRest(
-        columns["force"][:, 0],
-        columns["flux_linkage"],
-        columns["hall_T"][:, 0],
-        columns["motional_constant"],
-        columns["inductance"].reshape(len(distance), n, n),
-    )
+    shapes = {"force": (), "flux_linkage": (n,), "hall_T": (), "motional_constant": (n,), "inductance": (n, n)}
+    return AtRest(**{name: values[name].T.reshape(len(distance), *shape) for name, shape in shapes.items()})

@@ -5,25 +5,28 @@ one polynomial a cell, in powers of the way from the cell's middle. Beyond the k
 a parabola, or as a straight line: a cubic's last piece would bend on, and a co-energy's inductance, its second
 derivative, would become negative there.
 
+The coordinate in which splines follow the distance: an inverse distance, the distance, or one for two gaps.
+
+Any number of functions of the distance: splines with common knots in one coordinate, evaluated together.
+
 References
 ----------
 C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from math import factorial
-from typing import Any
+from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
 from casadi import SX
+from scipy.interpolate import BSpline
 
-from femfit.core.graph import Expression, row_of
+from femfit.core.graph import Expression, GraphFunction, Memo, building, row_of
 from femfit.core.numerics import FloatArray
 
 PARABOLA, LINE = 2, 1
@@ -35,33 +38,7 @@ def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int 
 
     Knots are clamped (``degree + 1`` equal ones at both ends); outside of them the end polynomials are continued.
     """
-    count = len(knots) - degree - 1
-    if derivative > degree:
-        return np.zeros((len(x), count))
-    if derivative:
-        lower = basis_matrix(x, knots[1:-1], degree - 1, derivative - 1)
-        span = knots[degree + 1 : degree + count] - knots[1:count]
-        scaled = np.divide(degree * lower, span, out=np.zeros_like(lower), where=span > 0.0)  # zero at double knots
-        result = np.zeros((len(x), count))
-        result[:, 1:] += scaled
-        result[:, :-1] -= scaled
-        return result
-    cell = np.clip(np.searchsorted(knots, x, side="right") - 1, degree, count - 1)
-    local = np.zeros((len(x), degree + 1))
-    local[:, 0] = 1.0
-    for p in range(1, degree + 1):
-        saved = np.zeros(len(x))
-        for r in range(p):
-            right = knots[cell + r + 1] - x
-            left = x - knots[cell + 1 - p + r]
-            term = local[:, r] / (right + left)
-            local[:, r] = saved + right * term
-            saved = left * term
-        local[:, p] = saved
-    result = np.zeros((len(x), count))
-    columns = cell[:, None] - degree + np.arange(degree + 1)
-    np.put_along_axis(result, columns, local, axis=1)
-    return result
+    return np.asarray(BSpline(knots, np.eye(functions(knots, degree)), degree)(x, derivative))
 
 
 def functions(knots: FloatArray, degree: int) -> int:
@@ -99,11 +76,8 @@ class TensorSpline:
 
     def expression(self, x: Expression, y: Expression) -> SX:
         """The value of an expression's x and y."""
-        return cell_table(self, self._cells).at(x, y)[0]
-
-    def _cells(self) -> CellTable:
-        axes = cells_of(self.x_knots, self.x_degree), cells_of(self.y_knots, self.y_degree, self.beyond)
-        return CellTable(axes, self.coefficients[..., None])
+        axes = (self.x_knots, self.x_degree), (self.y_knots, self.y_degree, self.beyond)
+        return spline_at(self, axes, self.coefficients[..., None], x, y)[0]
 
 
 def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
@@ -149,7 +123,7 @@ class CellTable:
         entries, *pairs = range(table.ndim)
         table = table.transpose(*pairs[0::2], entries, *pairs[1::2])
         origins = np.stack(np.meshgrid(*(origins for _, origins, _ in axes), indexing="ij"), axis=-1)
-        self._entries, self._powers = table.shape[n], table.shape[n + 1 :]
+        self._powers = table.shape[n + 1 :]
         self._rows = np.concatenate([origins, table.reshape(*table.shape[:n], -1)], axis=n)
         self._borders = [borders for borders, *_ in axes]
 
@@ -180,8 +154,112 @@ def polynomial(powers: tuple[int, ...]) -> ca.Function:
 _TABLES: WeakKeyDictionary[Any, CellTable] = WeakKeyDictionary()
 
 
-def cell_table(owner: Any, make: Callable[[], CellTable]) -> CellTable:
-    """The table of what owns it, made once."""
+def spline_at(
+    owner: Any, axes: Sequence[tuple[Any, ...]], coefficients: FloatArray, *coordinates: Expression
+) -> list[SX]:
+    """The entries of an owner's spline at an expression's coordinates; its table is made once.
+
+    Parameters
+    ----------
+    axes : sequence of tuple
+        Of each axis what :func:`cells_of` takes.
+    coefficients : array
+        As of :class:`CellTable`.
+    """
     if owner not in _TABLES:
-        _TABLES[owner] = make()
-    return _TABLES[owner]
+        _TABLES[owner] = CellTable([cells_of(*axis) for axis in axes], coefficients)
+    return _TABLES[owner].at(*coordinates)
+
+
+@dataclass(frozen=True)
+class DistanceCoordinate:
+    """u = d_0 / (d + s), u = d / d_0, or u = sinh((d - d_0) / h).
+
+    A force that grows towards a face is nearly a polynomial in the inverse distance; one of a body that passes the
+    face is finite there, as the distance itself is. A body between two magnets has a gap on either side: the third one
+    is stretched towards both ends, without a pole beyond them.
+    """
+
+    reference_distance_m: float  # d_0
+    # s >= 0: the part of the magnetic path that the distance does not close, so that a small one leaves W' finite
+    distance_shift_m: float = field(default=0.0, metadata={"lower": 0.0})
+    kind: Literal["inverse_distance", "distance", "two_gaps"] = field(
+        default="inverse_distance", metadata={"key": "coordinate"}
+    )
+    # h, where the coordinate is the one for two gaps; several circuits alone have it
+    stretch_m: float | None = field(default=None, metadata={"positive": True, "omit": True})
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Numbers that this kind of coordinate cannot have."""
+        if self.kind != "two_gaps" and not self.reference_distance_m > 0.0:
+            yield "reference_distance_m", "a finite number > 0"
+        if (self.kind == "two_gaps") != (self.stretch_m is not None):
+            yield "stretch_m", "a finite number > 0 beside two_gaps, and absent beside others"
+
+    @property
+    def inverse(self) -> bool:
+        """Whether it is the inverse distance."""
+        return self.kind == "inverse_distance"
+
+    def of(self, distance: Expression) -> Expression:
+        """The coordinate u at distances in m, of arrays and of expressions."""
+        d_0 = self.reference_distance_m
+        if self.stretch_m is not None:
+            return np.sinh((distance - d_0) / self.stretch_m)
+        return d_0 / (distance + self.distance_shift_m) if self.inverse else distance / d_0
+
+    def distance(self, u: FloatArray) -> FloatArray:
+        """Distances in m at coordinates u."""
+        d_0 = self.reference_distance_m
+        if self.stretch_m is not None:
+            return np.asarray(d_0 + self.stretch_m * np.arcsinh(u))
+        return d_0 / u - self.distance_shift_m if self.inverse else d_0 * u
+
+    def with_slopes(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """u, du/dd in 1/m and d^2u/dd^2 in 1/m^2."""
+        if self.stretch_m is not None:
+            x = (distance - self.reference_distance_m) / self.stretch_m
+            u = np.sinh(x)
+            return u, np.cosh(x) / self.stretch_m, u / self.stretch_m**2
+        if not self.inverse:
+            u = distance / self.reference_distance_m
+            return u, np.full_like(u, 1.0 / self.reference_distance_m), np.zeros_like(u)
+        shifted = distance + self.distance_shift_m
+        u = self.reference_distance_m / shifted
+        return u, -u / shifted, 2.0 * u / shifted**2
+
+
+FLAT = {"flat": True}
+"""How a model file has the coordinate of splines, beside their knots."""
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceSplines:
+    """f_k(d) = sum_a c_ak N_a(u(d)), the polynomials at the ends of the knots continued."""
+
+    coordinate: DistanceCoordinate
+    knots: FloatArray
+    degree: int
+    coefficients: FloatArray  # c, shape (functions N, entries)
+
+    def expression(self, distance: Expression) -> list[SX]:
+        """All entries at an expression's distance."""
+        return spline_at(self, [(self.knots, self.degree)], self.coefficients, self.coordinate.of(distance))
+
+    def derivatives(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
+        """Derivatives in d of all entries at distances (...), each (..., entries)."""
+        distance = np.asarray(distance, dtype=np.float64)
+        if orders not in self._known:
+            with building():
+                d = SX.sym("d")
+                value, found = ca.vertcat(*self.expression(d)), []
+                for _ in range(max(orders) + 1):
+                    found.append(value)
+                    value = ca.jacobian(value, d)
+                self._known[orders] = GraphFunction([d], ca.vertcat(*(found[order] for order in orders)))
+        values = self._known[orders](distance.reshape(1, -1)).T
+        return [part.reshape(*distance.shape, -1) for part in np.split(values, len(orders), axis=1)]
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, ...], GraphFunction]:
+        return Memo()

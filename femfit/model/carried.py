@@ -19,7 +19,7 @@ from casadi import SX
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import AddedEffect, Coenergy, Effect, EffectParameter, Parameters
+from femfit.effects.effect import AddedEffect, Coenergy, Effect, EffectParameter, FieldPoint, Parameters
 from femfit.model.bspline import CellTable, basis_matrix, cells_of, functions
 from femfit.model.hall import HallSpline
 from femfit.model.impedance import ImpedanceChange
@@ -93,9 +93,7 @@ class Carried:
     # W' + sum of a^n S(u(d), i); without terms that of a field which changes though it is not known how
     magnetics: tuple[FieldTerm, ...] | None = field(default=None, metadata={"omit": True})
     # True minus recorded distance, and current, over what is recorded
-    setting: Mapping[str, Curve] = field(
-        default_factory=dict, metadata={"omit": True, "among": ("distance_m", "current_A")}
-    )
+    setting: Mapping[str, Curve] = field(default_factory=dict, metadata={"omit": True})
     # Recorded minus true reading of each channel over the true one: on the branch b of the current, 1 where it rises
     # and -1 where it falls, c(x) + b h(x)
     readings: Mapping[str, Curve] = field(default_factory=dict, metadata={"omit": True})  # c
@@ -125,36 +123,24 @@ class Carried:
             if name not in parameters:
                 yield path, f"one of the effect's ({', '.join(sorted(parameters))})"
 
-    def coenergy_stage(
-        self,
-        inner: Coenergy,
-        distance: Expression,
-        current: Expression,
-        hall: Expression,
-        conditions: Conditions,  # noqa: ARG002  a stage's signature
-        p: Parameters,
-    ) -> Expression:
+    def coenergy_stage(self, inner: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
         """The changed co-energy."""
-        value = inner(distance, current, hall)
+        value = inner(at.d, at.i, at.h)
         for term in self.magnetics or ():
-            for spline, share in ((term.coenergy, 1.0), (term.hall, hall)):
+            for spline, share in ((term.coenergy, 1.0), (term.hall, at.h)):
                 if spline is not None:
-                    value += term.size(p) * share * spline.expression(distance, SX(current))
+                    value += term.size(p) * share * spline.expression(at.d, SX(at.i))
         if self.gap_m and self.magnetics:
             shift = self.gap_m * p[self.magnetics[0].parameter]
 
             def still(d: Expression) -> Expression:
-                return inner(d, current, 0.0)
+                return inner(d, at.i, 0.0)
 
-            value += still(distance - shift) - still(distance) + shift * slope(still, distance)
+            value += still(at.d - shift) - still(at.d) + shift * slope(still, at.d)
         return value
 
     def setting_stage(
-        self,
-        d: Expression,
-        i: Expression,
-        conditions: Conditions,  # noqa: ARG002
-        p: Parameters,
+        self, d: Expression, i: Expression, _: Conditions, p: Parameters
     ) -> tuple[Expression, Expression]:
         """True distance and current."""
         d, i = (
@@ -164,12 +150,7 @@ class Carried:
         return d, i
 
     def readings_stage(
-        self,
-        values: Mapping[str, Expression],
-        d: Expression,
-        i: Expression,  # noqa: ARG002
-        conditions: Conditions,
-        p: Parameters,
+        self, values: Mapping[str, Expression], d: Expression, _: Expression, conditions: Conditions, p: Parameters
     ) -> Mapping[str, Expression]:
         """The recorded readings."""
         branch, result = like(conditions.branch, d), dict(values)
@@ -179,19 +160,14 @@ class Carried:
                     result[name] = result[name] + side * curve.at(values[name], p)
         return result
 
-    def force_stage(self, d: Expression, i: Expression, conditions: Conditions, p: Parameters) -> Expression:  # noqa: ARG002
+    def force_stage(self, d: Expression, _: Expression, conditions: Conditions, p: Parameters) -> Expression:
         """The brake's force: towards the electromagnet where the body falls away."""
         assert self.brake is not None  # noqa: S101  where there is the stage
         v = like(conditions.velocity_m_s, d)
         return np.tanh(v / self.brake.rounded_m_s) * np.maximum(self.brake.against.at(np.abs(v), p), 0.0)
 
     def circuit_stage(
-        self,
-        resistance: Expression,
-        voltage: Expression,
-        current: Expression,
-        conditions: Conditions,  # noqa: ARG002
-        p: Parameters,
+        self, resistance: Expression, voltage: Expression, current: Expression, _: Conditions, p: Parameters
     ) -> tuple[Expression, Expression]:
         """Resistance in ohm, and the voltage as it is."""
         assert self.resistance is not None  # noqa: S101  where there is the stage

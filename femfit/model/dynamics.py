@@ -19,9 +19,6 @@ from femfit.core.graph import GraphFunction
 from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 
-FLUX_STEPS, FLUX_CHANGE = 20, 1e-10
-"""Numerical: Newton's method on a flux linkage that grows with the current ends within a handful of steps."""
-
 
 def state_derivative(model: ActuatorModel, state: FloatArray, voltage: FloatArray, *, free: bool = True) -> FloatArray:
     """Time derivative of (distance, velocity, currents), and of the states that the model's effects add."""
@@ -64,29 +61,8 @@ def evaluated(
     others = np.empty((3, *points))
     others[0], others[1], others[2] = step, time, free
     x = state.reshape(-1, state.shape[-1]).T
-    values = function(x, volts, others.reshape(3, -1), model.magnetics.given_values)
+    values = function(x, volts, others.reshape(3, -1))
     return values.T.reshape(*points, len(values))
-
-
-def currents_of_same_flux(
-    model: ActuatorModel, currents: FloatArray, before: FloatArray, after: FloatArray
-) -> FloatArray:
-    """All windings' currents (N, n + r) at other distances that link the same flux, by Newton."""
-    windings = model.windings
-    if not currents.shape[1]:
-        return currents
-
-    def linked(distance: FloatArray, at: FloatArray) -> FloatArray:
-        return np.asarray(windings.magnetics.flux_linkage(distance, at) + at @ windings.series_H)
-
-    wanted, result = linked(before, currents), currents
-    for _ in range(FLUX_STEPS):
-        inductance = windings.magnetics.state(after, result).inductance + windings.series_H
-        change = np.linalg.solve(inductance, (wanted - linked(after, result))[..., None])[..., 0]
-        result = result + change
-        if np.abs(change).max(initial=0.0) <= FLUX_CHANGE * np.abs(result).max(initial=0.0):
-            break
-    return result
 
 
 def state_scale(model: ActuatorModel) -> FloatArray:

@@ -32,8 +32,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.model.bspline import functions
-from femfit.model.coordinate import FLAT, DistanceCoordinate, DistanceSplines
+from femfit.model.bspline import FLAT, DistanceCoordinate, DistanceSplines, functions
 from femfit.model.decay import complex_array
 from femfit.model.magnetics import Magnetics
 
@@ -46,7 +45,7 @@ class EddyError:
     """
 
     frequency_min_Hz: float = limited(metadata={"lower": 0.0})
-    frequency_max_Hz: float = limited(metadata={"not_below": "frequency_min_Hz"})
+    frequency_max_Hz: float
     impedance: float | None = limited(default=None, metadata={"lower": 0.0})  # None where there is no circuit
     force: float | None = limited(default=None, metadata={"lower": 0.0})  # Of the force for each ampere
     hall: float | None = limited(
@@ -118,10 +117,10 @@ class EddyCurrents:
     Examples
     --------
     >>> import numpy as np
-    >>> from femfit.model.coordinate import DistanceCoordinate
+    >>> from femfit.model.bspline import DistanceCoordinate
     >>> ring = EddyCurrents(
     ...     names=("eddy_1",), resistances_ohm=np.array([1.0]), circuits=("coil",),
-    ...     coordinate=DistanceCoordinate(1e-3, inverse=False), u_knots=np.array([0.0, 0.0, 0.0, 5.0, 5.0, 5.0]),
+    ...     coordinate=DistanceCoordinate(1e-3, kind="distance"), u_knots=np.array([0.0, 0.0, 0.0, 5.0, 5.0, 5.0]),
     ...     u_degree=2, couplings=np.full((3, 1, 1), 0.02), flux_linkages_Wb=np.zeros((3, 1)),
     ...     inductances_H=np.full((3, 1), 1e-3),
     ... )
@@ -265,13 +264,3 @@ class EddyMagnetics(Magnetics):
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
         return self.eddy.expression(self.static.expression, distance, currents)
-
-    @property
-    def given(self) -> SX:
-        """As of the static magnetics."""
-        return self.static.given
-
-    @property
-    def given_values(self) -> FloatArray:
-        """As of the static magnetics."""
-        return self.static.given_values

@@ -33,9 +33,8 @@ from femfit.core.graph import Expression, GraphFunction, Memo, building, of_vari
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
-from femfit.model.decay import decayed, eliminated, shares
+from femfit.model.decay import ResponseTable, decayed, eliminated, shares
 from femfit.model.drive import between, endless, met_stops
-from femfit.model.responses import ResponseTable
 from femfit.model.sensing import AnySensor, reading_expression
 
 if TYPE_CHECKING:
@@ -110,9 +109,9 @@ class _AtFirst:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The equations of a model; functions of (state, voltage of each circuit, (step, time, free), given).
+    """The equations of a model; functions of (state, voltage of each circuit, (step, time, free)).
 
-    A body that is not free goes on at its speed. What is given is as of the magnetics: a force's scale, one a run.
+    A body that is not free goes on at its speed.
     """
 
     model: "ActuatorModel"
@@ -161,7 +160,7 @@ class Equations:
         if key not in self._known:
             with building():
                 at = self._symbols
-                self._known[key] = sensor, GraphFunction([*at.inputs, self.model.magnetics.given], make(at))
+                self._known[key] = sensor, GraphFunction(at.inputs, make(at))
         function: GraphFunction = self._known[key][1]
         return function
 
@@ -169,7 +168,7 @@ class Equations:
     def linear(self) -> bool:
         """Whether there are eddy currents, and the inductances of all windings depend on the distance alone."""
         model = self.model
-        if model.eddy is None or self.memories or model.magnetics.given.numel():
+        if model.eddy is None or self.memories:
             return False
         with building():
             d, w = SX.sym("d"), SX.sym("w", model.windings.count)

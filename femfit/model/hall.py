@@ -33,12 +33,10 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import Part
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
-from femfit.model.bspline import LINE, CellTable, TensorSpline, cell_table, cells_of, nested_shape
-from femfit.model.coordinate import FLAT, DistanceCoordinate
-from femfit.model.magnetics import OfCurrents, current_of, value_of
+from femfit.model.bspline import FLAT, LINE, DistanceCoordinate, TensorSpline, nested_shape, spline_at
+from femfit.model.magnetics import OfCurrents, Part, current_of, value_of
 
 
 class HallField(OfCurrents):
@@ -52,11 +50,6 @@ class HallField(OfCurrents):
         """B_z in T and dB_z/dd in T/m, both (...), and dB_z/di_k in T/A, of shape (..., n)."""
         value, in_distance, in_currents = self.derived(_gradients, distance, currents)
         return value, in_distance, in_currents
-
-    @property
-    def several(self) -> bool:
-        """Whether it is of several circuits."""
-        return False
 
 
 def _gradients(field: SX, distance: SX, currents: SX) -> list[Part]:
@@ -103,16 +96,9 @@ class SensedField(HallField):
                 f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
                 f"order; instead received (..., {currents.numel()})."
             )
-        return cell_table(self, self._cells).at(self.coordinate.of(distance), *ca.vertsplit(currents)[:n])[0]
-
-    def _cells(self) -> CellTable:
-        along = (cells_of(one.knots_A, one.degree) for one in self.currents)
-        return CellTable([cells_of(self.u_knots, self.u_degree), *along], self.coefficients[..., None])
-
-    @property
-    def several(self) -> bool:
-        """Whether it is of several circuits."""
-        return len(self.currents) > 1
+        axes = [(self.u_knots, self.u_degree), *((own.knots_A, own.degree) for own in self.currents)]
+        at = self.coordinate.of(distance), *ca.vertsplit(currents)[:n]
+        return spline_at(self, axes, self.coefficients[..., None], *at)[0]
 
     def scaled(self, magnets: float, currents: Sequence[float]) -> "SensedField":
         """The field with magnets and currents scaled: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in both."""
@@ -133,7 +119,7 @@ class HallSensor:
     sensitivity_V_per_T: float
     quiescent_V: float
     output_min_V: float
-    output_max_V: float = limited(metadata={"not_below": "output_min_V"})
+    output_max_V: float
     adc_bits: int = limited(metadata={"within": (0, 64)})
     noise_V: float = limited(default=0.0, metadata={"lower": 0.0})
     delay_s: float = limited(default=0.0, metadata={"lower": 0.0, "omit": True})
@@ -150,8 +136,7 @@ class HallSensor:
 
     def voltage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """As :meth:`output`; the current of the only circuit, or of none, has no axis."""
-        current = np.asarray(current)
-        return self.output(np.asarray(distance), current if self.field.several else current[..., None])
+        return self.output(np.asarray(distance), np.asarray(current)[..., None])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

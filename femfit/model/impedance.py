@@ -20,13 +20,11 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.errors import DomainError
 from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Parameters
-from femfit.model.bspline import CellTable, basis_matrix, cells_of, functions
-from femfit.model.coordinate import FLAT, DistanceCoordinate
+from femfit.model.bspline import FLAT, CellTable, DistanceCoordinate, basis_matrix, cells_of, functions
 from femfit.model.decay import Complex, ComplexExpressions, complex_array, solved
 from femfit.model.eddy_currents import Patterns
 from femfit.model.with_effects import patterns_with_sources
@@ -144,20 +142,6 @@ def impedances_at(
     return np.asarray((real + 1j * imag).T.reshape(*points, n, n))
 
 
-def checked_frequency(frequency: FloatArray, points: tuple[int, ...]) -> FloatArray:
-    """Refuse frequencies that are negative or no numbers, or that do not broadcast with points of a shape."""
-    if not (np.isfinite(frequency) & (frequency >= 0.0)).all():
-        raise DomainError("Frequencies must be numbers >= 0, in Hz. Leave out what is no frequency.")
-    try:
-        np.broadcast_shapes(frequency.shape, points)
-    except ValueError as error:
-        raise DomainError(
-            f"Frequencies must broadcast with distance and current; instead received the shapes {frequency.shape} and "
-            f"{points}. For a grid, give distance[:, None] and frequency."
-        ) from error
-    return frequency
-
-
 CUBIC = 3
 
 OF_CIRCUITS = 3, 5
@@ -205,14 +189,7 @@ class ImpedanceChange:
         """Of u, of the current and of the frequency."""
         return self.u, self.current, self.log_frequency
 
-    def __call__(
-        self,
-        distance: SX,
-        current: SX,
-        frequency: SX,
-        conditions: Conditions,  # noqa: ARG002  a stage's signature
-        p: Parameters,
-    ) -> ComplexExpressions:
+    def __call__(self, distance: SX, current: SX, frequency: SX, _: Conditions, p: Parameters) -> ComplexExpressions:
         """Further ohm at an expression's point, an entry for each of the impedance's; none at the frequency 0."""
         low = np.exp(self.log_frequency.knots[0])
         at = self.coordinate.of(distance), current, np.log(np.maximum(frequency, low))

@@ -14,9 +14,8 @@ from femfit.core.results import listing
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.hall import HallField, PickupSensor
 from femfit.model.json_section import member_at, read_record, refusal, written
-from femfit.model.with_effects import with_effects
+from femfit.model.with_effects import sensor_without_effects, with_effects
 
 
 def write_model(model: ActuatorModel, path: str | Path) -> None:
@@ -61,8 +60,10 @@ def read_model(path: str | Path) -> ActuatorModel:
 
     Raises
     ------
+    UsageError
+        If it is no path.
     ModelFileError
-        If it is no path, or the file is missing, no JSON, newer than this femfit, or damaged.
+        If the file is missing, no JSON, newer than this femfit, or damaged.
 
     Examples
     --------
@@ -71,13 +72,9 @@ def read_model(path: str | Path) -> ActuatorModel:
     >>> model.validity.distance_min_m, model.validity.current_max_A
     (0.015, 1.4)
     """
-    if not isinstance(path, str | Path):
-        raise ModelFileError(
-            f"A model must be an ActuatorModel or the path of a model file; instead received {type(path).__name__}. "
-            "Give what read_model or fit_model(...).model returns."
-        )
+    file = path_of(path, "A model, where it is no ActuatorModel,")
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise ModelFileError(f"Model file {path} cannot be read: {error.strerror}.") from error
     except (ValueError, RecursionError) as error:
@@ -100,12 +97,8 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data; of one with effects as it is without them, and the effects."""
     base = model.without_effects
     fitted = {name: getattr(base, name) for name in ("magnetics", "circuits", "motion", "sensor", "eddy")}
-    flux = {sensor.name: sensor.flux for sensor in base.other_sensors if isinstance(sensor, PickupSensor)}
-    fitted["other_sensors"] = tuple(
-        replace(sensor, flux=flux[sensor.name]) if isinstance(sensor, PickupSensor) and sensor.name in flux else sensor
-        for sensor in model.other_sensors
-    )
-    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted))}
+    sensors = tuple(sensor_without_effects(sensor) for sensor in model.other_sensors)
+    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted, other_sensors=sensors))}
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:
@@ -123,8 +116,13 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
         first, further = data.get("circuit"), data.get("further_circuits") or []
         circuits = [*([] if first is None else [first]), *further] if isinstance(further, list) else further
         data = kept | ({"circuits": circuits} if "circuit" in data else {})
-    model = _build(data, source)
-    fault = next(_faults(model), None)
+    try:
+        model = _build(data, source)
+        fault = next(_faults(model), None)
+    except UsageError as error:
+        raise ModelFileError(f"{source}: {error}") from error
+    except (TypeError, LookupError, ArithmeticError, RuntimeError) as error:
+        raise ModelFileError(f"{source} is damaged: {error}. Write it again with femfit fit.") from error
     if fault is not None:
         raise ModelFileError(f"{source} is damaged: {fault}. Write it again with femfit fit.")
     return model
@@ -149,10 +147,7 @@ def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
     drawn, added = {one.key: one.effect for one in base.drawn}, []
     for k, one in enumerate(filed.effects):
         effect = drawn.get(one.name) or (one.carried and one.carried.effect(one.name))  # type: ignore[attr-defined]
-        try:
-            effect = effect or effect_by_name(one.name)  # type: ignore[attr-defined]
-        except UsageError as error:
-            raise ModelFileError(f"{source}, effects[{k}].name: {error}") from error
+        effect = effect or effect_by_name(one.name)  # type: ignore[attr-defined]
         names = [p.name for p in effect.parameters]
         if set(one.parameters) != set(names) or not set(one.ci95) <= set(names):
             raise refused(f"effects[{k}]", f"of the parameters {', '.join(names)}")
@@ -162,40 +157,18 @@ def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
 
 def _faults(model: ActuatorModel) -> Iterator[str]:
     """What no model can have: a domain that is none, and fields that are not finite in it (in 25 points)."""
-    domain, circuits = model.validity, model.circuits
-    if not (
-        domain.distance_min_m < domain.distance_max_m
-        and (domain.current_limits_A[:, 0] <= domain.current_limits_A[:, 1]).all()
-    ):
+    domain, limits, declared = model.validity, model.validity.current_limits_A, list(model.circuit_names)
+    several = len(limits) > 1
+    rises = limits[:, 0] < limits[:, 1] if several else limits[:, 0] <= limits[:, 1]
+    if not (domain.distance_min_m < domain.distance_max_m and rises.all()):
         yield f"validity must span distances and currents in ascending order; instead received {domain}"
-    sensed: list[tuple[str, HallField]] = [(s.name, s.flux) for s in model.other_sensors if isinstance(s, PickupSensor)]
-    sensed += [("field", model.sensor.field)] if model.sensor is not None else []
-    for name, held in (("magnetics", model.without_effects.magnetics), *sensed):
-        coordinate = getattr(held, "coordinate", None)
-        if (
-            coordinate is not None
-            and coordinate.inverse
-            and domain.distance_min_m <= -coordinate.distance_shift_m <= domain.distance_max_m
-        ):
-            yield (
-                f"d_0 / (d + s) of its {name} must be finite in the validity domain; with a distance_shift_m of "
-                f"{coordinate.distance_shift_m:g} it is not"
-            )
-    limits = domain.current_limits_A
-    names = getattr(model.without_effects.magnetics, "names", ("coil",) * len(limits))
-    if not (len(names) == len(limits) and len(circuits) in {0, len(limits)}):
+    names = list(getattr(model.without_effects.magnetics, "names", ("coil",) * len(limits)))
+    alike = not declared or (declared == names if several else len(declared) == len(names))
+    if len(names) != len(limits) or len(set(names)) < len(names) or not alike:
         yield (
-            f"magnetics, circuits and validity must be of as many circuits; instead received {len(names)}, "
-            f"{len(circuits)} and {len(limits)}"
+            f"magnetics, circuits and validity must be of the same circuits; instead received {listing(names)}, "
+            f"{listing(declared)} and {len(limits)} ranges of currents"
         )
-    declared = [circuit.name for circuit in circuits]
-    if len(set(names)) < len(names) or (declared and len(names) > 1 and declared != list(names)):
-        yield (
-            f"the circuits of its magnetics ({listing(names)}) must have a name each, and be those of its circuits "
-            f"({listing(declared)}), in their order"
-        )
-    if len(names) > 1 and not np.all(limits[:, 0] < limits[:, 1]):
-        yield f"validity must span a range of each circuit's current; instead received {limits.tolist()} A"
     d, along = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 5), np.linspace(0.0, 1.0, 5))
     i = limits[:, 0] + along[..., None] * (limits[:, 1] - limits[:, 0])
     # Coefficients near the largest float overflow here instead of in a filter

@@ -8,34 +8,28 @@ The metadata of a field are
 ``form``                      the record that stands for it in a file, with ``of`` and ``value``
 ``kinds``                     the classes of which it is one, told by their ``kind`` or by a key of their own
 ``omit``, ``required``        not written where it is as usual; never absent though there is a default
-``positive``, ``lower`` ...   limits of a number, with ``upper`` and ``within``; ``not_below`` and ``above`` name fields
-``ascending``, ``monotone``   of numbers in a list; as many as those of the field in ``like``
+``positive``, ``lower`` ...   limits of a number, with ``upper`` and ``within``
 ``least``                     least length of a list
-``open``                      of a pair, whose infinite numbers are null
 ``degree``                    of clamped knots, the field that has their degree
 ``shape``, ``dimensions``     of an array: what the members before it ask for, or how many axes it may have
-``item``                      of a text, what looks it up
-``keys``, ``among``           of a mapping: those that the members before it ask for; those that there may be
 ============================  ========================================================================================
 
 A record that has ``faults`` is asked for them: keys, each with what stands there in place of what is needed.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
-from math import inf, isinf
+from math import inf
 from types import SimpleNamespace, UnionType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
-from pydantic_core import CoreSchema, PydanticCustomError, SchemaValidator, ValidationError
-from pydantic_core import core_schema as schemas
 
-from femfit.core.errors import ModelFileError, UsageError
+from femfit.core.errors import ModelFileError
+from femfit.core.files import finite_number
 from femfit.core.numerics import FloatArray
-from femfit.core.text import counted
 from femfit.device.electrics import Circuit, Drive, Sensor
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.model.bspline import is_clamped
@@ -44,8 +38,6 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 Record = TypeVar("Record", bound="DataclassInstance")
-
-_PLAIN = (float, int, bool, str)
 
 _LARGEST = 1e60
 """Derived: products of five such numbers are finite. No quantity of an actuator comes near it."""
@@ -59,6 +51,10 @@ _SPARSE = Mechanics, Spring, ForceTable, Stop, Circuit, Drive, Sensor
 _ALWAYS = ("mass_kg", "gravity_m_s2", "kind", "unit")
 
 
+class _Fault(Exception):  # noqa: N818  read_record makes an error of it
+    """Key path, what is needed there, and what stands there."""
+
+
 def read_record(kind: type[Record], data: object, source: str) -> Record:
     """A record from JSON; a field with a ``form`` that is not flat holds that form.
 
@@ -68,20 +64,9 @@ def read_record(kind: type[Record], data: object, source: str) -> Record:
         If a member is missing, unknown or not what is needed.
     """
     try:
-        record: Record = _reader(kind).validate_python(data)
-    except ValidationError as error:
-        errors = error.errors(include_url=False)
-        first = min(errors, key=lambda each: each["type"] != "extra_forbidden")  # a misspelt key is missing, too
-        key = first.get("ctx", {}).get("key", "")
-        places = (f"[{each}]" if isinstance(each, int) else f".{each}" for each in first["loc"])
-        path = f"{''.join(places)}{key and '.'}{key}".removeprefix(".")
-        if first["type"] == "extra_forbidden":
-            text = f"{source} has the unknown key {path}. Correct its spelling, or update femfit."
-            raise ModelFileError(text) from error
-        if first["type"] == "missing":
-            raise ModelFileError(f"{source} is damaged: {path} is missing. Write it again with femfit fit.") from error
-        needed = "an object" if first["type"] == "dict_type" else first["msg"]
-        raise refusal(source, path, needed, member_at(first["input"], key)) from error
+        record: Record = _record(kind, data, "")
+    except _Fault as fault:
+        raise refusal(source, *fault.args) from None
     return record
 
 
@@ -99,204 +84,147 @@ def member_at(data: Any, path: str) -> Any:
     return data
 
 
-def _fault(needed: str, key: str = "") -> PydanticCustomError:
-    return PydanticCustomError("needed", "{needed}", {"needed": needed, "key": key})
+def _record(kind: Any, data: Any, path: str) -> Any:
+    """A record of an object, whose keys are all known."""
+    if not isinstance(data, Mapping):
+        raise _Fault(path, "an object", data)
+    for key in data:
+        if key not in _keys(kind):
+            raise _Fault(_below(path, key), "a key that there is: correct its spelling, or update femfit", data[key])
+    return _built(kind, data, path)
 
 
 @cache
-def _reader(kind: Any) -> SchemaValidator:
-    members = schemas.typed_dict_schema(_members(kind), extra_behavior="forbid")
-    return SchemaValidator(schemas.no_info_after_validator_function(lambda found: _built(kind, found), members))
-
-
-def _members(kind: Any) -> dict[str, schemas.TypedDictField]:
-    """What may and must stand in an object, by key."""
-    members: dict[str, schemas.TypedDictField] = {}
+def _keys(kind: Any) -> frozenset[str]:
+    """What may stand in an object."""
+    keys: set[str] = set()
     for f in fields(kind):
-        hint, limits, key = _hints(kind)[f.name], f.metadata, _key(f)
-        if limits.get("flat"):
-            own = _members(limits.get("form", hint))
-            members |= {name: own[name] for name in own if name not in limits.get("given", ())}
-        elif key is not None:
-            usual = _usual(f, hint)
-            needed = limits.get("required", False) or usual is MISSING or usual in (inf, -inf)
-            schema = _schema(hint, limits, int(needed))
-            if not (needed or hint in _PLAIN or get_origin(hint) is Literal) or type(None) in get_args(hint):
-                schema = schemas.nullable_schema(schema)
-            members[key] = schemas.typed_dict_field(schema, required=needed)
-    return members
+        if f.metadata.get("flat"):
+            keys |= _keys(f.metadata.get("form", _hints(kind)[f.name])).difference(f.metadata.get("given", ()))
+        else:
+            keys.add(_key(f) or "")
+    return frozenset(keys - {""})
 
 
-def _built(kind: Any, members: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> Any:
-    """A record of its members, beside which others may stand."""
+def _built(kind: Any, data: Mapping[str, Any], path: str, given: Mapping[str, Any] | None = None) -> Any:
+    """A record of an object's members, beside which others may stand."""
     values = dict(given or {})
     for f in fields(kind):
         hint, limits, key = _hints(kind)[f.name], f.metadata, _key(f)
         if f.name in values or key is None:
             continue
         if limits.get("flat"):
-            inner = _built(limits.get("form", hint), members, limits.get("given"))
+            inner = _built(limits.get("form", hint), data, path, limits.get("given"))
             values[f.name] = inner.value if "form" in limits else inner
-        elif members.get(key) is None:
-            usual = _usual(f, hint)
+            continue
+        usual, value, place = _usual(f, hint), data.get(key, MISSING), _below(path, key)
+        needed = limits.get("required", False) or usual is MISSING or usual in (inf, -inf)
+        if value is MISSING and needed:
+            raise _Fault(place, "given")
+        if value is MISSING or (value is None and (not needed or type(None) in get_args(hint))):
             values[f.name] = None if usual is MISSING else usual
-        else:
-            degree = kind.__dataclass_fields__.get(limits.get("degree"))
-            if degree is not None and not is_clamped(members[key], members[_key(degree) or ""]):
-                more = members[_key(degree) or ""] + 1
-                raise _fault(f"ascending, with {more} equal knots at both ends and fewer inside", key)
-            values[f.name] = _beside(members[key], key, limits, SimpleNamespace(**values))
+            continue
+        values[f.name] = value = _member(hint, limits, value, place)
+        degree = data.get(_key(kind.__dataclass_fields__[limits["degree"]]) or "") if "degree" in limits else None
+        if isinstance(degree, int) and not is_clamped(value, degree):
+            raise _Fault(place, f"ascending, with {degree + 1} equal knots at both ends and fewer inside", data[key])
+        shape = limits["shape"](SimpleNamespace(**values)) if "shape" in limits else ()
+        if 0 in shape:
+            values[f.name] = np.zeros(shape)
+        elif shape and value.shape != shape:
+            numbers = " lists of ".join(map(str, shape))
+            raise _Fault(place, f"{numbers} numbers, as the knots and names beside it ask for", data[key])
     record = kind(**values)
     for key, needed in getattr(record, "faults", tuple)():
-        raise _fault(needed, key)
+        raise _Fault(_below(path, key), needed, member_at(data, key))
     return record
 
 
-def _beside(value: Any, key: str, limits: Mapping[str, Any], before: SimpleNamespace) -> Any:
-    """A member that goes with those before it."""
-    if (least := getattr(before, limits.get("not_below", ""), None)) is not None and value < least:
-        raise _fault(f"a finite number >= {least:g}", key)
-    if (least := getattr(before, limits.get("above", ""), None)) is not None and value <= least:
-        raise _fault(f"a finite number above {least:g}", key)
-    if (like := getattr(before, limits.get("like", ""), None)) is not None and len(value) != len(like):
-        raise _fault(f"{len(like)} numbers, one for each of {limits['like']}", key)
-    shape = limits["shape"](before) if "shape" in limits else ()
-    if 0 in shape:
-        return np.zeros(shape)
-    if shape and value.shape != shape:
-        numbers = " lists of ".join(map(str, shape))
-        raise _fault(f"{numbers} numbers, as the knots and names beside it ask for", key)
-    names = limits["keys"](before) if "keys" in limits else value
-    if "keys" in limits and set(value) != set(names):
-        raise _fault(f"an object with the keys {', '.join(names)}" if names else "an empty object", key)
-    return value
-
-
-def _schema(hint: Any, limits: Mapping[str, Any], least: int = 0) -> CoreSchema:
-    """What checks a member of a type; what is a list has so many items at least."""
+def _member(hint: Any, limits: Mapping[str, Any], value: Any, path: str) -> Any:
+    """A member of a type."""
     of = _alternatives(hint)[0]
     origin, inner, form = get_origin(of), get_args(of), limits.get("form")
-    several = origin is tuple
-    kinds = limits.get("kinds") or tuple(
-        filter(is_dataclass, (form,) if form else _alternatives(inner[0] if several else hint))
-    )
-    if several:
-        return _list(inner, kinds, limits, limits.get("least", least))
+    items = inner[0] if origin is tuple else hint
+    kinds = limits.get("kinds") or tuple(filter(is_dataclass, (form,) if form else _alternatives(items)))
+    if origin is tuple and (kinds or items is str):
+        if not isinstance(value, list) or len(value) < limits.get("least", 0):
+            raise _Fault(path, f"a list of {'objects' if kinds else 'names'}", value)
+        places = [(entry, f"{path}[{k}]") for k, entry in enumerate(value)]
+        return tuple(_one_of(kinds, *place) if kinds else _plain(str, {}, *place) for place in places)
     if kinds:
-        return _one_of(kinds)
+        return _one_of(kinds, value, path)
+    if origin is tuple:
+        return _tuple(value, inner, path)
     if origin is np.ndarray:
-        axes = range(1, 9) if "shape" in limits else limits.get("dimensions", (1,))
-        return schemas.no_info_plain_validator_function(lambda value: _array(value, *axes))
-    if origin is Mapping:
-        names = schemas.literal_schema([*limits["among"]]) if "among" in limits else schemas.str_schema()
-        return schemas.dict_schema(names, schemas.any_schema() if inner[1] is Any else _schema(inner[1], {}))
-    return _plain(of, inner, limits)
+        return _array(value, path, range(1, 9) if "shape" in limits else limits.get("dimensions", (1,)))
+    if origin is not Mapping:
+        return _plain(of, limits, value, path)
+    if not isinstance(value, Mapping):
+        raise _Fault(path, "an object", value)
+    return {key: x if inner[1] is Any else _member(inner[1], {}, x, _below(path, key)) for key, x in value.items()}
 
 
-def _list(hints: tuple[Any, ...], kinds: tuple[Any, ...], limits: Mapping[str, Any], least: int) -> CoreSchema:
-    """What checks a list: of records, texts, numbers, or pairs of numbers."""
-    few = f", at least {least}" if least else ""
-    if kinds:
-        items = schemas.list_schema(schemas.dict_schema(), min_length=least, strict=True)
-        listed = _told(items, f"a list of objects{few}")
-        return schemas.chain_schema([listed, schemas.tuple_variable_schema(_one_of(kinds))])
-    if hints[0] is str:
-        names = schemas.list_schema(schemas.str_schema(strict=True), min_length=limits.get("least", 0), strict=True)
-        return _after(_told(names, f"a list of names{few}"), tuple)
-    if limits.get("open"):
-        end: CoreSchema = schemas.nullable_schema(_schema(float, {}))
-        ends = schemas.tuple_positional_schema([end, end])
-        bounds = _told(ends, "a pair, with null for a bound that is none")
-        return _after(bounds, lambda pair: tuple(e if x is None else x for x, e in zip(pair, (-inf, inf), strict=True)))
-    return schemas.no_info_plain_validator_function(
-        lambda value: () if value == [] and not least else _tuple(value, hints, limits)
-    )
-
-
-def _plain(of: Any, allowed: tuple[Any, ...], limits: Mapping[str, Any]) -> CoreSchema:
-    """What checks a number, a text or a truth value."""
+def _plain(of: Any, limits: Mapping[str, Any], value: Any, path: str) -> Any:
+    """A number, a text or a truth value."""
     if of is float:
         low, high, positive = limits.get("lower", -inf), limits.get("upper", inf), limits.get("positive")
         needed = "a finite number" + (" > 0" if positive else f" >= {low:g}" if low > -inf else "")
-        needed = needed if high == inf else f"a finite number of {low:g} to {high:g}"
-        low, high = max(low, _SMALLEST if positive else -_LARGEST), min(high, _LARGEST)
-        return _told(schemas.float_schema(strict=True, allow_inf_nan=False, ge=low, le=high), needed)
+        low, high, number = max(low, _SMALLEST if positive else -_LARGEST), min(high, _LARGEST), finite_number(value)
+        if number is None or not low <= number <= high:
+            raise _Fault(path, needed + f" and <= {high:g}" * (high < _LARGEST), value)
+        return number
     if of is int:
         least, most = limits.get("within", (0, 2**53))
-        return _told(schemas.int_schema(strict=True, ge=least, le=most), f"a whole number in {least}..{most}")
-    if of is bool:
-        return _told(schemas.bool_schema(strict=True), "true or false")
-    if allowed:
-        return _told(schemas.literal_schema([*allowed]), " or ".join(allowed))
-
-    def named(text: str) -> str:
-        try:
-            return str(limits["item"](text).name)
-        except UsageError as error:
-            raise _fault(f"a name that there is ({error})") from error
-
-    text = _told(schemas.str_schema(strict=True), "a text")
-    return _after(text, named) if "item" in limits else text
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise _Fault(path, f"a whole number in {least}..{most}", value)
+    elif get_origin(of) is Literal:
+        if value not in get_args(of):
+            raise _Fault(path, " or ".join(get_args(of)), value)
+    elif not isinstance(value, of):
+        raise _Fault(path, "true or false" if of is bool else "a text", value)
+    return value
 
 
-def _one_of(kinds: tuple[Any, ...]) -> CoreSchema:
+def _one_of(kinds: tuple[Any, ...], value: Any, path: str) -> Any:
     """The record of the class that ``kind`` names, or else of the first that has a key there of its own."""
+    if not isinstance(value, Mapping):
+        raise _Fault(path, "an object", value)
     tags = {_tag(kind): kind for kind in kinds if _tag(kind)} if len(kinds) > 1 else {}
-    own = {
-        kind: set(_members(kind)).difference(*(_members(each) for each in kinds if each is not kind)) for kind in kinds
-    }
-
-    def read(value: object) -> object:
-        if not isinstance(value, Mapping):
-            raise _fault("an object")
-        if tags and value.get("kind") not in list(tags):
-            *names, last = tags
-            raise _fault(f"{', '.join(names)} or {last}", "kind")
-        kind = tags[value["kind"]] if tags else next((each for each in kinds if own[each] & set(value)), kinds[-1])
-        return _reader(kind).validate_python(value)
-
-    return schemas.no_info_plain_validator_function(read)
+    if tags and value.get("kind") not in list(tags):
+        raise _Fault(_below(path, "kind"), " or ".join(tags), value.get("kind", MISSING))
+    if tags:
+        return _record(tags[value["kind"]], value, path)
+    own = {kind: _keys(kind).difference(*(_keys(each) for each in kinds if each is not kind)) for kind in kinds}
+    return _record(next((each for each in kinds if own[each] & set(value)), kinds[-1]), value, path)
 
 
-def _told(schema: CoreSchema, needed: str) -> CoreSchema:
-    """The same check, of which every fault says what is needed."""
-    return schemas.custom_error_schema(schema, "needed", custom_error_message=needed)
-
-
-def _after(schema: CoreSchema, function: Callable[[Any], Any]) -> CoreSchema:
-    return schemas.no_info_after_validator_function(function, schema)
-
-
-def _tuple(value: object, hints: tuple[Any, ...], limits: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Numbers, or pairs of them."""
+def _tuple(value: Any, hints: tuple[Any, ...], path: str) -> tuple[Any, ...]:
+    """Numbers, or pairs of them; of a pair, null is a bound that is none."""
+    if hints == (float, float) and isinstance(value, list) and len(value) == 2 and None in value:
+        low, high = _array([0.0 if x is None else x for x in value], path, (1,))
+        return -inf if value[0] is None else low, inf if value[1] is None else high
     pairs = hints[0] is not float
-    array, count = _array(value, 2 if pairs else 1), 2 if pairs else len(hints) if ... not in hints else None
-    if count is not None and array.shape[-1] != count:
-        raise _fault("pairs of numbers" if pairs else f"{count} numbers")
-    rises = array[1:] - array[:-1]
-    if limits.get("ascending") and (len(array) < 2 or not (rises > 0.0).all()):
-        raise _fault("two or more numbers in ascending order")
-    if limits.get("monotone") and not (rises * rises[0] > 0.0).all():
-        raise _fault("rising or falling throughout")
+    array = _array(value, path, (2,) if pairs and value else (1,))
+    count = 2 if pairs else None if ... in hints else len(hints)
+    if value and count not in (None, array.shape[-1]):
+        raise _Fault(path, "pairs of numbers" if pairs else f"{count} numbers", value)
     return tuple(map(tuple, array.tolist())) if pairs else tuple(array.tolist())
 
 
-def _array(value: object, *dimensions: int) -> FloatArray:
+def _array(value: Any, path: str, dimensions: Sequence[int]) -> FloatArray:
     """Finite numbers in nested lists of equal lengths, of one of some numbers of dimensions."""
-    shape = f" with {' or '.join(counted(n, 'dimension') for n in dimensions)}" if len(dimensions) < 3 else ""
-    needed = f"an array of finite numbers (below {_LARGEST:g}){shape}"
-    if not isinstance(value, list):
-        raise _fault(needed)
     try:
-        result = np.array(value)
-    except ValueError as error:  # lists of unequal lengths
-        raise _fault(needed) from error
-    if result.size and result.dtype.kind not in "if":
-        raise _fault(needed)
-    result = result.astype(np.float64)
+        result = np.array(value if isinstance(value, list) else np.nan)
+    except ValueError:  # of unequal lengths
+        result = np.array(np.nan)
+    result = result.astype(np.float64) if result.dtype.kind in "if" else np.array(np.nan)
     if result.ndim not in dimensions or not np.all(np.abs(result) < _LARGEST):
-        raise _fault(needed)
+        raise _Fault(path, f"an array of finite numbers (below {_LARGEST:g})", value)
     return result
+
+
+def _below(path: str, key: str) -> str:
+    return f"{path}.{key}".removeprefix(".")
 
 
 def written(value: Any, *, tagged: bool = False) -> Any:
@@ -322,8 +250,8 @@ def _written_members(record: Any, tagged: bool) -> Iterator[tuple[str, Any]]:
         if "form" in limits:
             many = isinstance(value, tuple)
             value = [limits["form"].of(one) for one in value] if many else limits["form"].of(value)
-        if limits.get("open"):
-            value = [None if isinf(bound) else bound for bound in value]
+        if isinstance(value, tuple) and any(x in (inf, -inf) for x in value):
+            value = [None if x in (inf, -inf) else x for x in value]
         if limits.get("flat"):
             yield from _written_members(value, tagged=False)
         else:

@@ -13,19 +13,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import Derive, Memo, Part, derived
+from femfit.core.graph import GraphFunction, Memo, building
 from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
-from femfit.model.bspline import TensorSpline
-from femfit.model.coordinate import FLAT, DistanceCoordinate
+from femfit.model.bspline import FLAT, DistanceCoordinate, TensorSpline
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +34,16 @@ class MagneticState:
     force: FloatArray  # F in N, shape (...)
     motional_constant: FloatArray  # k_m in V s/m = N/A, shape (..., n)
     inductance: FloatArray  # L in H, shape (..., n, n)
+    force_gradient: FloatArray = field(
+        default_factory=lambda: np.empty(0)
+    )  # dF/dd in N/m, shape (...), of slopes alone
 
 
-@dataclass(frozen=True, eq=False)
-class MagneticSlopes(MagneticState):
-    """The same with the slope of the force along the distance."""
+Part: TypeAlias = tuple[SX, int]
+"""What is derived of a function of the distance and n currents, and how many axes of currents it has."""
 
-    force_gradient: FloatArray  # dF/dd in N/m, shape (...)
-
+Derive = Callable[[SX, SX, SX], list[Part]]
+"""(value, distance, currents) -> what is derived from it; a part of several axes is symmetric in them."""
 
 ForceOfCurrents = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Force (...) in N and motional constants (..., n) in N/A of currents (..., n) in A."""
@@ -59,19 +60,26 @@ class OfCurrents(ABC):
         """The same where the states of effects are these."""
         return self.expression
 
-    @property
-    def given(self) -> SX:
-        """Symbols (k,) of the expression whose values belong to each point, as a factor of each run; none here."""
-        return SX(0, 1)
-
-    @property
-    def given_values(self) -> FloatArray:
-        """Their values, (k,) or (k, points)."""
-        return np.zeros(0)
-
     def derived(self, derive: Derive, distance: FloatArray, currents: FloatArray) -> list[FloatArray]:
-        """What is derived of it at points."""
-        return derived(self._known, self.expression, derive, distance, currents, self.given, self.given_values)
+        """What is derived of it at points, each part (..., n, .., n)."""
+        d, i = np.asarray(distance, dtype=np.float64), np.atleast_1d(np.asarray(currents, dtype=np.float64))
+        n = i.shape[-1]
+        if (derive, n) not in self._known:
+            with building():
+                at = SX.sym("d"), SX.sym("i", n)
+                parts = derive(SX(self.expression(*at)), *at)
+                output = ca.vertcat(*(ca.vec(ca.densify(part)) for part, _ in parts))
+                function = GraphFunction([ca.vertcat(*at)], output)
+            self._known[derive, n] = [axes for _, axes in parts], function
+        axes, function = self._known[derive, n]
+        points = np.broadcast_shapes(d.shape, i.shape[:-1])
+        x = np.empty((1 + n, *points))
+        x[0] = d
+        for k in range(n):
+            x[1 + k] = i[..., k]
+        values = function(x.reshape(1 + n, -1))
+        pieces = np.split(values, np.cumsum([n**count for count in axes])[:-1])
+        return [piece.T.reshape((*points, *[n] * count)) for piece, count in zip(pieces, axes, strict=True)]
 
     @cached_property
     def _known(self) -> Memo:
@@ -97,9 +105,9 @@ class Magnetics(OfCurrents):
         """Force, motional constants and inductances together, at the price of little more than one."""
         return MagneticState(*self.derived(_state, distance, currents))
 
-    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """The same with the slope of the force along the distance."""
-        return MagneticSlopes(*self.derived(_slopes, distance, currents))
+        return MagneticState(*self.derived(_slopes, distance, currents))
 
     def motional_constant(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """k_m = dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
@@ -203,7 +211,7 @@ class Coefficient:
     unit: str
     ci95: tuple[float, float] | None = None  # 95 % interval, where it was estimated
     # What the fit allowed; infinite where it did not bound
-    bounds: tuple[float, float] = field(default=(-np.inf, np.inf), metadata={"open": True, "required": True})
+    bounds: tuple[float, float] = field(default=(-np.inf, np.inf), metadata={"required": True})
     active: str = ""  # ``lower``, ``upper`` or empty: the bound that the fit hit
 
 
@@ -218,12 +226,9 @@ class LawMagnetics(Magnetics):
     """
 
     kind: Literal["law"] = field(default="law", kw_only=True)
-    law_name: str = field(metadata={"key": "law", "item": law_by_name})
+    law_name: str = field(metadata={"key": "law"})
     coefficients: tuple[Coefficient, ...]
-    shape: Mapping[str, float] = field(
-        default_factory=dict,
-        metadata={"required": True, "keys": lambda s: tuple(p.name for p in law_by_name(s.law_name).shape)},
-    )
+    shape: Mapping[str, float] = field(default_factory=dict, metadata={"required": True})
     constant_inductance_H: float = field(default=0.0, metadata={"required": True})
     constant_flux_linkage_Wb: float = field(default=0.0, metadata={"required": True})
     reference_distance_m: float | None = None  # d_ref; None for infinity, as in models of earlier versions

@@ -84,7 +84,7 @@ class SampleStep:
         length, points = self.model.sample_time_s / count, states.shape[1]
         others, within = np.tile([[length], [0.0], [1.0]], (1, points)), np.ones(points, dtype=np.bool_)
         for _ in range(count):
-            states = self.model.equations.step(length)(states, volts, others, self.model.magnetics.given_values)
+            states = self.model.equations.step(length)(states, volts, others)
             within &= box.contains(states[0], states[2:last].T)
         return states, within
 
@@ -93,13 +93,13 @@ class SampleStep:
         return self.step(state, command, self.model.sample_time_s / self.count, **options)[0]
 
     def function(self, length: float, *, driven: bool = False, free: bool = True) -> GraphFunction:
-        """(state, command, given) -> the parts of :meth:`step`, one below the other; made once."""
+        """(state, command) -> the parts of :meth:`step`, one below the other; made once."""
         key = length, driven, free
         if key not in self._functions:
             with building():
                 x, u = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
                 after = self.step(x, u, length, driven=driven, free=free)
-                self._functions[key] = GraphFunction([x, u, self.model.magnetics.given], ca.vertcat(*after))
+                self._functions[key] = GraphFunction([x, u], ca.vertcat(*after))
         function: GraphFunction = self._functions[key]
         return function
 

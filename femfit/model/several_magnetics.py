@@ -47,8 +47,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.numerics import FloatArray
-from femfit.model.bspline import PARABOLA, CellTable, cell_table, cells_of, functions, nested_shape
-from femfit.model.coordinate import FLAT, DistanceCoordinate, DistanceSplines
+from femfit.model.bspline import FLAT, PARABOLA, DistanceCoordinate, DistanceSplines, functions, nested_shape, spline_at
 from femfit.model.magnetics import Magnetics, current_of
 
 
@@ -74,15 +73,6 @@ class CoenergyMatrix(Magnetics):
             for k in range(j, v.numel()):
                 value += (0.5 if j == k else 1.0) * next(entries) * v[j] * v[k]
         return value
-
-    def matrix(self, distance: FloatArray, order: int = 0) -> FloatArray:
-        """M, or a derivative of it in d, at distances of any shape, (..., n + 1, n + 1)."""
-        (entries,) = self._splines.derivatives(distance, order)
-        size = len(self.names) + 1
-        result = np.empty((*entries.shape[:-1], size, size))
-        rows, columns = np.triu_indices(size)
-        result[..., rows, columns] = result[..., columns, rows] = entries
-        return result
 
     @cached_property
     def _splines(self) -> DistanceSplines:
@@ -117,11 +107,9 @@ class CoenergyTensor(Magnetics):
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
-        return cell_table(self, self._cells).at(self.coordinate.of(distance), *ca.vertsplit(currents))[0]
-
-    def _cells(self) -> CellTable:
-        along = (cells_of(one.knots_A, one.degree, PARABOLA) for one in self.circuits)
-        return CellTable([cells_of(self.u_knots, self.u_degree), *along], self.coefficients[..., None])
+        axes = [(self.u_knots, self.u_degree), *((own.knots_A, own.degree, PARABOLA) for own in self.circuits)]
+        at = self.coordinate.of(distance), *ca.vertsplit(currents)
+        return spline_at(self, axes, self.coefficients[..., None], *at)[0]
 
 
 NETWORK = "reluctance-network"

@@ -27,7 +27,7 @@ from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of, true_setting
 from femfit.model.decay import Complex, complex_array
 from femfit.model.eddy_currents import EddyCurrents, Patterns
-from femfit.model.hall import HallField, PickupSensor, SensedField
+from femfit.model.hall import HallField, OtherSensor, PickupSensor, SensedField
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import CoenergyTensor
 
@@ -122,11 +122,6 @@ class EffectHallField(HallField):
     """The field that a Hall element at rest seems to show, as effects on field and reading change it."""
 
     magnetics: EffectMagnetics
-
-    @property
-    def several(self) -> bool:
-        """Whether it is of several circuits."""
-        return len(self.magnetics.conditions.nominal.circuits) > 1
 
     def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
         """The field itself, dW'/dh."""
@@ -241,28 +236,39 @@ def resistance_of(
 
 
 @dataclass(frozen=True, eq=False)
-class UnknownField(SensedField):
-    """A field that effects change in a way that is not known at this sensor."""
+class ChangedField(SensedField):
+    """A sensor's field as effects change it."""
 
-    refusal: str
+    before: SensedField
+    refusal: str = ""  # Of a field that they change in a way which is not known at this sensor
 
-    def expression(self, distance: SX, currents: SX) -> SX:  # noqa: ARG002
-        """Refused."""
-        raise MissingPartError(self.refusal)
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """The value of an expression's distance and currents, or the refusal."""
+        if self.refusal:
+            raise MissingPartError(self.refusal)
+        return super().expression(distance, currents)
+
+
+def sensor_without_effects(sensor: OtherSensor) -> OtherSensor:
+    """A sensor of a model with effects, with the field that these change as it was before."""
+    if isinstance(sensor, PickupSensor) and isinstance(sensor.flux, ChangedField):
+        return replace(sensor, flux=sensor.flux.before)
+    return sensor
 
 
 def _changed(field: SensedField, what: str, effects: Sequence[AddedEffect], circuits: Sequence[str]) -> SensedField:
     magnetic = [one.effect.name for one in effects if "magnetics" in one.effect.acts_on]
     others = [name for name in magnetic if name.partition(SEPARATOR)[0] not in SCALING]
+    scaled, refusal, named = field, "", ", ".join(others)
     if others:
-        named = ", ".join(others)
         refusal = (
             f"What the {what} reads must be known under the model's effects; {named} changes the field in a way that "
             f"is followed to force and flux linkage only. Leave that sensor out, or take {named} out of the model."
         )
-        return UnknownField(**{one.name: getattr(field, one.name) for one in fields(field)}, refusal=refusal)
-    magnets, *currents = source_scales(effects, circuits)
-    return field.scaled(magnets, currents)
+    else:
+        magnets, *currents = source_scales(effects, circuits)
+        scaled = field.scaled(magnets, currents)
+    return ChangedField(**{one.name: getattr(scaled, one.name) for one in fields(field)}, before=field, refusal=refusal)
 
 
 def true_setting_of(

@@ -9,7 +9,6 @@ import numpy as np
 
 from femfit.core.numerics import GRAVITY
 from femfit.core.text import axis_scale
-from femfit.device.drawn_numbers import in_picture
 from femfit.device.electrics import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
@@ -26,8 +25,6 @@ from femfit.report.model_figures import (
     SweepGrid,
     force_curves_figure,
     hall_figure,
-    ranking_figure,
-    residual_figure,
     stroke_figure,
 )
 from femfit.report.motion_figures import open_loop_figure
@@ -91,9 +88,7 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     figures: dict[str, Drawing] = {}
     if actuator is not None:
         distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
-        signatures = content.sweep.signatures if content.sweep is not None else None
-        numbers = in_picture(signatures.numbers) if signatures is not None else ()
-        figures["actuator"] = partial(actuator_figure, actuator, distance, numbers=numbers)
+        figures["actuator"] = partial(actuator_figure, actuator, distance)
         if content.field is not None:
             figures["field"] = partial(field_figure, actuator, content.field)
     if content.feeds:
@@ -105,16 +100,6 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     if several is not None:
         figures["force-curves"] = partial(force_curves_figure, several.grid, weight, "differential")
         figures["circuits"] = partial(circuits_figure, several)
-    ranking = None if content.fit is None else content.fit.ranking
-    best = None if ranking is None else ranking.recommended.fit
-    if rows is not None and ranking is not None and best is not None:
-        figures["ranking"] = partial(ranking_figure, ranking)
-        # A map can show it: a pair of magnets has one current, none
-        if grid is not None and len(grid.currents) > 1 and len(grid.distances) > 1:
-            of_law = best.force(best.joint.x, rows.distance, rows.current)
-            of_model = model.force(rows.distance, rows.current, extrapolate=True)
-            forces = [(best.law.name, of_law), ("co-energy", of_model)]
-            figures["residuals"] = partial(residual_figure, rows, forces)
     if rows is not None and rows.hall is not None and model.sensor is not None and several is None:
         figures["hall"] = partial(hall_figure, model, rows)
     return figures if content.study is None else figures | loop_figures(content.study)
@@ -197,7 +182,7 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
     places, currents = box.grid(41, 15, several=5)
     return {
         "sensor": sensor,
-        "clipped": where_clipped(sensor, places, currents, sensor.field.field(places, currents)),
+        "clipped": where_clipped(sensor, places, sensor.field.field(places, currents)),
         "remedy": REMEDY,
         "near_m": float(d[0]),
         "far_m": float(d[-1]),

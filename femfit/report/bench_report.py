@@ -26,7 +26,6 @@ from femfit.model.with_effects import with_effects
 from femfit.report.misfit_figures import (
     covariate_figure,
     curves_figure,
-    ranking_figure,
     residual_maps_figure,
     worst_first,
 )
@@ -37,6 +36,9 @@ from femfit.tables.measurement import Measurement
 SHOWN = 6
 """Most lines of a comparison at the head of its page, and most suggestions in the table."""
 
+RANKED = 12
+"""Most effects whose shares of the misfit are listed."""
+
 SOURCE = "measurement"
 """What was measured is called where only its diagnosis is given."""
 
@@ -45,9 +47,6 @@ SCALAR = (
     "current_rate_A_s",
 )  # fmt: skip
 """Covariates that a map over distance and current does not show."""
-
-LINES = ("frequency_Hz", "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run")
-"""Covariates that the saved pictures of a comparison show a channel over."""
 
 
 def render_diagnosis(
@@ -84,15 +83,13 @@ def render_diagnosis(
         "classes": [effect for effect in diagnosis.missing if len(effect.members) > 1],
         "known": has_floor,
         "covariates": covariates,
-        "versions": _versions(),
         "hashes": hashes,
         **_measured_facts(diagnosis),
     }
     sections = ["curves", "measured", "misfit", "provenance"]
     if diagnosis.decision is not None:
         sections += ["explained", "alternatives"]
-        more, drawn = _explained(diagnosis)
-        facts, figures = facts | more, figures | drawn
+        facts |= _explained(diagnosis)
     if diagnosis.verdict != "nothing_missing":
         sections.append("next")
         nominal = diagnosis.observations.nominal
@@ -104,7 +101,7 @@ def render_diagnosis(
         sections.append("fall")
         steps = [" + ".join(effect.name for effect in diagnosis.missing)]
         errors = [diagnosis.error_fall.rms_before, diagnosis.error_fall.rms_after]
-        facts |= _error_fall(floor, steps, errors, None) | {"quoted_source": shlex.quote(source)}
+        facts |= _error_fall(floor, steps, errors) | {"added": None, "quoted_source": shlex.quote(source)}
     return titled(_render(facts, sections, figures), titles_of(observations.nominal.drawn))
 
 
@@ -133,13 +130,14 @@ def render_added(result: AddResult) -> str:
     effects_kept = tuple(added for added in result.model.effects if added.effect.name in result.kept)
     model = with_effects(result.model.without_effects, effects_kept)
     facts, figures = _curves(model, observations, effects, result.floor)
-    errors, steps = [dict(step.rms) for step in result.steps], [step.text for step in result.steps[1:]]
-    facts |= _error_fall(dict(result.floor), steps, errors, result) | {
+    errors = [result.fall.rms_before, result.fall.rms_after]
+    steps = [" + ".join(added.effect.name for added in effects) or "nothing added"]
+    facts |= _error_fall(dict(result.floor), steps, errors) | {
+        "added": result,
         "title": f"{result.model.name}: the bench and the model",
         "lead": "the model before and after the refit",
         "summary": [("", line.strip()) for line in str(result).splitlines() if line.strip()],
         "hashes": (),
-        "versions": _versions(),
     }
     sections = ["curves", "fall", "provenance"]
     if isinstance(result, RemainderResult) and result.parts:
@@ -150,11 +148,8 @@ def render_added(result: AddResult) -> str:
 
 def _render(facts: Mapping[str, Any], sections: Sequence[str], figures: Mapping[str, Drawing]) -> str:
     drawn = {name: svg_uri(draw, name) for name, draw in figures.items()}
-    return render("bench.html.j2", {**facts, "sections": sections}, drawn)
-
-
-def _versions() -> list[tuple[str, str]]:
-    return [("femfit", __version__), *((name, version(name)) for name in ("numpy", "scipy", "matplotlib"))]
+    versions = [("femfit", __version__), *((name, version(name)) for name in ("numpy", "scipy", "matplotlib"))]
+    return render("bench.html.j2", {**facts, "versions": versions, "sections": sections}, drawn)
 
 
 def _curves(
@@ -198,12 +193,15 @@ def _measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]:
-    """What the verdict names, how it ranks, and what the data could have shown."""
-    nominal = diagnosis.observations.nominal
+def _explained(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What the verdict names, how much each effect explains alone, and what the data could have shown."""
+    nominal, excess = diagnosis.observations.nominal, max(diagnosis.excess, 1e-12)
     effects = device_effects(nominal.circuits, nominal.drawn)
-    facts = {
+    testable = [score for score in diagnosis.ranking if not score.note]
+    shares = [(s.name, (s.chi2_fall - s.degrees_of_freedom) / excess, s.explained_share) for s in testable[:RANKED]]
+    return {
         "named": [(effect, effects.get(effect.name)) for effect in diagnosis.missing],
+        "shares": shares if diagnosis.verdict != "nothing_missing" else [],
         "detectable": [
             (name, smallest_visible(effects[name], amplitudes, nominal) or NOTHING)
             for name, amplitudes in diagnosis.detectable.items()
@@ -211,22 +209,10 @@ def _explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]
         ],
         "hidden": [score for score in diagnosis.ranking if score.note],
     }
-    testable = [score for score in diagnosis.ranking if not score.note]
-    if diagnosis.verdict == "nothing_missing" or not testable or diagnosis.decision is None:
-        return facts, {}
-    named = [effect.name for effect in diagnosis.missing]
-    members = [name for effect in diagnosis.missing for name in effect.members[1:]]
-    return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.excess, named, members)}
 
 
 def _error_fall(
-    floor: Mapping[str, float], steps: Sequence[str], errors: Sequence[Mapping[str, float]], added: AddResult | None
+    floor: Mapping[str, float], steps: Sequence[str], errors: Sequence[Mapping[str, float]]
 ) -> dict[str, Any]:
     """Error per channel before, with each step, and the noise floor."""
-    return {
-        "added": added,
-        "level": LEVEL_AFTER,
-        "steps": [f"with {name}" for name in steps],
-        "errors": errors,
-        "floor": floor,
-    }
+    return {"level": LEVEL_AFTER, "steps": [f"with {name}" for name in steps], "errors": errors, "floor": floor}

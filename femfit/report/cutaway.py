@@ -15,7 +15,7 @@ from scipy.interpolate import RegularGridInterpolator
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.report.drawing import COLOURS, HALL_COLOUR, half_sections
-from femfit.report.field_figures import colour_limit, colours_of, flux_levels
+from femfit.report.field_figures import colour_limit, flux_levels
 from femfit.report.field_sample import FieldSample
 from femfit.report.style import new_figure, style, words
 
@@ -113,6 +113,7 @@ def _picture(plotter: Any, sample: FieldSample) -> Any:
 def _save_with_bar(image: Any, sample: FieldSample, file: Any) -> None:
     """Write a picture beside its colour bar, which covers nothing of it."""
     from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import PowerNorm
 
     rows, columns = image.shape[:2]
     with style():
@@ -120,8 +121,8 @@ def _save_with_bar(image: Any, sample: FieldSample, file: Any) -> None:
         axes = figure.subplots()
         axes.imshow(image, interpolation="none")
         axes.axis("off")
-        colours = colours_of(colour_limit(sample), "cividis")
-        bar = figure.colorbar(ScalarMappable(**colours), ax=axes, shrink=0.6, pad=0.02, extend="max", format="{x:g}")
+        colours = ScalarMappable(PowerNorm(0.5, 0.0, colour_limit(sample)), "cividis")
+        bar = figure.colorbar(colours, ax=axes, shrink=0.6, pad=0.02, extend="max", format="{x:g}")
         bar.set_ticks([colour_limit(sample) * share for share in (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0)])
         bar.set_label(words("field", "flux_density"))
         figure.savefig(file, dpi=rows / 6.0, format="png")

@@ -1,6 +1,6 @@
 """The parts of an actuator as all pictures show them, and its full section, drawn to scale with its dimensions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +8,6 @@ import numpy as np
 import shapely
 
 from femfit.core.numerics import FloatArray
-from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.materials import BHCurve
 from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region, is_iron
 from femfit.field.layout import fixed_parts, moving_parts, part_corners
@@ -117,23 +116,14 @@ MM = 1e3
 
 Place = tuple[float, float]
 
-CLOSE = 0.025
-"""Of the picture's height: numbers nearer to each other would cover one another."""
-
-ROWS, ROW_INCHES = 14, 0.16
-"""By what a picture grows with the numbers that stand in its list, beside the lines of the parts."""
-
 _BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 
 
-def actuator_figure(
-    actuator: Actuator, distance: float, title: str = "", numbers: Sequence[NumberFacts] = ()
-) -> Figure:
-    """Draw an actuator in mm, with the moving part at a distance in m below the fixed one; its numbers are listed."""
+def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> Figure:
+    """Draw an actuator in mm, with the moving part at a distance in m below the fixed one."""
     corners = np.concatenate([standing_corners(actuator), moving_corners(actuator, distance)])
     wide = float(2.0 * corners[:, 0].max())
-    height = float(np.clip(1.2 + 3.6 * np.ptp(corners[:, 1]) / wide, 3.4, 6.4))
-    figure = new_figure(max(height, ROW_INCHES * (ROWS + len(numbers))))
+    figure = new_figure(float(np.clip(1.2 + 3.6 * np.ptp(corners[:, 1]) / wide, 3.4, 6.4)))
     axes = figure.subplots()
     draw_parts(axes, actuator, distance)
     low, high = MM * corners[:, 1].min(), MM * corners[:, 1].max()
@@ -148,27 +138,7 @@ def actuator_figure(
     axes.grid(visible=False)
     parts = axes.get_legend_handles_labels()
     figure.legend(*parts, loc="outside right upper", handlelength=1.2, labelspacing=0.8)
-    if numbers:
-        marks = _mark(axes, actuator, distance, numbers)
-        names = [f"{k}  {number.title}" for k, number in enumerate(numbers, 1)]
-        figure.legend(marks, names, loc="outside right lower", handlelength=0.0, handletextpad=0.0, fontsize=7)
     return figure
-
-
-def _mark(axes: Axes, actuator: Actuator, distance: float, numbers: Sequence[NumberFacts]) -> list[Any]:
-    """Number the places in the right half of the section, and return the handles of a legend."""
-    moving = {f"coils.{coil.name}" for coil in actuator.coils if coil.moves}
-    look: dict[str, Any] = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
-    close, taken = CLOSE * float(np.ptp(axes.get_ylim())), list[tuple[float, float]]()
-    for k, number in enumerate(numbers, 1):
-        r, z = number.at or (0.0, 0.0)
-        moves = number.key.startswith("moving.") or number.key.rpartition(".")[0] in moving
-        place = r, z + MM * distance * moves
-        if any(np.hypot(place[0] - x, place[1] - y) < close for x, y in taken):
-            place = -place[0], place[1]  # the other half of the section shows the same
-        taken.append(place)
-        axes.annotate(str(k), place, ha="center", va="center", fontsize=5.5, zorder=6, bbox=look)
-    return [axes.plot([], [], linestyle="none")[0] for _ in numbers]
 
 
 def draw_parts(axes: Axes, actuator: Actuator, distance: float) -> None:

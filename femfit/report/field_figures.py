@@ -1,4 +1,4 @@
-"""A solved point as pictures of the full section: mesh, flux lines, |B|, relative permeability.
+"""A solved point as pictures of the full section: mesh, flux lines, |B|.
 
 Colours are those of the regular grid of :mod:`femfit.report.field_sample`, on which flux lines are contours of
 2 pi r A_phi. |B| is coloured by its square root, so that both the air and iron between 0.5 and 2 T keep their shades.
@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.numerics import MU_0, FloatArray
-from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.materials import BHCurve
-from femfit.device.parts import Actuator, LinearMaterial, is_iron
+from femfit.core.numerics import FloatArray
+from femfit.device.parts import Actuator
 from femfit.report.drawing import COLOURS, actuator_figure, draw_outlines, half_sections, mirrored
-from femfit.report.field_sample import FieldSample, SolvedPoint, inside_of, sample_of, write_vtu
+from femfit.report.field_sample import FieldSample, SolvedPoint, sample_of, write_vtu
 from femfit.report.style import BLUE, INK, MUTED, PAPER, Axes, Figure, new_figure, plain, quantity, words, write_picture
 
-PICTURES = ("geometry", "mesh", "flux-lines", "flux-density", "permeability")
+PICTURES = ("geometry", "mesh", "flux-lines", "flux-density")
 VTU = "vtu"
 DPI = 170
 
@@ -34,20 +32,14 @@ _NO_FIELD_T = 1e-6
 """Largest flux density of what counts as an actuator without a magnet and without current."""
 
 
-def write_views(
-    point: SolvedPoint, files: Sequence[tuple[str, Path]], numbers: Sequence[NumberFacts] = ()
-) -> FieldSample:
-    """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format.
-
-    The geometry is drawn with these numbers of its drawing.
-    """
+def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldSample:
+    """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format."""
     actuator, sample = point.actuator, sample_of(point)
     draw: dict[str, Callable[[str], Figure]] = {
-        "geometry": lambda title: actuator_figure(actuator, point.distance_m, title, numbers),
+        "geometry": lambda title: actuator_figure(actuator, point.distance_m, title),
         "mesh": lambda title: mesh_figure(point, sample, title),
         "flux-lines": lambda title: flux_lines_figure(actuator, sample, title),
         "flux-density": lambda title: field_figure(actuator, sample, title),
-        "permeability": lambda title: permeability_figure(actuator, sample, title),
     }
     for what, path in files:
         if what == VTU:
@@ -63,13 +55,6 @@ def colour_limit(sample: FieldSample) -> float:
     top = max(float(np.percentile(sample.flux_density_T, 99.7)), _NO_FIELD_T)
     decade = 10.0 ** np.floor(np.log10(top))
     return float(next(s * decade for s in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if s * decade >= top))
-
-
-def colours_of(limit: float, name: str) -> dict[str, Any]:
-    """Colour map and norm of |B|."""
-    from matplotlib.colors import PowerNorm
-
-    return {"norm": PowerNorm(0.5, 0.0, limit), "cmap": name}
 
 
 def flux_levels(flux: FloatArray) -> FloatArray:
@@ -103,11 +88,17 @@ def draw_flux_lines(axes: Axes, sample: FieldSample, **line_style: Any) -> None:
 
 def field_figure(actuator: Actuator, sample: FieldSample, title: str = "") -> Figure:
     """Draw |B| in colours, flux lines and outlines, in mm."""
+    from matplotlib.colors import PowerNorm
+
     figure, axes = _section(sample, title)
-    image = _colour(axes, sample, sample.flux_density_T, colours_of(colour_limit(sample), "cividis"))
+    limit, norm = colour_limit(sample), PowerNorm(0.5, 0.0, colour_limit(sample))
+    x, magnitude = mirrored(sample.radius_m, sample.flux_density_T)
+    extent = MM * np.array([x[0], x[-1], sample.height_m[0], sample.height_m[-1]])
+    look: dict[str, Any] = {"origin": "lower", "interpolation": "bilinear", "cmap": "cividis", "norm": norm}
+    image = axes.imshow(magnitude, extent=tuple(extent), **look)
+    axes.set_ylim(extent[3], extent[2])
     draw_flux_lines(axes, sample, color="white", linewidth=0.55, alpha=0.8)
     draw_outlines(axes, actuator, sample.distance_m, edge="white")
-    limit = colour_limit(sample)
     bar = figure.colorbar(image, ax=axes, format="{x:g}", extend="max", pad=0.02)
     bar.set_ticks([limit * share for share in (0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)])
     bar.set_label(words("field", "flux_density"))
@@ -137,39 +128,6 @@ def flux_lines_figure(actuator: Actuator, sample: FieldSample, title: str = "") 
     if flux := line_flux(sample):
         _note(axes, words("flux-lines", "note", flux=quantity(flux, "Wb")))
     return figure
-
-
-def permeability_figure(actuator: Actuator, sample: FieldSample, title: str = "") -> Figure:
-    """Draw mu_r = B / (mu_0 H) of the soft parts on a logarithmic scale, in mm; what is not soft has no colour."""
-    from matplotlib.colors import LogNorm
-    from matplotlib.ticker import LogLocator
-
-    figure, axes = _section(sample, title)
-    permeability = soft_permeability(actuator, sample)
-    if np.isfinite(permeability).any():
-        low, high = np.nanpercentile(permeability, (1.0, 99.0))  # fields are singular at corners
-        image = _colour(axes, sample, permeability, {"norm": LogNorm(0.9 * low, 1.1 * high), "cmap": "viridis"})
-        bar = figure.colorbar(image, ax=axes, pad=0.02, format="{x:g}")
-        bar.locator = LogLocator(subs=(1.0, 2.0, 5.0))
-        bar.minorticks_off()
-        bar.set_label(words("permeability", "bar"))
-    draw_outlines(axes, actuator, sample.distance_m, edge=INK)
-    return figure
-
-
-def soft_permeability(actuator: Actuator, sample: FieldSample) -> FloatArray:
-    """mu_r on the sample's grid; NaN outside of iron and ferrite."""
-    r, z = np.meshgrid(sample.radius_m, sample.height_m)
-    permeability = np.full_like(r, np.nan)
-    for region in actuator.regions:
-        material = region.material
-        here = inside_of(actuator, region, sample.distance_m, r, z)
-        if isinstance(material, LinearMaterial):
-            permeability[here] = material.relative_permeability if is_iron(material) else np.nan
-        else:
-            curve = BHCurve(material.flux_density_T, material.field_A_per_m)
-            permeability[here] = 1.0 / (MU_0 * curve.reluctivity(sample.flux_density_T[here]))
-    return permeability
 
 
 def _section(sample: FieldSample, title: str) -> tuple[Figure, Axes]:
@@ -203,16 +161,6 @@ def _light_parts(axes: Axes, actuator: Actuator, sample: FieldSample) -> None:
         if kind in kinds
     ]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=1.2)
-
-
-def _colour(axes: Axes, sample: FieldSample, values: FloatArray, colours: dict[str, Any]) -> Any:
-    """Values on the sample's grid in colours on both halves."""
-    x, mirrored_values = mirrored(sample.radius_m, values)
-    z = sample.height_m
-    extent = (MM * x[0], MM * x[-1], MM * z[0], MM * z[-1])
-    image = axes.imshow(mirrored_values, extent=extent, origin="lower", interpolation="bilinear", **colours)
-    axes.set(xlim=extent[:2], ylim=(extent[3], extent[2]))
-    return image
 
 
 def _note(axes: Axes, note: str) -> None:

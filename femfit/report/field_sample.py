@@ -50,8 +50,8 @@ def solve_point(
     settings = settings or settings_for(actuator)
     asked = np.atleast_2d(current)
     problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings, currents=asked)
-    field = problem.field(distance, current)
-    return SolvedPoint(actuator, distance, current, problem.mesh, field.w, field.force, problem.unknowns)
+    w, force = problem.field(distance, current)
+    return SolvedPoint(actuator, distance, current, problem.mesh, w, force, problem.unknowns)
 
 
 @dataclass(frozen=True, eq=False)

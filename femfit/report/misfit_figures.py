@@ -1,4 +1,4 @@
-"""Where the model fails, and what explains it: measured points on its curves, maps of the misfit, effects ranked."""
+"""Where the model fails, and what explains it: measured points on its curves, and maps of the misfit."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,14 +8,12 @@ import pandas as pd
 
 from femfit.core.numerics import FloatArray
 from femfit.core.text import axis_scale
-from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.misfit import MeasuredCurves
 from femfit.identify.observations import Observations
 from femfit.identify.settings import setting_cells
 from femfit.report.style import (
     INK,
     MUTED,
-    ORANGE,
     VERMILION,
     WIDTH,
     Axes,
@@ -134,35 +132,3 @@ def worst_first(curves: Sequence[MeasuredCurves]) -> list[MeasuredCurves]:
         return round(-float(np.sqrt(np.mean(curve.misfit_before**2))) / size, 9)
 
     return sorted(curves, key=badness)
-
-
-SHOWN = 12
-"""Most effects of a ranking that are drawn."""
-
-
-def ranking_figure(
-    ranking: Sequence[ScoredEffect], excess: float, named: Sequence[str], members: Sequence[str]
-) -> Figure:
-    """Share of the structured misfit that each effect explains by itself; a dot for that on runs left out."""
-    shown = list(ranking)[:SHOWN]
-    figure = new_figure(0.9 + 0.24 * len(shown))
-    axes = figure.subplots()
-    y = np.arange(len(shown))
-    share = [100.0 * min(max(s.chi2_fall - s.degrees_of_freedom, 0.0) / max(excess, 1e-12), 1.0) for s in shown]
-    colours = [VERMILION if s.name in named else ORANGE if s.name in members else "#b8c0c8" for s in shown]
-    axes.barh(y, share, color=colours, height=0.7)
-    for k, s in enumerate(shown):
-        if np.isfinite(s.explained_share):
-            axes.plot(100.0 * float(np.clip(s.explained_share, 0.0, 1.0)), k, "o", color=INK, markersize=4.5)
-    axes.set_yticks(y, [s.name for s in shown])
-    axes.invert_yaxis()
-    axes.grid(visible=False, axis="y")
-    axes.set(xlim=(0.0, 104.0), xlabel="structured misfit explained, each effect alone (%)")
-    if any(np.isfinite(s.explained_share) for s in shown):
-        axes.plot([], [], "o", color=INK, markersize=4.5, label="on runs left out")
-    for colour, label in ((VERMILION, "named"), (ORANGE, "not told from it")):
-        if colour in colours:
-            axes.barh([0], [0], color=colour, label=label)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right")
-    return figure

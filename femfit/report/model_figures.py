@@ -1,4 +1,4 @@
-"""The model as figures: force over stroke and current, laws ranked, maps of the misfit, the sensor's characteristic."""
+"""The model as figures: force over stroke and current, and the sensor's characteristic."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,14 +10,11 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import axis_scale
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import copper_growth
-from femfit.fit.constants import TARGET
-from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.heat.find_temperatures import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.style import (
     BLUE,
-    INK,
     MUTED,
     ORANGE,
     VERMILION,
@@ -125,50 +122,6 @@ def force_curves_figure(grid: SweepGrid, weight: float | None, legend: str = "le
         axes.axhline(factor * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label=text)
     label(axes, "force-curves", "distance", "force", unit=unit)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", title=words("force-curves", legend))
-    return figure
-
-
-def ranking_figure(ranking: Ranking) -> Figure:
-    """Draw each law's error, a bar a law with its floating-point operations, the recommended one dark."""
-    fitted = [c for c in ranking.candidates if c.fit is not None]
-    figure = new_figure(0.9 + 0.24 * len(fitted))
-    axes = figure.subplots()
-    names = [words("ranking", "law", law=c.law.name, operations=c.fit.operations) for c in fitted if c.fit is not None]
-    errors = 100.0 * np.array([c.error for c in fitted])
-    colours = [VERMILION if c is ranking.recommended else BLUE for c in fitted]
-    # A logarithmic bar has no zero to start from: a decade below the least error
-    low = 10.0 ** np.floor(np.log10(max(errors.min(), 1e-9)) - 0.3)
-    axes.barh(names, errors - low, left=low, color=colours, height=0.65)
-    axes.axvline(
-        100.0 * TARGET, color=INK, linewidth=1.0, dashes=(4, 3), label=words("ranking", "target", target=100 * TARGET)
-    )
-    axes.set(xscale="log", xlim=(low, None), xlabel=words("ranking", "error", scale=ranking.of))
-    axes.invert_yaxis()
-    axes.grid(visible=False, axis="y")
-    axes.legend(loc="best")
-    return figure
-
-
-def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> Figure:
-    """Draw each named force minus the solved one, in per cent of the weight or of the rms force, on its own scale."""
-    from matplotlib.ticker import MaxNLocator
-
-    figure = new_figure(2.9)
-    panels = figure.subplots(1, len(forces), sharey=True, squeeze=False)[0]
-    scale, of = rows.error_scale
-    order = np.lexsort((rows.distance, rows.current))
-    for ax, (name, force) in zip(panels, forces, strict=True):
-        residual = 100.0 * ((force - rows.force) / scale)[order].reshape(len(rows.currents), len(rows.distances))
-        largest = float(np.max(np.abs(residual))) or 1.0
-        look = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest, "shading": "nearest", "rasterized": True}
-        image = ax.pcolormesh(MM * rows.distances, rows.currents, residual, **look)
-        ax.set(title=name, xlabel=words("residuals", "distance"))
-        ax.grid(visible=False)
-        bar = figure.colorbar(image, ax=ax, location="bottom", pad=0.03, aspect=22)
-        bar.locator = MaxNLocator(4)
-        bar.ax.tick_params(labelsize=8)
-        bar.set_label(words("residuals", "error", scale=of), fontsize=8.5)
-    panels[0].set_ylabel(words("residuals", "current"))
     return figure
 
 

@@ -2,6 +2,7 @@
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from femfit.report.style import (
     MUTED,
     ORANGE,
     VERMILION,
-    Axes,
     Figure,
     new_figure,
     words,
@@ -61,20 +61,16 @@ def open_loop_figure(motion: OpenLoop) -> Figure:
     panels[4].set(ylabel=words("open_loop", "force"), xlabel=words("open_loop", "time"))
     panels[4].legend(ncols=2)
     for axes in panels:
-        _mark(axes, motion)
+        for switching in motion.switchings:
+            axes.axvline(_MS * switching.reached_s, color=MUTED, linewidth=0.7)
+        for _, left_s in motion.left_domain:
+            axes.axvspan(_MS * left_s, _MS * motion.end_s, color=MUTED, alpha=0.15)
         axes.margins(y=_SPAN)
     figure.align_ylabels()
     return figure
 
 
-def _mark(axes: Axes, motion: OpenLoop) -> None:
-    for switching in motion.switchings:
-        axes.axvline(_MS * switching.reached_s, color=MUTED, linewidth=0.7)
-    for _, time in motion.left_domain:
-        axes.axvspan(_MS * time, _MS * motion.end_s, color=MUTED, alpha=0.15)
-
-
-_COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
+_COLOURS = (VERMILION, BLUE, GREEN, ORANGE)
 _DASHES = ("-", "--", ":", "-.")
 """A line for each of several currents."""
 
@@ -82,54 +78,38 @@ _POINTS = 20_000
 """Conventional: points of a line; more are not seen."""
 
 
-def replay_figure(observation: Observation) -> Figure:
-    """Draw distance and currents as recorded and estimated, and the normalised innovations with their band."""
+def replay_figure(observation: Observation, after: Observation | None = None) -> Figure:
+    """Draw distance and currents as recorded and estimated, and the normalised innovations with their band.
+
+    The filters are those of one observation, or the first of each of two, of a model before and after it was changed.
+    """
+    lines = [(words("loop", each.name), each.replayed) for each in observation.filters]
+    if after is not None:
+        pair = zip(("before", "after"), (observation, after), strict=True)
+        lines = [(words("replay", key), one.filters[0].replayed) for key, one in pair]
     figure = new_figure(6.0)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
     every = slice(None, None, max(1, len(observation.time_s) // _POINTS))
-    time = observation.time_s[every]
+    runs = np.cumsum(np.r_[0.0, np.maximum(-np.diff(observation.time_s), 0.0)])
+    time = (observation.time_s + runs)[every]  # runs one after the other
     currents = circuit_currents(observation.model.circuit_names)
-    lines = [(panels[0], "distance_m", 0, 1e3, "-")]
-    lines += [(panels[1], column, 2 + k, 1.0, _DASHES[k % len(_DASHES)]) for k, column in enumerate(currents)]
-    for axes, column, state, factor, dashes in lines:
+    columns = [(panels[0], "distance_m", 0, 1e3, "-")]
+    columns += [(panels[1], column, 2 + k, 1.0, _DASHES[k % len(_DASHES)]) for k, column in enumerate(currents)]
+    for axes, column, state, factor, dashes in columns:
         if column in observation.recorded:
-            label = words("replay", "recorded")
-            axes.plot(
-                time, factor * observation.recorded[column][every], dashes, color=MUTED, linewidth=0.7, label=label
-            )
-        for estimator, colour in zip(observation.filters, _COLOURS, strict=False):
-            text = words("loop", estimator.name)
-            axes.plot(time, factor * estimator.replayed.mean[every, state], dashes, color=colour, label=text)
-    panels[0].set_ylabel(words("replay", "distance_m"))
+            look: dict[str, Any] = {"color": MUTED, "linewidth": 0.7, "label": words("replay", "recorded")}
+            axes.plot(time, factor * observation.recorded[column][every], dashes, **look)
+        for (text, replayed), colour in zip(lines, _COLOURS, strict=False):
+            axes.plot(time, factor * replayed.mean[every, state], dashes, color=colour, label=text)
+    panels[0].set(ylabel=words("replay", "distance_m"), ymargin=0.2)  # room for the legend
     panels[1].set_ylabel(words("replay", "current_A"))
-    panels[0].legend(ncols=3)
-    for estimator, colour in zip(observation.filters, _COLOURS, strict=False):
-        ratio = estimator.replayed.innovation[every] / np.sqrt(estimator.replayed.variance[every])
+    panels[0].legend(ncols=3, loc="upper right")
+    for (_, replayed), colour in zip(lines, _COLOURS, strict=False):
+        ratio = replayed.innovation[every] / np.sqrt(replayed.variance[every])
         panels[2].plot(time, ratio, ".", color=colour, markersize=1.0)
     for limit in (-1.96, 1.96):
         panels[2].axhline(limit, color=INK, linewidth=0.7, dashes=(2, 2))
     panels[2].set(ylabel=words("replay", "innovation"), xlabel=words("replay", "time"), ylim=(-6.0, 6.0))
-    figure.align_ylabels()
-    return figure
-
-
-def before_after_figure(before: Observation, after: Observation) -> Figure:
-    """Draw the distance as recorded and as two models' filters tell it that do not read it, and their errors."""
-    figure = new_figure(5.0)
-    path, left = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
-    every = slice(None, None, max(1, len(before.time_s) // _POINTS))
-    time, run = before.time_s, np.cumsum(np.r_[0.0, np.maximum(-np.diff(before.time_s), 0.0)])
-    time = (time + run)[every]  # runs one after the other
-    recorded = 1e3 * before.recorded["distance_m"][every]
-    path.plot(time, recorded, color=INK, label=words("replay", "recorded"))
-    for observation, colour, key in ((before, VERMILION, "before"), (after, BLUE, "after")):
-        estimate = 1e3 * observation.filters[0].replayed.mean[every, 0]
-        path.plot(time, estimate, color=colour, linewidth=0.9, label=words("replay", key))
-        left.plot(time, estimate - recorded, color=colour, linewidth=0.9)
-    path.set_ylabel(words("replay", "distance_m"))
-    path.margins(y=0.2)  # room for the legend
-    path.legend(ncols=3, loc="upper right")
-    left.set(ylabel=words("replay", "error"), xlabel=words("replay", "time"))
     figure.align_ylabels()
     return figure
 
@@ -143,7 +123,7 @@ def write_before_after(models: tuple[ActuatorModel, ActuatorModel], series: Time
         )
     sensors = recorded_sensors(with_recorded_sensors(models[0], series), series, ("distance_m",))
     before, after = (observe(model, series, sensors=sensors, find=False) for model in models)
-    write_picture(partial(before_after_figure, before, after), path)
+    write_picture(partial(replay_figure, before, after), path)
 
 
 _FLOOR_M = 1e-7

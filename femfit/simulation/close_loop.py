@@ -11,7 +11,7 @@ import numpy as np
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.core.public import random_generator
-from femfit.core.text import counted, quoted
+from femfit.core.text import quoted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.simulation.adjust import adjusted, choose
@@ -25,8 +25,8 @@ from femfit.simulation.summary import Choice, LoopSummary, Spread
 from femfit.simulation.why_lost import why_lost
 from femfit.simulation.words import finding
 
-_MOST_STEPS = 2**48
-"""Numbers in more than which no machine's addresses reach."""
+MOST_STEPS = 10**8
+"""Conventional: samples of a run, whose record takes ten gigabytes and more."""
 
 
 def close_loop(
@@ -124,6 +124,17 @@ def close_loop(
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
     random = random_generator(rng)
+    experiment = Experiment(
+        controller=controller or "pid",
+        observer=estimator,
+        targets_m=(),
+        force_scale=force_scale,
+        faulty=faulty,
+        offset=offset,
+        drift_per_s=drift_per_s,
+        stuck_after_s=np.inf if stuck_after_s is None else stuck_after_s,
+        dropout_probability=dropout,
+    )
     believed, truth = model_of(model), None if plant is None else model_of(plant)
     if targets_m is not None:
         try:
@@ -136,21 +147,9 @@ def close_loop(
     design = design_loop(believed, noise, sensors=sensors, latency=latency)
     own_gains = bool(gains) or bandwidth_rad_s is not None
     choice = None if controller or own_gains else choose(design, estimator)
-    taken: ControllerName = controller or "pid"
-    if choice:
-        taken = next(iter(choice))
+    taken: ControllerName = next(iter(choice)) if choice else experiment.controller
     design = adjusted(design, taken, gains=gains, bandwidth_rad_s=bandwidth_rad_s)
-    experiment = Experiment(
-        controller=taken,
-        observer=estimator,
-        targets_m=design.targets_m,
-        force_scale=force_scale,
-        faulty=faulty,
-        offset=offset,
-        drift_per_s=drift_per_s,
-        stuck_after_s=np.inf if stuck_after_s is None else stuck_after_s,
-        dropout_probability=dropout,
-    )
+    experiment = replace(experiment, controller=taken, targets_m=design.targets_m)
     duration = len(design.targets_m) * design.stay_s if seconds is None else seconds
     options: dict[str, Any] = {"runs": runs, "duration_s": duration, "recorded": recorded, "plant": truth}
     options["progress"] = progress
@@ -203,18 +202,13 @@ def run_loops(
     steps = max(1, round(duration_s / design.model.sample_time_s))
     supported = design.steps(SUPPORT_TIME_CONSTANTS)
     loop = LoopRuns(design, experiment, deepcopy(random), runs, steps, steps, supported, plant, progress)
-    too_long = DomainError(
-        f"The memory does not suffice for {counted(runs, 'run')} of {duration_s:g} s, "
-        f"{float(steps):.3g} samples each. Simulate "
-        "fewer seconds, or fewer runs."
-    )
-    if steps > _MOST_STEPS:
-        raise too_long
-    try:
-        result = loop.result("closed loop", random, windows=(slice(0, steps),), recorded=recorded)
-    except MemoryError as error:
-        raise too_long from error
-    held, statistics = result.held, result.windows[0]
+    if steps > MOST_STEPS:
+        raise DomainError(
+            f"A run must have at most {MOST_STEPS:.3g} samples; instead received {duration_s:g} s, {float(steps):.3g} "
+            "samples. Simulate fewer seconds."
+        )
+    result = loop.result("closed loop", random, recorded=recorded)
+    held, statistics = result.held, result.statistics
     quality, band = statistics.consistency(held)
     tracking = _spread(statistics.tracking_rms_m[held])
     findings = []

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.simulation.allocation import currents_for_acceleration, limited
@@ -52,27 +52,6 @@ class Controller(ABC):
             In V, or in A for a current amplifier, within the driver's limits.
         memory : array, shape (runs, words)
         """
-
-
-@dataclass(frozen=True, eq=False)
-class SplitController:
-    """Different controllers for different runs of one batch."""
-
-    parts: tuple[tuple[IntArray, Controller], ...]  # Indices of the runs and their controller; every run once
-
-    @property
-    def words(self) -> int:
-        """Those of the part that has the most."""
-        return max(controller.words for _, controller in self.parts)
-
-    def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
-        """Each part's command on its own runs."""
-        command, updated = np.empty((len(estimate), estimate.shape[1] - 2)), memory.copy()
-        for rows, controller in self.parts:
-            path = reference if np.ndim(reference.distance) == 0 else reference.at(rows)
-            command[rows], words = controller.command(memory[rows, : controller.words], estimate[rows], path)
-            updated[rows, : controller.words] = words
-        return command, updated
 
 
 def reference_currents(model: ActuatorModel, reference: Reference) -> FloatArray:

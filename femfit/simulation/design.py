@@ -27,7 +27,6 @@ from femfit.simulation.tune import (
     Bench,
     make_bench,
     near_the_best,
-    settled_errors,
     tuned_backstepping,
     tuned_pid,
     tuned_regulator,
@@ -38,9 +37,6 @@ ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
 CONTROLLERS: tuple[ControllerName, ...] = get_args(ControllerName)
 OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
-
-FED_BACK: tuple[ControllerName, ...] = ("backstepping", "state-feedback")
-"""Controllers that feed back the current."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +125,8 @@ class LoopDesign:
             return made if isinstance(made, str) else ""
         if name not in self._reasons:
             self._reasons[name] = ""
-            if not self._is_stable(name):  # advise other controllers and a shorter latency only where they are stable
-                rivals = [rival for rival in FED_BACK if rival != name and self._is_stable(rival)]
-                without_latency = bool(self.latency) and not replace(self, latency=0, given={}).why_no(name)
-                self._reasons[name] = sentence("loop", "none_stable", self, name, rivals, without_latency)
+            if not self._is_stable(name):
+                self._reasons[name] = sentence("loop", "none_stable", self, name)
         return self._reasons[name]
 
     def _is_stable(self, name: ControllerName) -> bool:
@@ -186,23 +180,6 @@ class LoopDesign:
     def margins(self, name: ControllerName, observer: ObserverName | Literal["exact"]) -> tuple[Margins, ...]:
         """Stability margins of a loop at the nearest, the middle and the farthest point."""
         return self.bench(observer).judge(self.controller(name))
-
-    @cached_property
-    def settled_errors(self) -> tuple[float, float] | None:
-        """Rms errors of distance and velocity that a settled filter expects at rest; None where it cannot tell them.
-
-        It stands in the middle of the reference and allows for the filter's process noises, so that a filter in a
-        plant without them does better.
-        """
-        try:
-            return settled_errors(self.bench("ekf"))
-        except DomainError:
-            return None
-
-    @property
-    def settled_errors_of_trust(self) -> tuple[float, float] | None:
-        """The same of a filter that trusts its commands."""
-        return replace(self, command_error=1.0).settled_errors
 
     @property
     def filter_noise(self) -> FilterNoise:

@@ -1,9 +1,5 @@
-"""Several small experiments as one batch: what differs between them is an entry a run, not another loop.
+"""An experiment on a loop, and the same again on the same noise, as it was or with something taken away."""
 
-One of them again on the same noise, as it was or with something taken away.
-"""
-
-from collections.abc import Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,24 +8,22 @@ from typing import Any
 import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration
-from femfit.simulation.controllers import ControllerName, SplitController
+from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import LoopDesign, ObserverName
 from femfit.simulation.loop import ClosedLoop, LoopProgress, LoopResult, TimeSeries, run_loop, stage
-from femfit.simulation.observers import SplitObserver, distance_inverse
+from femfit.simulation.observers import distance_inverse
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.sensor import SensorErrors
-from femfit.simulation.targets import reference_steps, stack_references
-
-_ERRORS = ("noise_scale", "offset", "drift_per_s", "stuck_after_s", "dropout_probability")
+from femfit.simulation.targets import reference_steps
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment of a batch."""
+    """What is asked of a loop, and what is wrong with it."""
 
     controller: ControllerName
     observer: ObserverName
@@ -41,8 +35,6 @@ class Experiment:
     drift_per_s: float = 0.0
     stuck_after_s: float = np.inf
     dropout_probability: float = 0.0
-    noise_scale: float = 1.0  # Noise of all sensors over the design's
-    start_error_m: float = 0.0  # How far the body truly starts from the first reference distance
 
     def __post_init__(self) -> None:
         for name, value, lawful, needed in (
@@ -51,93 +43,12 @@ class Experiment:
             ("sensor drift per second", self.drift_per_s, np.isfinite(self.drift_per_s), "finite"),
             ("time in s after which the sensor is stuck", self.stuck_after_s, self.stuck_after_s >= 0.0, ">= 0"),
             ("probability of a dropout", self.dropout_probability, 0.0 <= self.dropout_probability <= 1.0, "0 to 1"),
-            ("noise over the design's", self.noise_scale, 0.0 <= self.noise_scale < np.inf, ">= 0"),
         ):
             if not lawful:
                 raise DomainError(
                     f"A loop's {name} must be {needed}; instead received {value:g}. Leave it out for a sensor and a "
                     "force without that fault."
                 )
-
-
-def run_experiments(
-    design: LoopDesign,
-    experiments: Sequence[Experiment],
-    random: np.random.Generator,
-    *,
-    runs: int,
-    steps: int,
-    plant: ActuatorModel | None = None,
-    path_steps: int | None = None,
-    **options: Any,
-) -> tuple[LoopResult, ...]:
-    """Run experiments side by side on the same noise, so that what differs between them is not hidden by it.
-
-    Parameters
-    ----------
-    plant : ActuatorModel or None
-        What truly moves and is truly sensed, where that is another model than the design's.
-    path_steps : int or None
-        Samples that the reference is laid out for, where the runs end before its end.
-    options : optional
-        ``supported_steps``, ``windows``, ``recorded`` of the whole batch and ``show`` of
-        :func:`femfit.simulation.loop.run_loop`.
-    """
-    model = design.model
-    truth = model if plant is None else replace(plant, sample_time_s=model.sample_time_s)
-
-    def each(values: Sequence[float]) -> FloatArray:
-        return np.repeat(np.asarray(values, dtype=np.float64), runs)
-
-    paths = {}
-    for targets in dict.fromkeys(e.targets_m for e in experiments):
-        path = reference_steps(targets, path_steps or steps, model.sample_time_s, design.reference_rate_rad_s)
-        # The current that a linear controller adds to its own
-        currents = currents_for_acceleration(model, path.distance, path.acceleration, path.velocity)
-        paths[targets] = replace(path, currents=currents).at(slice(0, steps))
-    scale = each([e.force_scale for e in experiments])
-    loop = ClosedLoop(
-        plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),
-        sensors=design.loop_sensors(truth),
-        errors=SensorErrors(
-            faulty=each([_place(design, e.faulty) for e in experiments]),
-            blocks=len(experiments),
-            **{name: each([getattr(e, name) for e in experiments]) for name in _ERRORS},
-        ),
-        observer=_observers(design, experiments, runs),
-        controller=SplitController(
-            tuple(
-                (_rows((e.controller == name for e in experiments), runs), design.controller(name))
-                for name in dict.fromkeys(e.controller for e in experiments)
-            )
-        ),
-        reference=paths[experiments[0].targets_m]
-        if len(paths) == 1
-        else stack_references([paths[e.targets_m] for e in experiments], [runs] * len(experiments)),
-        latency=design.latency,
-    )
-    starts = np.array([operating_point(truth, e.targets_m[0]).state for e in experiments])
-    beliefs = starts.copy()
-    starts[:, 0] += [e.start_error_m for e in experiments]
-    result = run_loop(
-        loop,
-        np.repeat(starts, runs, axis=0),
-        random,
-        start_estimate=np.repeat(beliefs, runs, axis=0),
-        **options,
-    )
-    return tuple(result.part(slice(k * runs, (k + 1) * runs)) for k in range(len(experiments)))
-
-
-def _rows(mask: Iterable[bool], runs: int) -> IntArray:
-    return np.flatnonzero(np.repeat(list(mask), runs))
-
-
-def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int) -> SplitObserver:
-    """One observer for all experiments that can share it."""
-    kinds = [e.observer for e in experiments]
-    parts = [(_rows((each == kind for each in kinds), runs), design.observer(kind)) for kind in dict.fromkeys(kinds)]
-    return SplitObserver(tuple(parts), 2 + len(design.model.circuits))
 
 
 def _place(design: LoopDesign, name: str | None) -> int:
@@ -171,7 +82,7 @@ CERTAIN = 30.0
 
 @dataclass(frozen=True, eq=False)
 class LoopRuns:
-    """Everything that is needed to run a loop, and to run it again."""
+    """Everything that is needed to run a loop, and to run it again on the same noise."""
 
     design: LoopDesign
     experiment: Experiment
@@ -180,24 +91,50 @@ class LoopRuns:
     steps: int  # Of each run, as far as it is to be followed
     path_steps: int  # That the reference is laid out for
     supported_steps: int
-    plant: ActuatorModel | None  # What truly moves, where that is another model than the design's
+    plant: ActuatorModel | None = None  # What truly moves and is sensed, where that is another model than the design's
     progress: LoopProgress | None = None
 
-    def result(self, stage_name: str, random: np.random.Generator, **options: Any) -> LoopResult:
-        """Run them, which the progress is told by a name; options are those of run_experiments."""
-        (result,) = run_experiments(
-            self.design,
-            [self.experiment],
-            random,
-            runs=self.runs,
-            steps=self.steps,
+    @cached_property
+    def loop(self) -> ClosedLoop:
+        """The loop that is run."""
+        design, e, model = self.design, self.experiment, self.design.model
+        path = reference_steps(e.targets_m, self.path_steps, model.sample_time_s, design.reference_rate_rad_s)
+        # The current that a linear controller adds to its own
+        currents = currents_for_acceleration(model, path.distance, path.acceleration, path.velocity)
+        return ClosedLoop(
+            plant=Plant(self._truth if e.force_scale == 1.0 else with_force_scale(self._truth, e.force_scale)),
+            sensors=design.loop_sensors(self._truth),
+            errors=SensorErrors(
+                _place(design, e.faulty), e.offset, e.drift_per_s, e.stuck_after_s, e.dropout_probability
+            ),
+            observer=design.observer(e.observer),
+            controller=design.controller(e.controller),
+            reference=replace(path, currents=currents).at(slice(0, self.steps)),
+            latency=design.latency,
+        )
+
+    @property
+    def _truth(self) -> ActuatorModel:
+        model = self.design.model
+        return model if self.plant is None else replace(self.plant, sample_time_s=model.sample_time_s)
+
+    def result(self, stage_name: str, random: np.random.Generator | None = None, **options: Any) -> LoopResult:
+        """Run them, which the progress is told by a name; options are those of :func:`femfit.simulation.loop.run_loop`.
+
+        Parameters
+        ----------
+        random : Generator or None
+            A copy of the noise where None.
+        """
+        rest = operating_point(self._truth, self.experiment.targets_m[0]).state
+        return run_loop(
+            self.loop,
+            np.tile(rest, (self.runs, 1)),
+            deepcopy(self.random) if random is None else random,
             supported_steps=self.supported_steps,
-            plant=self.plant,
-            path_steps=self.path_steps,
             show=stage(self.progress, stage_name),
             **options,
         )
-        return result
 
     def held(self, trial: str) -> BoolArray | None:
         """Which runs are held this time, on the same noise; None where no such loop can be designed.
@@ -208,10 +145,7 @@ class LoopRuns:
             What is tried, as the progress says it.
         """
         try:
-            if self.plant is None and self.growth_per_s * self.steps * self.design.model.sample_time_s > CERTAIN:
-                # The linear loop tells already that this is no loop to advise, so that it need not be run
-                return np.zeros(self.runs, dtype=np.bool_)
-            return self.result(f"why runs are lost, {trial}", deepcopy(self.random), recorded=0).held
+            return self.result(f"why runs are lost, {trial}", recorded=0).held
         except (DomainError, FilterError):
             return None
 

@@ -128,7 +128,7 @@ class Feed:
 
     def _solved(self, state: FloatArray, values: list[float], driven: list[int], drops: list[float]) -> Flow:
         """The flow where the circuits' voltages are given, and the currents' rates of those that are driven."""
-        found = self.model.equations.flow(tuple(driven)).point(state, values, (0.0, 0.0, 1.0), ())
+        found = self.model.equations.flow(tuple(driven)).point(state, values, (0.0, 0.0, 1.0))
         rates, volts = found[: self.model.order], found[self.model.order :].tolist()
         return Flow(float(self.model.require_motion().mass_kg * rates[1]), volts, rates, drops)
 

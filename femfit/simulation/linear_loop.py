@@ -147,21 +147,9 @@ def linear_observer(
         return np.zeros((order, order)), np.zeros((order, n)), np.eye(order)
     if isinstance(observer, DirectObserver):
         return _linear_direct(model, point, observer)
-    A, B, C, R = linear_filter(model, point, observer)
-    covariance = solve_riccati(A.T, C.T, observer.process.process_covariance, R)
-    gain = np.asarray(np.linalg.solve(C @ covariance @ C.T + R, C @ covariance).T, dtype=np.float64)
-    remainder = np.eye(len(A)) - gain @ C
-    return remainder @ A, remainder @ B, gain
-
-
-def linear_filter(
-    model: ActuatorModel, point: OperatingPoint, observer: Filter
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Jacobians of a filter's transition in states and commands, of its readings, and their covariance."""
-    n, process = len(point.commands), observer.process
+    process = observer.process
     rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
-    commands = point.commands if n > 1 else point.commands[0]
-    A = process.state_jacobian(rest[None], np.array([commands]))[0]
+    A = process.state_jacobian(rest[None], point.commands[None] if n > 1 else point.commands)[0]
     B = differences(
         lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs if n > 1 else inputs[:, 0]),
         point.commands,
@@ -170,7 +158,10 @@ def linear_filter(
     C = np.stack([process.output_jacobian(rest[None], output)[0] for output in process.outputs])
     # As in the bound: a sensor that is read at every p-th sample tells as much as one of p times the variance
     R = np.diag([output.variance * output.period for output in process.outputs])
-    return A, B, C, R
+    covariance = solve_riccati(A.T, C.T, process.process_covariance, R)
+    gain = np.asarray(np.linalg.solve(C @ covariance @ C.T + R, C @ covariance).T, dtype=np.float64)
+    remainder = np.eye(len(A)) - gain @ C
+    return remainder @ A, remainder @ B, gain
 
 
 def _linear_direct(

@@ -19,7 +19,7 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.estimate.noise import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import limits_of
-from femfit.simulation.controllers import Controller, SplitController
+from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import Observer, innovation_quality
 from femfit.simulation.operating_point import resting_command
 from femfit.simulation.plant import Plant
@@ -57,7 +57,7 @@ class ClosedLoop:
     sensors: tuple[LoopSensor, ...]
     errors: SensorErrors
     observer: Observer
-    controller: Controller | SplitController
+    controller: Controller
     reference: Reference
     latency: int = 0  # Samples from a reading to the command that it leads to
 
@@ -79,13 +79,11 @@ class TimeSeries:
 
 
 @dataclass(frozen=True, eq=False)
-class WindowStatistics:
-    """Over the samples of one window, each of shape (runs,); NaN for runs lost before the window's end."""
+class LoopStatistics:
+    """Over the samples of each run, of shape (runs,); NaN for runs that were lost."""
 
     estimate_rms_m: FloatArray  # sqrt(mean((estimated - true distance)^2))
-    estimate_bias_m: FloatArray
     tracking_rms_m: FloatArray
-    tracking_bias_m: FloatArray
     normalised_innovation_squared: FloatArray  # Mean over the readings; 1 is expected of a true filter
     readings: FloatArray  # How many a filter took, of all sensors; 0 without one
 
@@ -100,19 +98,16 @@ class WindowStatistics:
 
 
 def _summands(error: FloatArray, deviation: FloatArray, quality: FloatArray, read: IntArray) -> FloatArray:
-    """What of one sample :func:`window_statistics` takes, shape (6, runs)."""
-    return np.stack([error**2, error, deviation**2, deviation, np.where(read > 0, quality * read, 0.0), read])
+    """What of one sample :func:`_statistics` takes, shape (4, runs)."""
+    return np.stack([error**2, deviation**2, np.where(read > 0, quality * read, 0.0), read])
 
 
-def window_statistics(
-    sums: FloatArray, window: slice, lost_at: FloatArray, step: float, steps: int
-) -> WindowStatistics:
-    """From sums over the samples: squared error, error, both of the deviation, normalised innovations, readings."""
-    stop = min(window.stop, steps)
-    mean = np.where(lost_at >= stop * step - 0.5 * step, sums, np.nan) / (stop - window.start)
+def _statistics(sums: FloatArray, held: BoolArray, steps: int) -> LoopStatistics:
+    """From sums over the samples: squares of error and deviation, normalised innovations, readings."""
+    mean = np.where(held, sums, np.nan) / steps
     with np.errstate(invalid="ignore"):
-        quality = mean[4] / mean[5]
-    return WindowStatistics(np.sqrt(mean[0]), mean[1], np.sqrt(mean[2]), mean[3], quality, sums[5])
+        quality = mean[2] / mean[3]
+    return LoopStatistics(np.sqrt(mean[0]), np.sqrt(mean[1]), quality, sums[3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +116,7 @@ class LoopResult:
 
     time_s: FloatArray
     series: TimeSeries
-    windows: tuple[WindowStatistics, ...]  # In the order asked for, over all runs
+    statistics: LoopStatistics
     outcome: IntArray  # A :class:`LoopOutcome` each; shape (runs,)
     outcome_time_s: FloatArray  # When it was lost; NaN for runs that were held; shape (runs,)
 
@@ -132,15 +127,6 @@ class LoopResult:
     def counts(self) -> dict[str, int]:
         """Runs by the name of their outcome."""
         return dict(Counter(outcome.name for outcome in self.outcomes()))
-
-    def part(self, runs: slice) -> "LoopResult":
-        """The result of some consecutive runs of the batch."""
-        series = TimeSeries(*(getattr(self.series, name)[:, runs] for name in TimeSeries.__dataclass_fields__))
-        windows = tuple(
-            WindowStatistics(*(getattr(w, name)[runs] for name in WindowStatistics.__dataclass_fields__))
-            for w in self.windows
-        )
-        return LoopResult(self.time_s, series, windows, self.outcome[runs], self.outcome_time_s[runs])
 
     @property
     def held(self) -> BoolArray:
@@ -153,10 +139,8 @@ def run_loop(
     start: FloatArray,
     random: np.random.Generator,
     *,
-    start_estimate: FloatArray | None = None,
     supported_steps: int = 0,
     recorded: int | None = None,
-    windows: tuple[slice, ...] = (),
     show: Show | None = None,
 ) -> LoopResult:
     """Run a batch of closed loops.
@@ -164,9 +148,7 @@ def run_loop(
     Parameters
     ----------
     start : array, shape (runs, 2 + n)
-        True state at the first sample: m, m/s, A.
-    start_estimate : array, shape (runs, 2 + n), or None
-        Where the observer believes to start; None: at the true state.
+        State at the first sample, which the observer knows: m, m/s, A.
     supported_steps : int
         Samples before the first during which the body rests on a support and the driver holds the current, so that the
         observer settles before the loop is closed.
@@ -179,10 +161,10 @@ def run_loop(
     n, runs, steps = len(model.circuits), len(start), len(loop.reference.distance)
     recorded_runs = slice(0, runs if recorded is None else min(recorded, runs))
     record = np.full((steps, recorded_runs.stop, 6 + 3 * n + len(loop.sensors)), np.nan)
-    sums = np.zeros((len(windows), 6, runs))
+    sums = np.zeros((4, runs))
     state = loop.plant.start(start)
-    belief = state[:, : 2 + n] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
-    history = History(loop.sensors, state, step)
+    belief = state[:, : 2 + n]
+    history = History(loop.sensors, state)
     last = np.full((runs, len(loop.sensors)), np.nan)
     observed: Any = loop.observer.start(belief)
     memory = np.zeros((runs, loop.controller.words))
@@ -215,10 +197,8 @@ def run_loop(
             columns = (state[:, : 2 + n], belief, command, readings, np.broadcast_to(reference.distance, runs), quality)
             row = np.column_stack([column[recorded_runs] for column in columns])
             record[k] = row if all_alive else np.where(alive[recorded_runs, None], row, np.nan)
-        inside = [j for j, window in enumerate(windows) if window.start <= k < window.stop]
-        if inside:
-            read = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
-            sums[inside] += _summands(belief[:, 0] - state[:, 0], state[:, 0] - reference.distance, quality, read)
+        read = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
+        sums += _summands(belief[:, 0] - state[:, 0], state[:, 0] - reference.distance, quality, read)
         touched[:] = False
         moved = loop.plant.step(state, on_their_way[0], touched)
         state = moved if all_alive else np.where(alive[:, None], moved, state)
@@ -226,11 +206,10 @@ def run_loop(
         if not alive.any():
             break
     outcome, when = watch.end()
-    lost_at = np.where(np.isnan(when), steps * step, when)
     return LoopResult(
         time_s=step * np.arange(steps, dtype=np.float64),
         series=_series(record, n, len(loop.sensors)),
-        windows=tuple(window_statistics(sums[j], window, lost_at, step, steps) for j, window in enumerate(windows)),
+        statistics=_statistics(sums, outcome == _HELD, steps),
         outcome=outcome,
         outcome_time_s=when,
     )

@@ -7,9 +7,8 @@ With the loop's gain L(z), broken where the commands enter the drivers, and S = 
 - *delay margin*: that lag as a time, phase over frequency, where it is least;
 - *modulus margin*: 1 / max |S|, the least distance of L from -1; with several commands the largest singular value of S.
 
-With several commands the gain margin is of all of them scaled by the same factor: of an unstable body one circuit may
-fail without harm where another goes on, and all together may not. Phase and delay margin hold for each command with the
-others closed, L_k = 1 / S_kk - 1; the worst is stated.
+With several commands gain, phase and delay margin hold for each command with the others closed, L_k = 1 / S_kk - 1; the
+worst is stated.
 
 References
 ----------
@@ -17,7 +16,7 @@ S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005),
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,9 +30,6 @@ FREQUENCIES, LOWEST = 600, 1e-4
 ON_AXIS = 0.1
 """Derived: at an angle of less than this to the real axis an end of the response lies within 0.5 % of its value on the
 axis. A loop with an integral leaves the axis towards low frequencies instead and does not cross it there."""
-
-MOST, FACTORS, HALVINGS = 1e3, 24, 10
-"""Conventional: the largest factor that is tried on all gains, in so many steps, and the halvings between two."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +83,7 @@ def margins(
     room : array, shape (n,)
         From the resting commands to the nearer limits, in the commands' units.
     points : int
-        Of the frequency response; with fewer than usual, gains are those of each circuit alone, not of all together.
+        Of the frequency response.
     """
     poles = np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller)))
     largest = float(poles.max())
@@ -112,8 +108,6 @@ def margins(
         below, above = max(below, own_below), min(above, own_above)
         own_phase, own_delay = phase_and_delay_margin(w, L)
         phase, delay = min(phase, own_phase), min(delay, own_delay)
-    if n > 1 and points >= FREQUENCIES:
-        below, above = gains_together(plant, controller)
     return Margins(True, below, above, phase, delay, modulus, float(slowest), share)
 
 
@@ -127,28 +121,6 @@ def gain_margins(L: ComplexArray) -> tuple[float, float]:
     crossings = np.append(real[turns] + share * (real[turns + 1] - real[turns]), ends.real)
     factors = -1.0 / crossings[crossings < 0.0]
     return float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors > 1.0].min(initial=np.inf))
-
-
-def gains_together(plant: LinearPlant, controller: LinearController) -> tuple[float, float]:
-    """The factors nearest to one on all commands at which a stable loop turns unstable; 0 and infinity for none."""
-
-    def stable(factor: float) -> bool:
-        matrix = closed_loop_matrix(replace(plant, B=factor * plant.B), controller)
-        return bool(np.abs(np.linalg.eigvals(matrix)).max() < 1.0)
-
-    ends = []
-    for end, none in ((1.0 / MOST, 0.0), (MOST, np.inf)):
-        factors = np.geomspace(1.0, end, FACTORS)
-        lost = next((k for k in range(1, FACTORS) if not stable(float(factors[k]))), None)
-        if lost is None:
-            ends.append(none)
-            continue
-        inner, outer = float(factors[lost - 1]), float(factors[lost])
-        for _ in range(HALVINGS):
-            middle = float(np.sqrt(inner * outer))
-            inner, outer = (middle, outer) if stable(middle) else (inner, middle)
-        ends.append(outer)
-    return ends[0], ends[1]
 
 
 def phase_and_delay_margin(w: FloatArray, L: ComplexArray) -> tuple[float, float]:

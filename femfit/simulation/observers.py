@@ -23,9 +23,10 @@ from typing import Any, TypeAlias, final
 import numpy as np
 
 from femfit.core.errors import FilterError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.electrics import PositionSensor
 from femfit.estimate.filter import Filter
+from femfit.estimate.record import distance_of
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
 from femfit.model.sensing import characteristic
@@ -143,15 +144,11 @@ class PositionInverse:
     sensor: PositionSensor
 
     def distance(self, reading: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Distances in m, and which readings lie beyond the characteristic within the validity domain."""
+        """Distances in m within the validity domain, and which readings lie beyond it."""
         box = self.model.validity
-        ends = np.array([box.distance_min_m, box.distance_max_m])
-        places = np.unique(np.concatenate([np.asarray(self.sensor.distances_m).clip(*ends), ends]))
-        read = characteristic(self.sensor, places)
-        order = np.argsort(read)
-        reading = np.broadcast_to(reading, np.shape(current)[:-1])
-        outside = ~((reading >= read.min()) & (reading <= read.max()))
-        return np.interp(reading, read[order], places[order]), outside
+        distance = distance_of(self.sensor, np.broadcast_to(reading, np.shape(current)[:-1]))
+        inside = (distance >= box.distance_min_m) & (distance <= box.distance_max_m)
+        return np.clip(distance, box.distance_min_m, box.distance_max_m), ~inside
 
     def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:  # noqa: ARG002  as of a Hall element
         """What it reads at a distance in m."""
@@ -179,12 +176,11 @@ def distance_inverse(model: ActuatorModel, name: str) -> HallInverse | PositionI
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A state without a covariance, or the states of several observers brought together."""
+    """A state without a covariance."""
 
     mean: FloatArray
     diverged: BoolArray
     normalised_innovation_squared: FloatArray
-    parts: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,42 +230,12 @@ class DirectObserver:
         state[1] = np.clip(state[1], (box.distance_min_m - state[0]) / time, (box.distance_max_m - state[0]) / time)
         step = model.sample_step.function(time / count, driven=True, free=False)
         for _ in range(count):
-            state = step(state, command.T, np.zeros(0))[:-1]
+            state = step(state, command.T)[:-1]
         return state[2 : 2 + n].T
 
     @cached_property
     def _alone(self) -> ActuatorModel:
         return self.inverse.model.without_eddies
-
-
-@dataclass(frozen=True, eq=False)
-class SplitObserver:
-    """Different observers for different runs of one batch."""
-
-    parts: tuple[tuple[IntArray, "Observer"], ...]  # Indices of the runs and their observer; every run once
-    states: int  # 2 + n, those that the controller asks for
-
-    def start(self, mean: FloatArray) -> Seen:
-        """Each part on its own runs."""
-        return self._gathered([observer.start(mean[rows]) for rows, observer in self.parts])
-
-    def update(self, state: Seen, measurement: FloatArray) -> Seen:
-        """Each part on its own runs."""
-        pairs = zip(self.parts, state.parts, strict=True)
-        return self._gathered([observer.update(observed, measurement[rows]) for (rows, observer), observed in pairs])
-
-    def step(self, state: Seen, voltage: FloatArray, measurement: FloatArray) -> Seen:
-        """Each part on its own runs."""
-        pairs = zip(self.parts, state.parts, strict=True)
-        return self._gathered([observer.step(s, voltage[rows], measurement[rows]) for (rows, observer), s in pairs])
-
-    def _gathered(self, states: list[Any]) -> Seen:
-        runs = sum(len(rows) for rows, _ in self.parts)
-        mean, diverged, quality = np.empty((self.states, runs)).T, np.empty(runs, dtype=bool), np.empty(runs)
-        for (rows, _), state in zip(self.parts, states, strict=True):
-            mean[rows], diverged[rows] = state.mean[:, : self.states], state.diverged
-            quality[rows] = innovation_quality(state)
-        return Seen(mean, diverged, quality, tuple(states))
 
 
 def innovation_quality(state: Any) -> FloatArray:
@@ -281,4 +247,4 @@ def innovation_quality(state: Any) -> FloatArray:
     return np.asarray(ratio / np.maximum(np.isfinite(variance).sum(axis=1), 1))
 
 
-Observer: TypeAlias = Filter | DirectObserver | SplitObserver
+Observer: TypeAlias = Filter | DirectObserver

@@ -28,35 +28,22 @@ class ScaledForce(Magnetics):
     """
 
     base: Magnetics
-    scale: FloatArray  # s, one factor a run, or one for all; shape (runs,) or ()
+    scale: float  # s
     reference_distance_m: float
 
     def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
         """W' of an expression's distance and currents where the states of effects are these."""
-        inner, scale = self.base.with_memory(memory), self.given if np.ndim(self.scale) else float(self.scale)
+        inner = self.base.with_memory(memory)
 
         def coenergy(distance: SX, currents: SX) -> SX:
             held = inner(SX(self.reference_distance_m), currents)
-            return scale * (inner(distance, currents) - held) + held
+            return self.scale * (inner(distance, currents) - held) + held
 
         return coenergy
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
         return self.with_memory({})(distance, currents)
-
-    @cached_property
-    def given(self) -> SX:
-        """The scale as a symbol; none where it is one for all runs."""
-        return SX.sym("scale", int(np.ndim(self.scale) > 0))
-
-    @property
-    def given_values(self) -> FloatArray:
-        """The scale of each run, (1, runs), or (0,)."""
-        return self.scale[None] if np.ndim(self.scale) else np.zeros(0)
-
-    def __reduce__(self) -> tuple[type["ScaledForce"], tuple[Magnetics, FloatArray, float]]:
-        return ScaledForce, (self.base, self.scale, self.reference_distance_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +55,7 @@ class Plant:
     @cached_property
     def steps(self) -> int:
         """Steps in a sample: twice as many as a filter's, so that a loop sees what its filter's steps are off by."""
-        model = self.model
-        if isinstance(model.magnetics, ScaledForce):  # whose scales are those of a batch
-            model = replace(model, magnetics=model.magnetics.base)
-        return max(LEAST_STEPS, 2 * model.sample_step.count)
+        return max(LEAST_STEPS, 2 * self.model.sample_step.count)
 
     def start(self, state: FloatArray) -> FloatArray:
         """The first state from (distance, velocity, currents), shape (runs, 2 + n); all others are at rest."""
@@ -92,35 +76,16 @@ class Plant:
         """
         ends, n = self.model.require_motion().ends, len(self.model.circuits)
         commands = np.broadcast_to(command[:, None] if command.ndim == 1 else command, (len(state), n))
+        step = self.model.sample_step.function(self.model.sample_time_s / self.steps, driven=True)
         for _ in range(self.steps):
-            moved = np.empty((state.shape[1] + 1, len(state))).T
-            for runs, model in self._parts:
-                step = model.sample_step.function(model.sample_time_s / self.steps, driven=True)
-                moved[runs] = step(state[runs].T, commands[runs].T, model.magnetics.given_values).T
+            moved = step(state.T, commands.T).T
             state, way = moved[:, :-1], moved[:, -1]
             if touched is not None:
                 touched |= [way < ends[0], way > ends[1]]
         return state
 
-    @cached_property
-    def _parts(self) -> list[tuple[BoolArray | slice, ActuatorModel]]:
-        """Runs of one force each, and their models: what has one co-energy takes its steps by tables."""
-        magnetics = self.model.magnetics
-        if self.model.eddy is None or not isinstance(magnetics, ScaledForce):
-            return [(slice(None), self.model)]
-        scales = np.atleast_1d(magnetics.scale)
-        each = [(scales == factor, replace(magnetics, scale=np.array(factor))) for factor in np.unique(scales)]
-        return [(slice(None) if len(each) == 1 else runs, replace(self.model, magnetics=one)) for runs, one in each]
 
-
-def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:
-    """The model with its force scaled: a plant that the unscaled model describes wrongly by that much.
-
-    Parameters
-    ----------
-    scale : array, shape (runs,), or float
-        1.01 for a force one per cent larger; one factor for all runs or one a run.
-    """
-    box = model.validity
-    middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)
-    return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle))
+def with_force_scale(model: ActuatorModel, scale: float) -> ActuatorModel:
+    """The model with its force scaled, 1.01 for one per cent more: a plant that the model describes wrongly."""
+    middle = 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)
+    return replace(model, magnetics=ScaledForce(model.magnetics, scale, middle))

@@ -3,9 +3,7 @@
     reading = rounded(clipped(characteristic(state at t - delay) + offset + drift t + noise))
 
 A sensor with a sample time of its own is read at every so many samples, and not at all (NaN) between them. The state
-within a delay that is no whole number of samples is interpolated from its neighbours and their velocities.
-
-Amplitudes of noise over its frequency.
+within a delay that is no whole number of samples lies on a line between its neighbours, as a filter takes it.
 
 References
 ----------
@@ -46,18 +44,13 @@ class LoopSensor:
 
 @dataclass(frozen=True, eq=False)
 class SensorErrors:
-    """What is wrong with the sensors; every entry is one number or one a run."""
+    """What is wrong with one sensor, in the unit of its reading."""
 
-    noise_scale: FloatArray | float = 1.0  # Of all sensors' noise; shape (runs,)
-    # Of the faulty sensor, in the unit of its reading
-    faulty: FloatArray | int = 0  # Which sensor, by its place
-    offset: FloatArray | float = 0.0  # Constant offset that the model does not know
-    drift_per_s: FloatArray | float = 0.0
-    stuck_after_s: FloatArray | float = np.inf  # From then on the last reading is repeated; infinite for never
-    dropout_probability: FloatArray | float = 0.0  # Probability that a sample reads the lower end of the range
-    # The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
-    # blocks is not hidden by the noise (common random numbers)
-    blocks: int = 1
+    faulty: int = 0  # Which sensor, by its place
+    offset: float = 0.0  # Constant offset that the model does not know
+    drift_per_s: float = 0.0
+    stuck_after_s: float = np.inf  # From then on the last reading is repeated; infinite for never
+    dropout_probability: float = 0.0  # Probability that a sample reads the lower end of the range
 
 
 def loop_sensors(
@@ -110,24 +103,18 @@ def sensor_noise(
                 f"The noise of a sample must be >= 0 {reading.unit}; instead received {white:g} {reading.unit} of "
                 f"{name}. Leave it out for the model's."
             )
-        result[name] = white if white is not None else reading.noise or UNKNOWN_NOISE_PART * span_of(model, name)
+        span = reading.high - reading.low
+        span = span if np.isfinite(span) else readings_span(model, sensor_named(model, name))
+        result[name] = white if white is not None else reading.noise or UNKNOWN_NOISE_PART * span
     return result
-
-
-def span_of(model: ActuatorModel, name: str) -> float:
-    """Range of a sensor, or of its readings over the validity domain where it has none, in its unit."""
-    reading = reading_of(model, name)
-    span = reading.high - reading.low
-    return span if np.isfinite(span) else readings_span(model, sensor_named(model, name))
 
 
 class History:
     """The plant's last states, as many as the longest delay asks for; before the first it was at rest."""
 
-    def __init__(self, sensors: Sequence[LoopSensor], first: FloatArray, sample_time_s: float) -> None:
+    def __init__(self, sensors: Sequence[LoopSensor], first: FloatArray) -> None:
         longest = max((sensor.delay for sensor in sensors), default=0.0)
         self._states = deque([first], maxlen=floor(longest) + 3)  # a pickup coil's reading is of two samples
-        self._step = sample_time_s
 
     def add(self, state: FloatArray) -> None:
         """The state one sample later."""
@@ -139,27 +126,8 @@ class History:
         fraction = samples - steps
         states = self._states
         later = states[max(-1 - steps, -len(states))]
-        if fraction == 0.0:
-            return later
-        return between(states[max(-2 - steps, -len(states))], later, 1.0 - fraction, self._step)
-
-
-def between(earlier: FloatArray, later: FloatArray, fraction: float, step: float) -> FloatArray:
-    """A state between two that are a step in s apart: the distance by Hermite's cubic, the rest linearly.
-
-    Parameters
-    ----------
-    fraction : float
-        Of the step that has passed since the earlier one, 0 to 1.
-    """
-    state = earlier + fraction * (later - earlier)
-    s, rest = fraction, 1.0 - fraction
-    state[..., 0] = (
-        (1.0 + 2.0 * s) * rest**2 * earlier[..., 0]
-        + s**2 * (1.0 + 2.0 * rest) * later[..., 0]
-        + step * s * rest * (rest * earlier[..., 1] - s * later[..., 1])
-    )
-    return state
+        earlier = states[max(-2 - steps, -len(states))]
+        return later + fraction * (earlier - later)
 
 
 def true_readings(
@@ -199,22 +167,22 @@ def read_sensors(
     array, shape (runs, sensors)
         NaN for a sensor that is not read at this sample.
     """
-    result, drawn = np.empty_like(values), len(values) // errors.blocks
+    result, runs = np.empty_like(values), len(values)
     for k, sensor in enumerate(sensors):
         # Always both, so that switching one error on leaves the other's random numbers as they were
-        white, lost = random.standard_normal(drawn), random.random(drawn)
+        white, lost = random.standard_normal(runs), random.random(runs)
         if sample % sensor.period:
             result[:, k] = np.nan
             continue
-        if errors.blocks > 1:
-            white, lost = np.tile(white, errors.blocks), np.tile(lost, errors.blocks)
-        mine = np.asarray(errors.faulty) == k
-        off = np.where(mine, errors.offset + np.multiply(errors.drift_per_s, time), 0.0)
-        reading = convert(sensor, values[:, k] + off + errors.noise_scale * sensor.reading.noise * white)
+        off = errors.offset + errors.drift_per_s * time if k == errors.faulty else 0.0
+        reading = convert(sensor, values[:, k] + off + sensor.reading.noise * white)
+        if k != errors.faulty:
+            result[:, k] = reading
+            continue
         low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan
-        dropped = mine & (lost < errors.dropout_probability) & (sample >= 0)  # the support comes before the faults
+        dropped = (lost < errors.dropout_probability) & (sample >= 0)  # the support comes before the faults
         reading = np.where(dropped, low, reading)
-        stuck = mine & np.asarray(time >= errors.stuck_after_s) & np.isfinite(last[:, k])
+        stuck = (time >= errors.stuck_after_s) & np.isfinite(last[:, k])
         result[:, k] = np.where(stuck, last[:, k], reading)
     return result
 
@@ -227,13 +195,3 @@ def convert(sensor: LoopSensor, values: FloatArray) -> FloatArray:
         return np.asarray(clipped)
     codes = np.minimum(np.round((clipped - reading.low) / reading.step), 2.0**reading.bits - 1.0)
     return np.asarray(reading.low + reading.step * codes)
-
-
-def amplitude_spectrum(distance: FloatArray) -> FloatArray:
-    """One-sided amplitudes |X_k| 2 / sum(window) of Hann-windowed records of shape (samples, runs) without their means.
-
-    Root mean square over the runs (F. J. Harris, Proc. IEEE 66 (1978) 51: windows).
-    """
-    window = np.hanning(len(distance))[:, None]
-    transform = np.abs(np.fft.rfft(window * (distance - distance.mean(axis=0)), axis=0)) * 2.0 / window.sum()
-    return np.asarray(np.sqrt(np.mean(transform**2, axis=1)))

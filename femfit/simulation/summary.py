@@ -1,11 +1,10 @@
-"""What is said of closed loops: of one in numbers, of many runs of one, and the rows of a study.
+"""What is said of closed loops: of one in numbers, and of many runs of one.
 
 Recorded runs of a loop as a table: one row a sample, up to the sample at which a run was lost.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import pandas as pd
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed, remembered
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand
@@ -26,91 +24,6 @@ from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.open_result import write_table
 from femfit.simulation.why_lost import Cause
 from femfit.simulation.words import sentence
-
-SEEN = 2.0
-"""Derived: standard errors beyond which a mean is more than chance, 95 %."""
-
-
-@dataclass(frozen=True, eq=False)
-class StepSeries:
-    """One recorded run over reference steps."""
-
-    controller: str
-    observer: str
-    time_s: FloatArray
-    reference_m: FloatArray
-    true_m: FloatArray
-    direct_m: FloatArray
-    estimated_m: FloatArray
-    voltage_V: FloatArray
-    current_A: FloatArray
-
-
-@dataclass(frozen=True)
-class StepRow:
-    """How well one measurement follows the true distance over the reference steps."""
-
-    controller: str
-    measurement: str  # ``direct`` or the filter that feeds the loop
-    rms_m: float  # Over the runs that were held; NaN if none was
-    held: int
-    runs: int
-
-
-@dataclass(frozen=True)
-class HoldRow:
-    """Direct against filtered noise at rest."""
-
-    controller: str
-    filter: str
-    distance_m: float
-    direct_rms_m: float
-    filtered_rms_m: float
-    # Direct over filtered rms, and 1/sqrt(2 lambda t_s), which no filter of white noise passes
-    ratio: float
-    bound: float
-    normalised_innovation_squared: float
-    innovation_band: ConsistencyBand  # 95 % for the mean of the normalised innovations squared
-    held: int
-    runs: int
-
-
-@dataclass(frozen=True)
-class FaultRow:
-    """How the runs of one experiment ended, with the means of those that were held."""
-
-    experiment: Experiment
-    runs: int
-    outcomes: Mapping[str, int]  # Number of runs by the name of their :class:`~femfit.simulation.loop.LoopOutcome`
-    last_loss_s: float | None  # When the last of the lost runs was lost
-    # Estimated minus true distance, and true distance minus reference; NaN if no run was held
-    estimate_rms_m: float
-    estimate_bias_m: float
-    position_bias_m: float
-    # How far the body moved against the loop without the fault on the same noise, and the standard error of that; NaN
-    # without such a loop, or if fewer than two runs were held in both
-    position_shift_m: float
-    shift_error_m: float
-
-    @property
-    def held(self) -> int:
-        """Number of runs that were held."""
-        return self.outcomes.get("HELD", 0)
-
-    @property
-    def moved(self) -> bool:
-        """Whether the shift is more than chance."""
-        return abs(self.position_shift_m) > SEEN * self.shift_error_m
-
-
-@dataclass(frozen=True, eq=False)
-class SpectrumPair:
-    """Amplitudes of direct and filtered distance at rest, so that a sine of amplitude a shows a peak of height a."""
-
-    controller: str
-    frequency_Hz: FloatArray
-    direct_m: FloatArray
-    filtered_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -129,14 +42,6 @@ def judged_loop(design: LoopDesign, name: ControllerName, observer: str) -> Judg
         return JudgedLoop(name, observer, worst_of(design.margins(name, observer)))  # type: ignore[arg-type]
     except (DomainError, FilterError) as error:
         return JudgedLoop(name, observer, None, str(error))
-
-
-def consistency(holds: Sequence[HoldRow]) -> dict[str, int]:
-    """How many filters' predictions are as wrong as they expect: inside of their 95 % band, below and above it."""
-    judged = [row for row in holds if isfinite(row.normalised_innovation_squared)]
-    below = sum(row.normalised_innovation_squared < row.innovation_band.lower for row in judged)
-    above = sum(row.normalised_innovation_squared > row.innovation_band.upper for row in judged)
-    return {"inside": len(judged) - below - above, "below": below, "above": above}
 
 
 _OF_BACKSTEPPING = {
@@ -276,13 +181,6 @@ class LoopSummary(Printed):
     def advice(self) -> str:
         """Why runs were lost and what to do; empty where all were held."""
         return sentence("lost", "advice", self, self.cause) if self.cause else ""
-
-    @property
-    def expects_absent_errors(self) -> bool:
-        """Whether innovations stay below their band in a plant that is the model, which has no process noise."""
-        quality = self.normalised_innovation_squared
-        same_plant = self.plant is None and self.experiment.force_scale == 1.0
-        return same_plant and quality is not None and quality < self.innovation_band.lower
 
     @property
     def loop(self) -> tuple[ControllerName, str]:

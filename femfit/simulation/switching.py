@@ -1,10 +1,5 @@
 """Pull-in and drop-out: when the body leaves one stop and reaches the other.
 
-Which change of the command moved a body, where a driver chops its voltage.
-
-A chopped voltage changes back and forth, two times at least, between two levels that each last about as long as before.
-Its changes are one command, given where the chopping begins, or where the higher level that it begins with does.
-
 How a body that reaches no stop answers one step of the command: rise, overshoot, settling.
 """
 
@@ -19,47 +14,11 @@ from femfit.simulation.events import Event
 from femfit.simulation.profile import Profile
 from femfit.simulation.system import Side
 
-SAME_LEVEL = 0.05
-"""Conventional: part of a command's range within which two of its levels are the same; noise of a recorded voltage."""
 
-AS_LONG = 2.0
-"""Conventional: ratio up to which two stretches of a level last about as long; a driver's duty cycle wanders."""
-
-
-def command_before(profiles: Sequence[Profile], time: float, after: float = 0.0) -> float:
-    """The last change of a command up to a time in s, chopping taken as one.
-
-    Parameters
-    ----------
-    after : float
-        When the last motion ended: what was commanded before moved the body then.
-    """
-    return max((_before(profile, time, after) for profile in profiles), default=0.0)
-
-
-def _before(profile: Profile, time: float, after: float) -> float:
-    if profile.interpolation == "linear":
-        return max((turn for turn in (0.0, *profile.turns_s.tolist()) if turn <= time), default=0.0)
-    # Where each level that is held begins, the levels, and how near two are that count as one
-    same = SAME_LEVEL * float(profile.value.max() - profile.value.min())
-    begins, levels = [0.0], [float(profile.value[0])]
-    for moment, level in zip(profile.time_s.tolist(), profile.value.tolist(), strict=True):
-        if abs(level - levels[-1]) > same:
-            begins.append(moment)
-            levels.append(level)
-    last = max((k for k, begin in enumerate(begins) if begin <= time), default=0)
-    lengths: list[float] = np.diff([*begins[: last + 1], time]).tolist()
-
-    alike = [k > 1 and abs(level - levels[k - 2]) <= same for k, level in enumerate(levels)]
-    goes_on = last >= 3 and alike[last] and lengths[last] <= AS_LONG * lengths[last - 2]
-    first = last
-    for k in range(last - 1, 1, -1) if goes_on else ():
-        if not (alike[k] and 1.0 / AS_LONG <= lengths[k] / lengths[k - 2] <= AS_LONG):
-            if first < last and alike[k] and abs(levels[k - 2]) > abs(levels[k - 1]):
-                first = k - 2  # the level that a current rises with before it is held by chopping
-            break
-        first = k - 2
-    return min((begin for begin in begins[first : last + 1] if begin >= after), default=begins[last])
+def command_before(profiles: Sequence[Profile], time: float) -> float:
+    """The last change of a command up to a time in s; the begin where there is none."""
+    turns = np.concatenate([[0.0], *(profile.turns_s for profile in profiles)])
+    return float(turns[turns <= time].max())
 
 
 Kind = Literal["pull_in", "drop_out", "to_near", "to_far"]
@@ -75,7 +34,7 @@ class Switching:
         ``pull_in`` from rest on the far stop to the near one, ``drop_out`` back; ``to_near`` or ``to_far`` from between
         them, or rebounding from the other one without having come to rest there.
     command_s : float
-        The last change of the command before the body started; of a chopped one, where the chopping began.
+        The last change of the command before the body started.
     started_s, reached_s : float
         When it started, and when it first touched the stop.
     rested_s : float or None
@@ -114,7 +73,7 @@ def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequenc
         elif action == "hits" and side == last_side and ways:
             ways[-1] = replace(ways[-1], bounces=ways[-1].bounces + 1, rested_s=None)
         elif action == "hits" and side != last_side:
-            command = command_before(profiles, started, ways[-1].reached_s if ways else 0.0)
+            command = command_before(profiles, started)
             kind: Kind = "pull_in" if side == "near" else "drop_out"
             if last_side is None or rebounds:
                 kind = "to_near" if side == "near" else "to_far"

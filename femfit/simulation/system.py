@@ -24,6 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from femfit.core.errors import SimulationError
 from femfit.core.numerics import FloatArray
@@ -39,18 +40,15 @@ the energy."""
 @cache
 def damping(stop: Stop, mass: float) -> float:
     """Damping in N s/m that gives a stop with a stiffness its restitution."""
-    if stop.stiffness_N_per_m is None:
+    if stop.stiffness_N_per_m is None or stop.restitution >= 1.0:
         return 0.0
-    wanted = math.log(min(max(stop.restitution, LEAST_RESTITUTION), 1.0))
-    low, high = -0.5 * math.pi, 10.0  # a - pi/2 below zero, b above
-    for _ in range(200):
-        middle = 0.5 * (low + high)
-        if abs(middle) < 1e-8:
-            logarithm = -2.0
-        else:  # falling throughout
-            logarithm = 2.0 * middle / (math.tan(-middle) if middle < 0.0 else -math.tanh(middle))
-        low, high = (middle, high) if logarithm > wanted else (low, middle)
-    ratio = math.cos(low) if low < 0.0 else math.cosh(low)
+    wanted = math.log(max(stop.restitution, LEAST_RESTITUTION))
+
+    def excess(x: float) -> float:  # x is a - pi/2 below zero, b above; falling throughout
+        return (2.0 * x / (math.tan(-x) if x < 0.0 else -math.tanh(x)) if x else -2.0) - wanted
+
+    x = brentq(excess, -0.5 * math.pi, 10.0)
+    ratio = math.cos(x) if x < 0.0 else math.cosh(x)
     return 2.0 * ratio * math.sqrt(stop.stiffness_N_per_m * mass)
 
 

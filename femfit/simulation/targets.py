@@ -101,26 +101,14 @@ def require_sensed(model: ActuatorModel, sensors: Sequence[str], distance: Float
         dark = blind(model, (name,), distance, currents)
         if not np.any(dark):
             continue
-        sensor = sensor_named(model, name)
-        if isinstance(sensor, HallSensor):
-            field = sensor.field.field(distance[dark], currents[dark])
-            strongest = int(np.argmax(np.abs(field)))
-            raise DomainError(
-                f"The Hall element of model {model.name!r} must stay within its output range of "
-                f"{sensor.output_min_V:g}..{sensor.output_max_V:g} V where the body is held; "
-                f"{1e3 * field[strongest]:.4g} mT at {1e3 * distance[dark][strongest]:.4g} mm and "
-                f"{sensor.sensitivity_V_per_T:g} V/T ask for "
-                f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give the sensor a "
-                "smaller sensitivity_V_per_T, or move the element."
-            )
-        reading = reading_of(model, name)
-        states = np.zeros((1, model.order))
-        states[0, 0] = distance[dark][0]
+        reading, sensor, states = reading_of(model, name), sensor_named(model, name), np.zeros((1, model.order))
+        states[0, 0], states[0, 2 : 2 + currents.shape[1]] = distance[dark][0], currents[dark][0]
         value = float(predict_sensor(model, sensor, states)[0])
+        smaller = "a smaller sensitivity_V_per_T" if isinstance(sensor, HallSensor) else "a wider range"
         raise DomainError(
             f"The sensor {name} of model {model.name!r} must stay within its range of {reading.low:g}.."
             f"{reading.high:g} {reading.unit} where the body is held; at {1e3 * states[0, 0]:.4g} mm it would read "
-            f"{value:.4g} {reading.unit}. Give [sensors.{name}] a wider range, or choose other reference distances."
+            f"{value:.4g} {reading.unit}. Give it {smaller}, or choose other reference distances."
         )
 
 
@@ -152,15 +140,6 @@ def reference_steps(targets: Sequence[float], steps: int, sample_time: float, ra
         states[k] = state
         state = phi @ state + gamma * target[k]
     return Reference(states[:, 0], states[:, 1], states[:, 2])
-
-
-def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> Reference:
-    """Different references of shape (steps,) for consecutive runs of one batch, as one of shape (steps, runs)."""
-    names = ["distance", "velocity", "acceleration"]
-    if all(r.currents is not None for r in references):
-        names.append("currents")
-    parts = (np.stack([getattr(r, name) for r in references], axis=1) for name in names)
-    return Reference(*(np.repeat(path, counts, axis=1) for path in parts))
 
 
 def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:

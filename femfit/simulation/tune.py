@@ -20,7 +20,6 @@ import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import OBSERVED_SHARE
 from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
@@ -31,13 +30,12 @@ from femfit.simulation.linear_loop import (
     LinearController,
     LinearPlant,
     linear_controller,
-    linear_filter,
     linear_observer,
     linear_plant,
 )
 from femfit.simulation.margins import FREQUENCIES, Margins, margins, worst_of
 from femfit.simulation.observers import DirectObserver
-from femfit.simulation.operating_point import OperatingPoint, solve_riccati, usable_coil_pole, zero_order_hold
+from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole, zero_order_hold
 from femfit.simulation.sensor import LoopSensor
 from femfit.simulation.state_feedback import StateFeedback, pattern_search, regulator
 
@@ -115,21 +113,6 @@ def make_bench(
         order = model.order
         plants = [replace(plant, C=np.eye(order)[:, None], noise=np.zeros(order)) for plant in plants]
     return Bench(model, chosen, tuple(plants), tuple(sensors), observer, latency)
-
-
-def settled_errors(bench: Bench) -> tuple[float, float] | None:
-    """Rms errors of distance and velocity of a settled filter in the middle of the reference.
-
-    None where the error of the distance stays above half of what is not known before.
-    """
-    assert isinstance(bench.observer, Filter)  # noqa: S101  asked for by its caller
-    A, _, C, R = linear_filter(bench.model, bench.points[bench.middle], bench.observer)
-    process = bench.observer.process
-    predicted = solve_riccati(A.T, C.T, process.process_covariance, R)
-    settled = predicted - predicted @ C.T @ np.linalg.solve(C @ predicted @ C.T + R, C @ predicted)
-    errors = np.sqrt(np.diag(settled)[:2])
-    first = float(np.sqrt(process.require_start_covariance()[0, 0]))
-    return (float(errors[0]), float(errors[1])) if errors[0] < OBSERVED_SHARE * first else None
 
 
 def tuned_regulator(bench: Bench) -> StateFeedback:

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from femfit.core.errors import TableError
-from femfit.core.files import finite_number, path_of, read_settings
+from femfit.core.files import path_of, read_settings
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, recognise
@@ -63,6 +64,7 @@ _HEAD = 2**16
 """Bytes of a text record by which its layout is found."""
 
 _HIGHEST_RATE_HZ = 1e12
+_RAW_EXAMPLE = 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]'
 
 
 @dataclass(frozen=True)
@@ -239,6 +241,14 @@ def _text_layout(path: Path) -> tuple[list[str], dict[str, Any]]:
     return list(layout.headers), arguments
 
 
+class _RawLayout(BaseModel):
+    """The sidecar of a raw record."""
+
+    sample_rate_Hz: float = Field(gt=0.0, le=_HIGHEST_RATE_HZ)
+    columns: list[str] = Field(min_length=1)
+    start_s: FiniteFloat = 0.0
+
+
 def _raw_layout(path: Path) -> dict[str, Any]:
     """The checked sidecar of a raw record."""
     sides = [side for side in (path.with_suffix(".toml"), path.with_suffix(".json")) if side.is_file()]
@@ -246,21 +256,19 @@ def _raw_layout(path: Path) -> dict[str, Any]:
         raise TableError(
             f"{path} needs a sidecar {path.stem}.toml or {path.stem}.json beside it, with sample_rate_Hz and columns."
         )
-    data = read_settings(sides[0], 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]')
-    columns, rate, start = data.get("columns"), finite_number(data.get("sample_rate_Hz")), data.get("start_s", 0.0)
-    named = isinstance(columns, list) and len(columns) > 0 and all(isinstance(name, str) for name in columns)
-    if not (rate is not None and 0 < rate <= _HIGHEST_RATE_HZ and isinstance(columns, list) and named):
-        raise TableError(
-            f'{sides[0]} needs sample_rate_Hz > 0 and columns = ["coil_voltage_V", ...]; instead received '
-            f"sample_rate_Hz = {quoted(data.get('sample_rate_Hz'))}, columns = {quoted(columns)}."
-        )
+    data = read_settings(sides[0], _RAW_EXAMPLE)
+    try:
+        layout = _RawLayout.model_validate(data, strict=True).model_dump()
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key, received = ".".join(map(str, fault["loc"])), quoted(data.get(str(fault["loc"][0])))
+        raise TableError(f"{sides[0]} needs {_RAW_EXAMPLE}; {key} is {received}: {fault['msg']}.") from error
+    columns = layout["columns"]
     if len(set(columns)) < len(columns):
         raise TableError(f"{sides[0]} must name each column once; instead received columns = {quoted(columns)}.")
-    if finite_number(start) is None:
-        raise TableError(f"start_s in {sides[0]} must be a number of seconds; instead received {quoted(start)}.")
     if path.stat().st_size % (RAW.itemsize * len(columns)):
         raise TableError(
             f"{path} must hold whole rows of {len(columns)} float32; its {path.stat().st_size} bytes do not. Check the "
             "sidecar's columns."
         )
-    return {"sample_rate_Hz": rate, "start_s": float(start), "columns": columns}
+    return layout

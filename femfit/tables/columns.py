@@ -5,8 +5,9 @@ A header is the column's name (``distance_m``), or its stem or another name for 
 """
 
 import shlex
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -53,15 +54,13 @@ def match_columns(
     names: Sequence[str],
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str | float] | None = None,
-    *,
-    guess: bool = False,
     optional: Collection[str] = (),
 ) -> tuple[dict[int, UsedColumn], list[Finding]]:
     """Find columns among headers.
 
     The user's ``columns`` say which header is which column where its name does not say it, and ``units``, by header or
-    column, its unit or a number that multiplies it to SI. With ``guess`` a name may also stand inside a header:
-    ``Fz, total``. An optional column is left out, not refused, where several headers may be it.
+    column, its unit or a number that multiplies it to SI. An optional column is left out, not refused, where several
+    headers may be it.
 
     Returns
     -------
@@ -84,12 +83,7 @@ def match_columns(
         matching = matching or [header for header in headers if same_header(key, header)]
         texts |= dict.fromkeys(matching or [key], str(value))
     chosen = {name: headers.index(header) for header, name in header_columns.items()}
-    findings: list[Finding] = []
-    undecided: set[int] = set()
-    scores = {
-        name: [_score(header, name, texts.get(header, None if guess else texts.get(name)), guess) for header in headers]
-        for name in names
-    }
+    scores = {name: [_score(header, name, texts.get(header, texts.get(name))) for header in headers] for name in names}
     best = [max(of_header) for of_header in zip(*scores.values(), strict=True)]
     for name in names:
         # A column belongs to the quantity that it names best: "flux density" is no flux linkage.
@@ -103,20 +97,14 @@ def match_columns(
                 )
             if len(top) == 1 or name not in optional:
                 chosen[name] = top[0]
-        rivals = [k for k in free if k != chosen.get(name)]
-        if rivals and name not in header_columns.values():
-            taken = f"{quoted(headers[chosen[name]])} was taken" if name in chosen else "none was taken"
-            findings.append(finding("choice", column=name, headers=listing(headers[k] for k in rivals), taken=taken))
-            undecided |= set(rivals)
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
         unit = texts.get(name, texts.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
-    if not guess:
-        for key in texts.keys() - {column.name for column in used.values()}:
-            find_header(key, headers, source, "--unit")
-    unused = [header for k, header in enumerate(headers) if header.strip() and k not in {*used, *undecided}]
-    return used, findings + _unused(unused, [name for name in names if name not in chosen])
+    for key in texts.keys() - {column.name for column in used.values()}:
+        find_header(key, headers, source, "--unit")
+    unused = [header for k, header in enumerate(headers) if header.strip() and k not in used]
+    return used, _unused(unused, [name for name in names if name not in chosen])
 
 
 def recognise(
@@ -143,7 +131,7 @@ def recognise(
 def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColumn | None:
     """Return the column that a header means, if its unit is one of the right kind."""
     parsed = parse_header(header)
-    name = next((name for name in names if match_score(parsed, name, guess=False)), None)
+    name = next((name for name in names if match_score(parsed, name)), None)
     return None if name is None else used_column(header, name, parsed.unit, "")
 
 
@@ -158,24 +146,23 @@ def used_column(
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
 
 
-def _score(header: str, name: str, override: str | None, guess: bool) -> int:
+def _score(header: str, name: str, override: str | None) -> int:
     """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
     if header.strip() == name:
         return SURELY
     parsed, (_, si_unit) = parse_header(header), column_unit(name)
     if override is not None and unit_factor(override, si_unit) is not None:
         parsed = replace(parsed, unit=override)
-    elif override is not None and not guess and unit_factor(parsed.unit or "", si_unit) is None:
+    elif override is not None and unit_factor(parsed.unit or "", si_unit) is None:
         parsed = replace(parsed, unit=None)
-    return match_score(parsed, name, guess=guess)
+    return match_score(parsed, name)
 
 
 def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
     """The other headers, with what each may be among the columns that are still free."""
     if not headers:
         return []
-    likely = likely_columns([header for header in headers if not header.startswith(SIMULATED)], free)
-    options = " ".join(column_option(header, name) for header, name in likely.items())
+    options = " ".join(column_options([header for header in headers if not header.startswith(SIMULATED)], free, _named))
     remedy = f"Where one is meant, say {options}." if options else ""
     return [finding("unused-column", headers=listing(headers, 20), options=remedy)]
 
@@ -242,28 +229,39 @@ def remedy_for_columns(unused: Sequence[str], needed: Sequence[str]) -> str:
     """
     if not unused:
         return f"Add {needed[0]}."
-    likely = likely_columns(unused, needed, by_words=False)
-    options = [column_option(header, likely[header]) for header in unused if header in likely]
-    options = options or [column_option(unused[0], needed[0])]
+    options = column_options(unused, needed, _named, _in_its_unit) or [column_option(unused[0], needed[0])]
     return (
         f"Not used: {listing(unused, 20)}. Rename columns, or say what they are, for example with {' '.join(options)}."
     )
 
 
-def likely_columns(headers: Sequence[str], names: Sequence[str], *, by_words: bool = True) -> dict[str, str]:
-    """What headers may mean, each column once; without words whatever their units allow comes after."""
-    result: dict[str, str] = {}
-    for only_words in (True, by_words):
-        for name in names:
-            free = [header for header in headers if header not in result]
-            meant = next((header for header in free if _may_be(header, name, by_words=only_words)), None)
-            if meant is not None and name not in result.values():
-                result[meant] = name
-    return result
+def column_options(headers: Sequence[str], names: Sequence[str], *rules: Callable[[str, str], bool]) -> list[str]:
+    """The options that say what headers may mean, in the headers' order."""
+    meant = meant_columns(headers, names, *rules)
+    return [column_option(header, meant[header]) for header in headers if header in meant]
 
 
-def _may_be(header: str, name: str, *, by_words: bool) -> bool:
-    parsed, (stem, si_unit) = parse_header(header), column_unit(name)
-    fits = bool(si_unit) and parsed.unit is not None and unit_factor(parsed.unit, si_unit) is not None
-    words = fits and bool({stem, *names_of(name)}.intersection(parsed.words))
-    return (match_score(parsed, name, guess=True) > 0 or words) if by_words else fits
+def meant_columns(headers: Sequence[str], names: Sequence[str], *rules: Callable[[str, str], bool]) -> dict[str, str]:
+    """Headers to what they may mean, each column once; of several rules the first counts most."""
+    meant: dict[str, str] = {}
+    for may_be, name in product(rules, names):
+        header = next((header for header in headers if header not in meant and may_be(header, name)), None)
+        if header is not None and name not in meant.values():
+            meant[header] = name
+    return meant
+
+
+def named_in_its_unit(header: str, name: str) -> bool:
+    """Whether a word of a header names a column, and its unit is of that kind: ``ForceOnSlug(N)``."""
+    return _named(header, name) and _in_its_unit(header, name)
+
+
+def _in_its_unit(header: str, name: str) -> bool:
+    unit, si_unit = parse_header(header).unit, column_unit(name)[1]
+    return bool(si_unit) and unit is not None and unit_factor(unit, si_unit) is not None
+
+
+def _named(header: str, name: str) -> bool:
+    parsed = parse_header(header)
+    words = {column_unit(name)[0], *names_of(name)}.intersection(parsed.words)
+    return bool(words) and (parsed.unit is None or _in_its_unit(header, name))

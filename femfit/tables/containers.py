@@ -1,6 +1,4 @@
-"""MAT and HDF5 files, decoded in a process of their own.
-
-A damaged one can make their libraries in C crash, hang, or fill the memory with what it says that it holds.
+"""MAT and HDF5 files, decoded in a process of their own: a damaged one can make their libraries in C crash.
 
 TDMS files of LabVIEW and DIAdem: groups of channels, each with its unit and its step of time.
 
@@ -9,8 +7,9 @@ WAV recordings of a sound card: channels in parts of full scale, the time from t
 Sheets of a spreadsheet, each read as the text table that it would be saved as.
 """
 
+import faulthandler
 import io
-from collections.abc import Callable
+import resource
 from dataclasses import replace
 from datetime import datetime
 from typing import Any
@@ -20,20 +19,18 @@ import pandas as pd
 from scipy.io import wavfile
 
 from femfit.core.errors import TableError
-from femfit.core.processes import ChildError, in_child
+from femfit.core.processes import process_pool
 from femfit.core.results import listing
 from femfit.tables.columns import match_column
 from femfit.tables.header import with_unit
 from femfit.tables.mat_hdf5 import (
     NamedTable,
     hdf5_tree,
-    mat73_tree,
     mat_tree,
     nested_tables,
     require_library,
     table_of_columns,
 )
-from femfit.tables.raw_table import damaged
 from femfit.tables.text_table import parse_text
 
 TIMEOUT_S, TIMEOUT_S_PER_BYTE = 30.0, 1e-6
@@ -42,28 +39,30 @@ TIMEOUT_S, TIMEOUT_S_PER_BYTE = 30.0, 1e-6
 MEMORY, MEMORY_PER_BYTE = 2e9, 64.0
 """Bytes, chosen: what numbers unpack to, several times over, beside the libraries'."""
 
-_DECODERS: dict[str, Callable[[bytes], tuple[dict[str, Any], str]]] = {
-    "MAT": mat_tree,
-    "MAT 7.3": mat73_tree,
-    "HDF5": hdf5_tree,
-}
-
 
 def read_apart(kind: str, content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """Tables of a MAT or HDF5 file, and what in it cannot be read."""
     if kind != "MAT":
         require_library("h5py", "h5py", source)
     timeout, memory = TIMEOUT_S + TIMEOUT_S_PER_BYTE * len(content), MEMORY + MEMORY_PER_BYTE * len(content)
-    try:
-        tree, remark = in_child(_DECODERS[kind], content, timeout=timeout, memory=memory)
-    except MemoryError as error:
-        raise TableError(
-            f"{source} says that it unpacks to more memory than its {len(content) / 1e6:.3g} MB may take "
-            f"({error}). Unless it is damaged, raise this shell's limit (ulimit -v), or export fewer columns."
-        ) from error
-    except ChildError as error:
-        raise TableError(damaged(source, kind, error)) from error
+    with process_pool(1) as pool:
+        try:
+            tree, remark = pool.submit(_decoded, kind, content, int(memory)).result(timeout)
+        except MemoryError as error:
+            raise TableError(
+                f"{source} says that it unpacks to more memory than its {len(content) / 1e6:.3g} MB may take "
+                f"({memory / 1e9:.3g} GB). Unless it is damaged, export fewer columns."
+            ) from error
     return nested_tables(tree, source, kind, separator="/" if kind == "HDF5" else "."), remark
+
+
+def _decoded(kind: str, content: bytes, memory: int) -> tuple[dict[str, Any], str]:
+    """What a file holds, in a process of its own with so many bytes."""
+    faulthandler.disable()  # what it prints of a crash is for programmers
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]  # which no process may raise
+    memory = memory if hard == resource.RLIM_INFINITY else min(memory, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    return mat_tree(content) if kind == "MAT" else hdf5_tree(content)
 
 
 _NO_CLOCK = (0.0, 1.0)
@@ -136,7 +135,7 @@ def read_xlsx(content: bytes, source: str) -> tuple[list[NamedTable], str]:
         filled = cells.dropna(axis=1, how="all")
         lines = ["\t".join(map(_text, row)) for row in filled.itertuples(index=False)]
         try:
-            raw = parse_text("\n".join(lines).encode(), source, encoding="utf-8", delimiter="\t", decimal=".")
+            raw = parse_text("\n".join(lines).encode(), source, delimiter="\t", decimal=".")
         except TableError:
             charts.append(name)
         else:

@@ -149,14 +149,6 @@ class EddyTable:
             None if self.hall is None else np.asarray(self.hall[k, 1:n] + self.hall[k, n:] @ induced),
         )
 
-    def losses(self, k: int, frequencies: FloatArray, currents: FloatArray) -> FloatArray:
-        """Heat of eddy currents in W by material, shape (f, materials): e^H R_m e, in all i^T (Re Z - R) i.
-
-        The currents i (n,) are rms values in A of the circuits, in phase or against each other.
-        """
-        e = self.induced(k, frequencies) @ currents
-        return np.asarray(np.einsum("fj,mjk,fk->fm", e.conj(), self.resistances, e).real)
-
     def at(self, places: IntArray) -> "EddyTable":
         """The table at some of its distances."""
         over_distances = ("distances_m", "force", "flux_linkage", "hall", "bias_A", "rest")

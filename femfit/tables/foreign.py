@@ -23,7 +23,7 @@ from femfit.tables.findings import finding
 from femfit.tables.foreign_checks import check_noise, check_reciprocity
 from femfit.tables.foreign_forms import SWEEP, ImportOptions, is_matrix, listed, long_points
 from femfit.tables.foreign_grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
-from femfit.tables.header import STEP_NAMES, names_of
+from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.reading import Words
 from femfit.tables.sweep_table import SweepTable
@@ -115,12 +115,13 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
             f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
             f"{faults[0].text if faults else 'there is no row below the header.'}"
         )
-    good = _place(good, options)
+    start = options.distance_start_m or 0.0
+    good = good.assign(distance_m=start + good["distance_m"])
     findings += check_units(good)
     _stop_at_errors(findings, options)
     steps: tuple[Callable[[pd.DataFrame], tuple[pd.DataFrame, list[Finding]]], ...] = (
         tidy_grid,
-        lambda points: settle_force_sign(points, options.force_sign),
+        lambda points: settle_force_sign(points, keep=options.keep_force),
         lambda points: (points, check_reciprocity(points)),
         drop_incomplete,
         check_noise,
@@ -129,7 +130,7 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
         good, remarks = step(good)
         findings += remarks
     findings = _stop_at_errors(findings, options)
-    rows = _rows(good, _place(bad, options))
+    rows = _rows(good, bad.assign(distance_m=start + bad["distance_m"]))
     manifest = _manifest(files, contents, mapping, dialects, findings, rows)
     return ImportedTable(rows, manifest, findings=tuple(findings), mapping=tuple(mapping.values()), dialects=dialects)
 
@@ -159,13 +160,12 @@ def _gather(
     mapping: dict[str, UsedColumn] = {}
     findings: list[Finding] = []
     dialects: dict[str, str] = {}
-    for index, (file, content) in enumerate(contents.items()):
-        constants = _constants(file, index, len(contents), options)
-        dialect = {name: getattr(options, name) for name in ("encoding", "delimiter", "decimal")}
+    for file, content in contents.items():
+        in_name = {column: _value_in_name(file, column) for column in _UNITS}
+        constants = {column: value for column, value in in_name.items() if value is not None}
         words = Words(options.columns, options.units, settings=constants)
-        raw = parse_table(
-            content, file.name, table=options.table, wanted=partial(_is_wanted, options, words), **dialect
-        )
+        wanted = partial(_is_wanted, options, words)
+        raw = parse_table(content, file.name, table=options.table, wanted=wanted, decimal=options.decimal)
         raw = replace(raw, headers=options.column_names or raw.headers)
         dialects[file.name] = raw.dialect
         findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]
@@ -187,28 +187,13 @@ def _is_wanted(options: ImportOptions, words: Words, raw: RawTable) -> bool:
     return is_matrix(named, options) or SWEEP.fits(named, words)
 
 
-def _constants(file: Path, index: int, count: int, options: ImportOptions) -> dict[str, float]:
-    """Current and distance of a whole file, from the options or from its name."""
-    constants = {}
-    declared = {"current_A": options.file_currents_A, "distance_m": options.file_distances_m}
-    for column, values in declared.items():
-        if values and len(values) != count:
-            option, values_given = f"--file-{column_unit(column)[0]}", counted(len(values), "value")
-            raise TableError(f"{option} has {values_given} for {counted(count, 'file')}; give one a file.")
-        value = values[index] if values else _value_in_name(file, column)
-        if value is not None:
-            constants[column] = value
-    return constants
-
-
 def _value_in_name(path: Path, column: str) -> float | None:
     """Read a current (A) or distance (m) from a file's name; ``p`` may stand for the decimal point.
 
     A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
     with its unit or after the quantity's name.
     """
-    words = (*names_of(column), *(STEP_NAMES if column == "distance_m" else ()))
-    names = "|".join(sorted((name for name in words if name.isascii()), key=len, reverse=True))
+    names = "|".join(sorted((name for name in names_of(column) if name.isascii()), key=len, reverse=True))
     for pattern in (
         rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[column]}(?![A-Za-z0-9])",
         rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])",
@@ -222,18 +207,6 @@ def _value_in_name(path: Path, column: str) -> float | None:
     number, si_unit = matches[0]["number"], column_unit(column)[1]
     factor = unit_factor(matches[0].groupdict().get("unit") or si_unit, si_unit)
     return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor
-
-
-def _place(points: pd.DataFrame, options: ImportOptions) -> pd.DataFrame:
-    """Apply start, direction and polarity."""
-    start = options.distance_start_m or 0.0
-    direction = -1.0 if options.flip_distance else 1.0
-    points = points.assign(distance_m=start + direction * points["distance_m"])
-    if options.flip_current:
-        points = points.assign(current_A=-points["current_A"] + 0.0)
-        if "flux_linkage_Wb" in points:
-            points = points.assign(flux_linkage_Wb=-points["flux_linkage_Wb"])
-    return points
 
 
 def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:

@@ -20,13 +20,15 @@ T. Gasser, L. Sroka, C. Jennen-Steinmetz, Residual variance and residual pattern
 1968, section 3.1 (conservative fields).
 """
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
 from scipy.stats import norm
 
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.tables.findings import finding
 from femfit.tables.foreign_grid import complete_grid
@@ -146,15 +148,14 @@ def _compare_loops(
     reciprocal; its robust relative spread, large if the two have different shapes; and the number of rectangles, 0
     where none holds any work.
     """
-    # From the first level on; the work of any rectangle is a double difference of these.
+    # From the first level on; the work of any rectangle is a double difference of these
     force_side = CubicSpline(distances, force, axis=0).antiderivative()(distances)
     flux_side = -CubicSpline(currents, flux_linkage, axis=1).antiderivative()(currents)
-    force_works, flux_works = [], []
-    for a, b in _blocks(len(distances)):
-        for j, k in _blocks(len(currents)):
-            force_works.append((force_side[b, k] - force_side[a, k]) - (force_side[b, j] - force_side[a, j]))
-            flux_works.append((flux_side[b, k] - flux_side[b, j]) - (flux_side[a, k] - flux_side[a, j]))
-    force_work, flux_work = np.array(force_works), np.array(flux_works)
+    blocks = list(product(_blocks(len(distances)), _blocks(len(currents))))
+    force_work, flux_work = (
+        np.concatenate([np.diff(np.diff(side[np.ix_(*block)], axis=0), axis=1).ravel() for block in blocks])
+        for side in (force_side, flux_side)
+    )
     # The flux side decides which loops are large: a noisy force must not choose its own witnesses.
     keep = (np.abs(flux_work) >= _LARGE * np.abs(flux_work).max()) & (force_work != 0) & (flux_work != 0)
     if not keep.any():
@@ -165,10 +166,6 @@ def _compare_loops(
     return factor, spread, int(keep.sum())
 
 
-def _blocks(count: int) -> list[tuple[int, int]]:
-    """Index pairs of an axis: the whole, halves, quarters and eighths, without empty ones."""
-    pairs: set[tuple[int, int]] = set()
-    for parts in (1, 2, 4, 8):
-        edges = np.unique(np.linspace(0, count - 1, parts + 1).round().astype(int))
-        pairs.update(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-    return sorted(pairs)
+def _blocks(count: int) -> list[IntArray]:
+    """Indices of an axis at its ends, and at the ends of its halves, quarters and eighths."""
+    return [np.unique(np.linspace(0, count - 1, pieces + 1).round().astype(int)) for pieces in (1, 2, 4, 8)]

@@ -18,9 +18,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import counted, quoted
-from femfit.tables.columns import UsedColumn, match_columns
+from femfit.tables.columns import UsedColumn, match_columns, meant_columns, named_in_its_unit
 from femfit.tables.findings import finding
-from femfit.tables.header import STEP_NAMES, names_of, parse_header
+from femfit.tables.header import names_of, parse_header
 from femfit.tables.number_text import looks_numeric, parse_number
 from femfit.tables.raw_table import RawTable
 from femfit.tables.reading import Wants
@@ -44,22 +44,13 @@ class ImportOptions:
     units: Mapping[str, str | float] = field(default_factory=dict)
     # Names of the columns of a table without a header line, in order; of a matrix, its first row
     column_names: tuple[str, ...] = ()
-    # One row a point, or force(distance, current) with axes; and what the first column of such a matrix holds
-    form: Literal["auto", "long", "matrix"] = "auto"
+    # What the first column of a matrix force(distance, current) with its axes holds
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
     table: str | None = None  # Sheet, group or struct, where a file has several that could be meant
     decimal: str | None = None
-    delimiter: str | None = None
-    encoding: str | None = None
-    # Current (distance) of each file, in the order of the files, where no column holds it
-    file_currents_A: tuple[float, ...] = ()
-    file_distances_m: tuple[float, ...] = ()
-    # distance = start + step * column, or start - column for positions that count towards the electromagnet
-    distance_step_m: float | None = None
+    # Distance at zero of the column; positions that count towards the electromagnet have a negative factor as unit
     distance_start_m: float | None = None
-    flip_distance: bool = False
-    flip_current: bool = False  # Negate current and flux linkage (co-energy and force stay what they are)
-    force_sign: Literal["auto", "keep", "flip"] = "auto"
+    keep_force: bool = False  # Whether the force's sign is right whatever its current says
     # Quantities that are left out; codes of error findings that shall not stop the import
     without: tuple[str, ...] = ()
     accept: tuple[str, ...] = ()
@@ -81,18 +72,16 @@ SWEEP = Wants(
     SWEPT,
     needs=REQUIRED,
     hints={
-        "current_A": "Where a file holds one current, give --file-current-A, or write it in the file names as in "
-        "force_0.4A.csv.",
-        "distance_m": "Where a file holds one distance, give --file-distance-mm.",
+        "current_A": "Where a file holds one current, write it in the file's name, as in force_0.4A.csv.",
+        "distance_m": "Where a file holds one distance, write it in the file's name, as in force_5mm.csv.",
     },
-    guess=True,
 )
 
 
 def long_points(
     raw: RawTable, constants: Mapping[str, float], options: ImportOptions
 ) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
-    """Read one row a point with SI columns, the distance before start and step.
+    """Read one row a point with SI columns, the distance before its start.
 
     The constants are the whole file's current (A) or distance (m), used where no column holds it; ``source`` and
     ``line`` say where a row stands.
@@ -110,35 +99,25 @@ def long_points(
             f"({listing(headers, 12)}); give one name a column with --columns."
         )
     optional = [name for name in SWEPT if name not in REQUIRED]
-    matched, findings = match_columns(
-        headers, raw.source, SWEPT, options.columns, options.units, guess=True, optional=optional
-    )
+    matched, findings = match_columns(headers, raw.source, SWEPT, options.columns, options.units, optional)
+    lacking = [name for name in REQUIRED if name not in {column.name for column in matched.values()}]
+    unused = [header for k, header in enumerate(headers) if k not in matched]
+    if meant := meant_columns(unused, lacking, named_in_its_unit):
+        columns = {**meant, **options.columns}
+        matched, findings = match_columns(headers, raw.source, SWEPT, columns, options.units, optional)
     findings = [remark for remark in findings if remark.column not in options.without]
     uses: dict[str, UsedColumn] = {}
     data: dict[str, FloatArray] = {}
     for k, column in sorted(matched.items(), key=lambda match: SWEPT.index(match[1].name)):
         if column.name not in options.without:
-            uses[column.name] = in_steps(column, raw.source, options) if column.name == "distance_m" else column
-            data[column.name] = raw.numbers[:, k] * uses[column.name].factor
+            uses[column.name] = column
+            data[column.name] = raw.numbers[:, k] * column.factor
     for name, value in constants.items():
         if name not in uses:
             data[name] = np.full(len(raw.lines), value, dtype=np.float64)
             uses[name] = UsedColumn(f"{value:g} for the whole file", name, 1.0, column_unit(name)[1])
     SWEEP.require(data, headers, raw.source, matched.values())
     return pd.DataFrame(data).assign(source=raw.source, line=raw.lines), uses, findings
-
-
-def in_steps(column: UsedColumn, source: str, options: ImportOptions) -> UsedColumn:
-    """Return the use of a distance whose column counts steps, where the user gives their size."""
-    step = options.distance_step_m
-    if step is not None:
-        return replace(column, unit=f"steps of {step:g} m", factor=step, assumed=False)
-    if column.assumed and parse_header(column.header).name in STEP_NAMES:
-        raise TableError(
-            f"{source}: column {quoted(column.header)!r} counts steps; give their size with --distance-step-mm and the "
-            "first distance with --distance-start-mm."
-        )
-    return column
 
 
 _LABEL = re.compile(
@@ -172,11 +151,11 @@ def axis_labels(cells: tuple[str, ...], decimal: str) -> tuple[FloatArray, str |
 def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
     """Tell whether a table is a matrix with axes.
 
-    It is one if the header row holds an axis, or, without headers, if it has both axes and a corner that is empty or
-    text: a number there may be one more position above a list of them.
+    It is one if the user says what its rows are, if the header row holds an axis, or, without headers, if it has both
+    axes and a corner that is empty or text: a number there may be one more position above a list of them.
     """
-    if options.form != "auto":
-        return options.form == "matrix"
+    if options.matrix_rows != "auto":
+        return True
     headers, values = raw.headers, raw.numbers
     if values.shape[1] < 3:
         return False
@@ -201,9 +180,9 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
     if not _monotone(down) or not _monotone(across):
         raise TableError(
             f"{raw.source} as a matrix must have axes that go strictly up or down in its first row and column. "
-            "For one row a point give --form long."
+            "For one row a point name the columns with --columns."
         )
-    rows, why = _first_column(options, across, down, label_unit, corner)
+    rows, why = _first_column(options, label_unit, corner)
     columns = AXES[1 - AXES.index(rows)]
     places = {rows: "first column", columns: "first row", "force_N": "matrix"}
     words = [(rows, parse_header(corner).unit), (columns, label_unit)]
@@ -226,9 +205,7 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
     return points, replace(options, columns=columns_of, units=units | dict(options.units)), findings
 
 
-def _first_column(
-    options: ImportOptions, across: FloatArray, down: FloatArray, label_unit: str | None, corner: str
-) -> tuple[str, str]:
+def _first_column(options: ImportOptions, label_unit: str | None, corner: str) -> tuple[str, str]:
     if options.matrix_rows != "auto":
         return WORDS[options.matrix_rows], "as given"
     if label_unit:
@@ -240,8 +217,6 @@ def _first_column(
     for axis in reversed(AXES):
         if first is not None and first.name in names_of(axis):
             return axis, reason
-    if (down == 0).any() and not (across == 0).any() and options.distance_start_m is None:
-        return "current_A", "a distance cannot be zero, the first column is; --matrix-rows distance if not"
     return "distance_m", "the usual order; --matrix-rows current if not"
 
 

@@ -1,7 +1,6 @@
 """The points of an imported table: cells, units, the grid of currents and distances, and the sign of the force."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -10,7 +9,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import AXES, REQUIRED, SWEPT
-from femfit.tables.units import LEAST_TRAVEL_M, column_unit, suspected_by_size, suspicion
+from femfit.tables.units import column_unit, suspected_by_size
 
 _SAME_LEVEL = 1e-6  # of the axis' span: loops that add 0.1 ten times differ by 1e-16, units by rounding of 6 digits
 _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh
@@ -57,9 +56,6 @@ def check_units(points: pd.DataFrame) -> list[Finding]:
         for remark in suspected_by_size(rows, solved=True)
     ]
     distance = points["distance_m"].to_numpy(dtype=float)
-    if 0 < float(np.max(distance)) < LEAST_TRAVEL_M:
-        largest = suspicion("distance_m", "m", f"the largest is {np.max(distance) * 1e6:g} micrometres")
-        findings.append(replace(largest, severity="error"))
     if (distance <= 0).any():
         findings.append(finding("distance", size=float(np.min(distance)), places=rows_of(points[distance <= 0])))
     return findings
@@ -131,28 +127,23 @@ def _holes(points: pd.DataFrame, currents: FloatArray, distances: FloatArray) ->
 
 
 def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Find the largest complete part of the grid, leaving out the worst current or distance in turn.
+    """Find a complete part of the grid: without the distances that have holes, or without the currents.
 
     Its distances, its currents, and the values of each quantity, finite everywhere, of shape (n, m).
     """
     indexed = points.set_index(["distance_m", "current_A"])
     tables = [indexed[name].unstack() for name in quantities]  # noqa: PD010  # pivot_table would average
-    absent = np.logical_or.reduce([~np.isfinite(table.to_numpy(dtype=float)) for table in tables])
-    rows, columns = np.ones(absent.shape[0], bool), np.ones(absent.shape[1], bool)
-    while (absent & rows[:, None] & columns).any():
-        holes = absent & rows[:, None] & columns
-        by_row, by_column = holes.sum(axis=1) / columns.sum(), holes.sum(axis=0) / rows.sum()
-        if by_column.max() >= by_row.max():
-            columns[by_column.argmax()] = False
-        else:
-            rows[by_row.argmax()] = False
+    holes = np.logical_or.reduce([~np.isfinite(table.to_numpy(dtype=float)) for table in tables])
+    rows, columns = ~holes.any(axis=1), ~holes.any(axis=0)
+    if rows.mean() >= columns.mean():
+        columns[:] = True
+    else:
+        rows[:] = True
     index, header = tables[0].index.to_numpy(dtype=float), tables[0].columns.to_numpy(dtype=float)
     return index[rows], header[columns], [table.to_numpy(dtype=float)[np.ix_(rows, columns)] for table in tables]
 
 
-def settle_force_sign(
-    points: pd.DataFrame, wish: Literal["auto", "keep", "flip"]
-) -> tuple[pd.DataFrame, list[Finding]]:
+def settle_force_sign(points: pd.DataFrame, *, keep: bool = False) -> tuple[pd.DataFrame, list[Finding]]:
     """Negate the force where it obviously counts away from the electromagnet, and say what was concluded.
 
     A current of growing magnitude attracts more. Where all forces are negative and grow in magnitude with the current,
@@ -160,13 +151,10 @@ def settle_force_sign(
     polarity or the force's axis may be reversed: that is said, not done.
     """
     findings: list[Finding] = []
-    if wish == "flip":
-        points = points.assign(force_N=-points["force_N"])
-        findings.append(finding("force-sign asked"))
     distances, currents, (force,) = complete_grid(points, ["force_N"])
     change, share = _growth(currents, force)
     negative = float(-np.minimum(force, 0).sum() / (np.abs(force).sum() or 1.0))
-    if wish == "auto" and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
+    if not keep and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
         points, force, change = points.assign(force_N=-points["force_N"]), -force, -change
         reason = "its magnitude grows with the current" if share else "there is one current only"
         findings.append(finding("force-sign", why=reason))

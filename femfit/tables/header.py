@@ -8,7 +8,7 @@ another name. An impedance may be that of one circuit alone, or carry the names 
 
 import re
 import unicodedata
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -17,18 +17,6 @@ from femfit.core.results import listing
 from femfit.core.text import quoted
 from femfit.tables.number_text import looks_numeric
 from femfit.tables.units import CHANNELS, NEEDS_UNIT, column_unit, is_unit, unit_factor
-
-_OTHER_QUANTITIES = """
-resistance widerstand voltage spannung tension power leistung time zeit tempo loss losses nodes elements error density
-energy velocity speed temperature torque moment
-"""
-
-STEP_NAMES = frozenset(("step", "steps", "schritt", "schritte"))
-"""Names of a distance that counts steps: it needs the step's size."""
-
-OTHER_QUANTITIES = frozenset(_OTHER_QUANTITIES.split())
-"""Words that make a header something else: *current density*, *force error*, *coil resistance*."""
-
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
 _BEFORE = r"(?:\s*/\s*|\s*,\s*|\s+in\s+|[_\s]+)"
@@ -58,8 +46,7 @@ class Header:
 
     text: str
     words: tuple[str, ...]  # Lower case, without accents, without the unit
-    unit: str | None
-    unit_known: bool = True  # False if something in brackets looks like a unit but is not one of ours
+    unit: str | None  # What looks like a unit where it is none of ours
 
     @property
     def name(self) -> str:
@@ -80,22 +67,22 @@ def parse_header(text: str) -> Header:
     for written, name in _IMPEDANCE:
         stripped = written.sub(name, stripped)
     stripped = stripped.strip('"').strip()
-    name, unit, recognised = stripped, None, True
+    name, unit = stripped, None
     for match in reversed(list(_BRACKETS.finditer(stripped))):
         inner = match.group(1).strip()
         if is_unit(inner):
-            unit, name, recognised = inner, stripped[: match.start()] + " " + stripped[match.end() :], True
+            unit, name = inner, stripped[: match.start()] + " " + stripped[match.end() :]
             break
         unknown = " " not in inner and (len(inner) <= 6 or match.group().startswith("["))
         if inner and unit is None and unknown and inner != "-" and not looks_numeric(inner):
-            unit, name, recognised = inner, stripped[: match.start()] + " " + stripped[match.end() :], False
+            unit, name = inner, stripped[: match.start()] + " " + stripped[match.end() :]
     if unit is None:
         for trailing in (pattern.search(stripped) for pattern in _TRAILING):
             if trailing and trailing.start() > 0 and is_unit(trailing.group(1).replace("_", "/")):
                 unit, name = trailing.group(1).replace("_", "/"), stripped[: trailing.start()]
                 break
     words = tuple(word.casefold() for word in _WORD.findall(plain(name)))
-    return Header(stripped, words, unit, recognised)
+    return Header(stripped, words, unit)
 
 
 def with_unit(name: str, unit: object) -> str:
@@ -122,50 +109,27 @@ def find_header(key: str, headers: Sequence[str], source: str, option: str) -> s
     return matches[0]
 
 
-def match_score(header: Header, column: str, *, guess: bool = True) -> int:
+def match_score(header: Header, column: str) -> int:
     """Tell how surely a header names a column.
 
-    0: not; 2: a name stands inside a word; 4: it stands as words; 6: it is the name; one more if the unit fits. A unit
-    of another kind makes it 0. Without guessing 7: it is the name; 1: it may be, or is made of its names as in
-    ``Spannung U [mV]``, and the unit fits. A name of one letter, and one that means several things, then counts only
-    beside a unit of the right kind.
+    0: not; 7: it is the name; 1: it may be, as a name of one letter, or one that means several things beside a unit of
+    the right kind, or is made of its names as in ``Spannung U [mV]``. A unit of another kind makes it 0.
     """
     stem, si_unit = column_unit(column)
     fits = header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None
-    if header.unit is not None and not fits and (header.unit_known or not guess):
+    if header.unit is not None and not fits:
         return 0
-    names: Collection[str] = names_of(column)
-    vague = header.name in NEEDS_UNIT
-    if not guess:
-        named = header.name == re.sub("[_-]", "", stem).casefold() or header.name in names
-        if not named:
-            return int(fits and bool(header.words) and all(word in names for word in header.words))
-        certain = fits or not (vague or len(header.name) == 1)
-        return (1 if vague else SURELY) * certain
-    if column == "distance_m":
-        names = (*names, *STEP_NAMES)
-    score = _name_score(header.words, [name for name in names if name not in NEEDS_UNIT])
-    score = score or int(fits and vague and header.name in names)
-    return 2 * score + fits if score else 0
+    names = names_of(column)
+    if header.name != re.sub("[_-]", "", stem).casefold() and header.name not in names:
+        return int(fits and bool(header.words) and all(word in names for word in header.words))
+    if header.name in NEEDS_UNIT:
+        return int(fits)
+    return SURELY if fits or len(header.name) > 1 else 1
 
 
 def names_of(column: str) -> tuple[str, ...]:
     """What tables call a column; nothing for one that is not in the registry."""
     return CHANNELS[column].names if column in CHANNELS else ()
-
-
-def _name_score(words: tuple[str, ...], names: Collection[str]) -> int:
-    compact = "".join(words)
-    if compact in names:
-        return 3
-    if OTHER_QUANTITIES.intersection(words) or not words:
-        return 0
-    if words[0] in names and len(words) == 2:
-        return 2
-    phrases = {"".join(words[a:b]) for a in range(len(words)) for b in range(a + 1, len(words) + 1)}
-    if any(name in phrases for name in names if len(name) > 1):
-        return 2
-    return int(any(name in compact for name in names if len(name) >= 5))
 
 
 _OF_IMPEDANCE = {

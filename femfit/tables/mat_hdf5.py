@@ -44,23 +44,6 @@ def mat_tree(content: bytes) -> tuple[dict[str, Any], str]:
     return {name: value for name, value in tree.items() if name not in objects}, _objects(objects)
 
 
-def mat73_tree(content: bytes) -> tuple[dict[str, Any], str]:
-    """Variables of a MAT file of v7.3 by their names, and what in it cannot be read."""
-    import h5py  # noqa: PLC0415
-
-    objects: list[str] = []
-    with h5py.File(io.BytesIO(content)) as file:
-        tree: dict[str, Any] = {}
-        for name, node in file.items():
-            if name.startswith("#"):
-                continue
-            if "MATLAB_object_decode" in node.attrs:
-                objects.append(name)
-            else:
-                tree[name] = _value(node, file, h5py)
-    return tree, _objects(objects)
-
-
 def _objects(names: list[str]) -> str:
     if not names:
         return ""
@@ -71,64 +54,55 @@ def _objects(names: list[str]) -> str:
     )
 
 
-def _value(node: Any, file: Any, h5py: Any) -> Any:
-    """A node of a v7.3 file as SciPy simplifies one of v7: dict, list of dict, text, number or array."""
-    if isinstance(node, h5py.Group):
-        fields = {name: _value(child, file, h5py) for name, child in node.items()}
-        lists = [
-            node[name]
-            for name in fields
-            if isinstance(node[name], h5py.Dataset) and h5py.check_ref_dtype(node[name].dtype)
-        ]
-        arrays = [cells for cells in lists if "MATLAB_class" not in cells.attrs]
-        if fields and len(arrays) == len(fields):  # a struct array: one list of references a field
-            count = len(np.ravel(arrays[0]))
-            return [{name: np.ravel(value)[k] for name, value in fields.items()} for k in range(count)]
-        return fields
-    kind = node.attrs.get("MATLAB_class", b"")
+def hdf5_tree(content: bytes) -> tuple[dict[str, Any], str]:
+    """Arrays of an HDF5 file by their names, a dictionary a group; of a MAT file of v7.3 as SciPy has those of v7.
+
+    A number or text stands there as itself, a struct array as a list. What cannot be read comes second.
+    """
+    import h5py  # noqa: PLC0415  in the child alone
+
+    objects: list[str] = []
+    with h5py.File(io.BytesIO(content)) as file:
+        return _group(file, file, h5py, objects), _objects(objects)
+
+
+def _group(group: Any, file: Any, h5py: Any, objects: list[str]) -> Any:
+    """The nodes of a group by their names, or a list of them for each struct of a struct array."""
+    tree: dict[str, Any] = {}
+    references = 0
+    for name, node in group.items():
+        if "MATLAB_object_decode" in node.attrs:
+            objects.append(name)
+        elif isinstance(node, h5py.Group) and not name.startswith("#"):
+            tree[name] = _group(node, file, h5py, objects)
+        elif isinstance(node, h5py.Dataset) and node.shape is not None:
+            unit = next((node.attrs[key] for key in node.attrs if key.casefold() in {"unit", "units"}), None)
+            tree[with_unit(name, unit)] = _array(node, file, h5py)
+            references += h5py.check_ref_dtype(node.dtype) is not None and "MATLAB_class" not in node.attrs
+    if references and references == len(tree):
+        columns = {name: np.ravel(values) for name, values in tree.items()}
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    return tree
+
+
+def _array(node: Any, file: Any, h5py: Any) -> Any:
+    """A data set, of MATLAB turned as there: text, number or array; a cell array holds what it refers to."""
+    kind = node.attrs.get("MATLAB_class")
     if node.attrs.get("MATLAB_empty", 0):
         return "" if kind == b"char" else np.zeros(0)
     if kind == b"char":
         return "".join(map(chr, np.ravel(node[()].T)))
     if h5py.check_ref_dtype(node.dtype) is not None:
-        return _cells(
-            [_value(file[reference], file, h5py) for reference in np.ravel(node[()].T, order="C")], node.shape
-        )
-    values = node.asstr()[()] if h5py.check_string_dtype(node.dtype) else node[()]
-    array = np.squeeze(np.asarray(values).T)
-    return array.item() if array.ndim == 0 else array
-
-
-def _cells(values: list[Any], shape: tuple[int, ...]) -> Any:
-    """A cell array, without the dimensions of one element; lists of structs stay lists."""
-    if values and all(isinstance(value, Mapping) for value in values):
-        return values
-    cells = np.empty(len(values), dtype=object)
-    cells[:] = values
-    return np.squeeze(cells.reshape(tuple(reversed(shape)))) if len(values) > 1 else cells
-
-
-def hdf5_tree(content: bytes) -> tuple[dict[str, Any], str]:
-    """Arrays of an HDF5 file by their names, a dictionary a group."""
-    import h5py  # noqa: PLC0415  in the child alone
-
-    with h5py.File(io.BytesIO(content)) as file:
-        return _tree(file, h5py), ""
-
-
-def _tree(group: Any, h5py: Any) -> dict[str, Any]:
-    tree: dict[str, Any] = {}
-    for name, node in group.items():
-        if isinstance(node, h5py.Group):
-            tree[name] = _tree(node, h5py)
-            continue
-        if not isinstance(node, h5py.Dataset) or node.shape is None or h5py.check_ref_dtype(node.dtype) is not None:
-            continue
-        unit = next((node.attrs[key] for key in node.attrs if key.casefold() in {"unit", "units"}), None)
-        values = node.asstr()[()] if h5py.check_string_dtype(node.dtype) else node[()]
-        array = np.asarray(values)
-        tree[with_unit(name, unit)] = np.squeeze(array) if array.ndim else values
-    return tree
+        nodes = [file[reference] for reference in np.ravel(node[()].T)]
+        read = [_group(n, file, h5py, []) if isinstance(n, h5py.Group) else _array(n, file, h5py) for n in nodes]
+        if read and all(isinstance(value, Mapping) for value in read):
+            return read
+        cells = np.empty(len(read), dtype=object)
+        cells[:] = read
+        return cells
+    values = np.asarray(node.asstr()[()] if h5py.check_string_dtype(node.dtype) else node[()])
+    array = np.squeeze(values.T if kind is not None else values)
+    return array.item() if array.ndim == 0 and array.dtype.names is None else array
 
 
 Columns = Mapping[str, NDArray[Any]]
@@ -200,15 +174,8 @@ def _sorted(tree: Tree) -> tuple[dict[str, NDArray[Any]], dict[str, Tree]]:
             _sort_structs(name, structs, vectors, below)
         elif isinstance(value, np.ndarray) and value.dtype.names:
             below[name] = {field: value[field].ravel() for field in value.dtype.names}
-        elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2:
-            count, named = value.shape[1], all(isinstance(cell, str) for cell in value[0])
-            headers = [str(cell) for cell in value[0]] if named else [f"{name} column {k + 1}" for k in range(count)]
-            cells = value[1:] if named else value
-            below[name] = {header: _typed(cells[:, k]) for k, header in enumerate(headers)}
         elif _is_column(value):
             vectors[name] = value
-        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == object:
-            below |= {f"{name}{{{k + 1}}}": {name: cell} for k, cell in enumerate(value) if _is_column(cell)}
         elif isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in _NUMBERS and value.size:
             matrices[name] = value
     below |= _of_matrices(matrices, vectors)
@@ -253,14 +220,6 @@ def _is_column(value: object) -> bool:
     return value.dtype.kind in f"{_NUMBERS}US" or (
         value.dtype == object and all(isinstance(cell, str) for cell in value)
     )
-
-
-def _typed(cells: NDArray[Any]) -> NDArray[Any]:
-    """Cells as numbers, if all are; an empty cell is a missing number."""
-    values = [np.nan if np.size(cell) == 0 else cell for cell in cells]
-    if any(isinstance(value, str) or np.ndim(value) for value in values):
-        return np.array([str(value) for value in values], dtype=object)
-    return np.array(values, dtype=np.float64)
 
 
 def _of_matrices(matrices: Mapping[str, NDArray[Any]], vectors: Mapping[str, NDArray[Any]]) -> dict[str, Tree]:

@@ -138,19 +138,6 @@ class TimeSeries(_Measured):
 
 
 @dataclass(frozen=True, eq=False)
-class FieldScan:
-    """Readings of an axial field beside an actuator, each array of shape (n,), in SI."""
-
-    distance: FloatArray
-    current: FloatArray
-    radius: FloatArray
-    height: FloatArray
-    field: FloatArray
-    findings: tuple[Finding, ...] = ()
-    source: str = "scan"
-
-
-@dataclass(frozen=True, eq=False)
 class InductanceTable:
     """Measured inductances, each array of shape (n,), in SI.
 

@@ -13,7 +13,6 @@ median absolute deviation as a scale that outliers do not move.
 """
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
@@ -38,9 +37,6 @@ _RANGES = 2
 
 _SLIP = 2.0
 """Conventional: a slipped digit or decimal point changes a reading at least so much, seen against all neighbours."""
-
-_ROUNDING = 1e-9
-"""Numerical: part of the neighbours' distances by which a reading may lie outside of them."""
 
 
 def isolated_outliers(
@@ -74,7 +70,8 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatA
     if len(judged) < 2 * _LEAST:
         return np.zeros(0, dtype=np.intp)
     deviation = np.zeros(len(value))
-    deviation[judged] = _deviations(value, place, near, judged)
+    offset = place[near[judged]] - place[judged][:, None, :]
+    deviation[judged] = value[judged] - _planes(value[near[judged]], offset)[:, 0]
     scale = np.full(len(value), np.inf)
     around = deviation[near[judged]]
     local = 1.4826 * np.median(np.abs(around - np.median(around, axis=1)[:, None]), axis=1)
@@ -111,17 +108,9 @@ def _is_alone(
 
 
 def _surrounded(offset: FloatArray) -> bool:
-    """Whether a reading lies between its neighbours in every direction they lie in, so that they interpolate it.
-
-    Zero is inside the hull of the offsets x_j, and not on its border, if sum_j w_j x_j = 0 with every w_j > 0. Where
-    the weights are not found, the reading is not called surrounded, and is kept.
-    """
-    total = -offset.sum(axis=0)
-    try:
-        norm = nnls(offset.T, total)[1]
-    except RuntimeError:  # the most iterations that nnls does
-        return False
-    return bool(norm <= _ROUNDING * max(float(np.abs(offset).sum()), 1e-300))
+    """Whether a reading lies between its neighbours in each setting in which they differ: they interpolate it."""
+    differs = np.ptp(offset, axis=0) > 0.0
+    return bool(((offset.min(axis=0) < 0.0) & (offset.max(axis=0) > 0.0))[differs].all())
 
 
 def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatArray) -> bool:
@@ -152,12 +141,6 @@ def _nearest(place: FloatArray, run: IntArray) -> IntArray:
             neighbours = here[nearest[nearest != row][:count]]
             result[here[row]] = np.resize(neighbours, _NEIGHBOURS)
     return result
-
-
-def _deviations(value: FloatArray, place: FloatArray, near: IntArray, judged: IntArray) -> FloatArray:
-    """Reading minus what the plane through its neighbours predicts."""
-    offset = place[near[judged]] - place[judged][:, None, :]
-    return value[judged] - _planes(value[near[judged]], offset)[:, 0]
 
 
 def _planes(value: FloatArray, offset: FloatArray) -> FloatArray:

@@ -98,26 +98,21 @@ def file_content(path: str | Path, what: str) -> bytes:
         raise TableError(f"{path} cannot be read: {error.strerror or error}.") from error
 
 
-def decode(content: bytes, source: str, encoding: str | None = None) -> tuple[str, str]:
+def decode(content: bytes, source: str) -> tuple[str, str]:
     """Text of a file and its encoding."""
     if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
         raise TableError(f"{source} is a spreadsheet of a kind that is not read (.xls, .ods); save it as .xlsx or CSV.")
     marked = [name for mark, name in _MARKS if content.startswith(mark)]
     # Windows-1252 leaves five codes undefined; Latin-1 takes every byte.
-    names, text = [encoding] if encoding else marked or ["utf-8", "cp1252", "latin-1"], None
-    for name in names:
+    for name in marked or ["utf-8", "cp1252", "latin-1"]:
         try:
             text = content.decode(name)
-            break
-        except LookupError as error:
-            raise TableError(f"--encoding must be a name that Python knows; instead received {name!r}.") from error
         except UnicodeError:
             continue
-    if text is None:
-        raise TableError(f"{source} is not written in {name}. Give the right one with --encoding.")
-    if "\x00" in text:
-        raise TableError(f"{source} is no text table (it holds NUL characters); export it as CSV or Parquet.")
-    return text.removeprefix("\ufeff"), name
+        if "\x00" in text:
+            raise TableError(f"{source} is no text table (it holds NUL characters); export it as CSV or Parquet.")
+        return text.removeprefix("\ufeff"), name
+    raise TableError(f"{source} is not written in {marked[0]}, as its first bytes say. Save it again as UTF-8.")
 
 
 def parse_parquet(content: bytes, source: str) -> RawTable:

@@ -182,8 +182,6 @@ class Wants:
     one_of: tuple[str, ...] = ()
     circuits: Collection[str] = ()  # Those that may carry a circuit's name
     hints: Mapping[str, str] = field(default_factory=dict)  # What else can be done where a column is missing
-    guess: bool = False  # Whether a name may stand inside a header, as in ``Fz, total``
-    renamed: bool = False  # Whether the user can only rename columns, as no option says what they are
 
     def columns(self, headers: Iterable[str], words: Words) -> tuple[str, ...]:
         """What a table with such headers may have, those of several circuits after the others."""
@@ -194,9 +192,7 @@ class Wants:
         """Whether a table has what is needed, as its columns are recognised and named by the user."""
         names = self.columns(raw.headers, words)
         try:
-            used, _ = match_columns(
-                raw.headers, raw.source, names, words.columns, words.units, guess=self.guess, optional=names
-            )
+            used, _ = match_columns(raw.headers, raw.source, names, words.columns, words.units, names)
         except TableError:  # it lacks a column that the user named
             return False
         return not self.lacking([*(column.name for column in used.values()), *words.settings])
@@ -225,10 +221,7 @@ class Wants:
         unused = [header for header in headers if header.strip() and header not in taken]
         reasons = [remark.text for remark in findings if remark.column and remark.column not in columns]
         remedy = remedy_for_columns(unused, [*chain(*missing.values())])
-        remedies = [
-            "Rename the columns or add them." if self.renamed else remedy,
-            *(self.hints[name] for name in missing if name in self.hints),
-        ]
+        remedies = [remedy, *(self.hints[name] for name in missing if name in self.hints)]
         raise TableError(
             f"A {self.what} must have {', '.join(self.needs)}{' and at least one channel' if self.one_of else ''}, "
             f"with numbers in them; {source} lacks {' and '.join(missing)} (it has "

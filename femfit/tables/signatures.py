@@ -53,21 +53,15 @@ class Signatures(Printed):
         return [name for name in map(str, self.rows) if name in {"force_N", "hall_T"} or is_flux(name)]
 
     def __str__(self) -> str:
-        """What matters most first: rms change of each channel by one standard deviation of each number."""
+        """The rms change of each channel by one standard deviation of each number."""
         channels = self.channels
         words = {name: name.rpartition("_")[0].replace("_", " ") for name in channels} | {"hall_T": "Hall field"}
-        sizes = {
-            number: [number.tolerance * float(np.sqrt(np.nanmean(self.of(number)[name] ** 2))) for name in channels]
-            for number in self.numbers
-        }
-        largest = np.max([*sizes.values()], axis=0, initial=0.0)
-        largest = np.where(largest > 0.0, largest, 1.0)
-        ranked = sorted(self.numbers, key=lambda number: -max(np.array(sizes[number]) / largest))
-        return "\n".join(
-            f"{number.title} +- {amount(number.tolerance, number.unit)}: "
-            + ", ".join(f"{words[name]} {amount(v, name)}" for name, v in zip(channels, sizes[number], strict=True))
-            for number in ranked
-        )
+        lines = []
+        for number in self.numbers:
+            rms = number.tolerance * np.sqrt(np.nanmean(self.of(number)[channels] ** 2, axis=0))
+            changes = ", ".join(f"{words[name]} {amount(size, name)}" for name, size in zip(channels, rms, strict=True))
+            lines.append(f"{number.title} +- {amount(number.tolerance, number.unit)}: {changes}")
+        return "\n".join(lines)
 
 
 def write_signatures(signatures: Signatures | None, directory: Path) -> None:

@@ -4,7 +4,6 @@ Written by the sweep and by the importer of FEMM tables, read by the fit; both k
 sweep's table one variant is chosen, with what its model needs beside the rows.
 """
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -252,11 +251,8 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
 
 def _narrowed(rows: "pd.DataFrame", name: str, value: float | str, axes: list[str]) -> "pd.DataFrame":
     if name not in axes:
-        near = difflib.get_close_matches(name, axes, n=1, cutoff=0.4)
         axes_text = f"its parameters are {', '.join(axes)}" if axes else "it has none: leave --where out"
-        raise TableError(
-            f"{name!r} is no parameter of the table; {axes_text}." + (f" Did you mean {near[0]!r}?" if near else "")
-        )
+        raise TableError(f"{name!r} is no parameter of the table; {axes_text}.")
     matching: pd.DataFrame = rows[_same(rows[name], value)]
     if matching.empty:
         raise TableError(

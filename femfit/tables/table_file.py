@@ -102,48 +102,27 @@ def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: W
     with decoding(source, kind), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a file's styles, titles or index, which no number depends on
         tables, remark = reader(content, source)
-    if table is not None:
-        return _named(tables, table, source)
-    if not tables:
-        raise TableError(f"{source} holds no table: no columns of numbers of one length. {remark}".rstrip())
-    if len(tables) == 1:
-        return tables[0].raw
-    suitable = [candidate for candidate in tables if wanted is None or wanted(candidate.raw)]
+    suitable = _named(tables, table) if table is not None else tables
+    if table is None and len(tables) > 1:
+        suitable = [candidate for candidate in tables if wanted is None or wanted(candidate.raw)]
     if len(suitable) == 1:
         raw = suitable[0].raw
+        if table is not None or len(tables) == 1:
+            return raw
         passed_over = listing(candidate.name for candidate in tables if candidate is not suitable[0])
         note = f"of {len(tables)} tables {quoted(suitable[0].name)!r} was taken, not {passed_over}"
         return replace(raw, notes=(*raw.notes, note))
-    if suitable:
-        raise TableError(
-            f"{source} holds {len(suitable)} tables with the columns that are needed: "
-            f"{listing(candidate.name for candidate in suitable)}. "
-            f"Choose one with --table {quoted(suitable[0].name)!r}."
-        )
-    raise TableError(_no_table(tables, source, remark))
-
-
-def _named(tables: Sequence[NamedTable], name: str, source: str) -> RawTable:
-    """The table of a name, or of a name's end."""
-    exact = [candidate for candidate in tables if candidate.name == name]
-    loose = [candidate for candidate in tables if candidate.name.casefold().endswith(name.strip().casefold())]
-    matches = exact or loose
-    if len(matches) != 1:
-        raise TableError(
-            f"{source} must have one table {quoted(name)!r}; it has "
-            f"{listing(candidate.name for candidate in tables) or 'none'}. "
-            "Give one of these names with --table."
-        )
-    return matches[0].raw
-
-
-def _no_table(tables: Sequence[NamedTable], source: str, remark: str) -> str:
+    needed = "all columns that are needed" if table is None else f"the name {quoted(table)!r}"
     lines = [
         f"  - {quoted(candidate.name)}: {listing(candidate.raw.headers, 6) or 'columns without names'}"
-        for candidate in tables[:12]
+        for candidate in (suitable or tables)[:12]
     ]
-    lines += [f"  - and {len(tables) - 12} more"] if len(tables) > 12 else []
-    head = f"None of the {len(tables)} tables of {source} has all columns that are needed. {remark}".rstrip()
-    return "\n".join(
-        [head, *lines, "Choose one with --table NAME, and say what a column is with --column HEADER=COLUMN."]
-    )
+    head = f"{source} must have one table with {needed}; {len(suitable)} of its {len(tables)} have. {remark}".rstrip()
+    end = "Choose one with --table NAME, and say what a column is with --column HEADER=COLUMN."
+    raise TableError("\n".join([head, *lines, end]))
+
+
+def _named(tables: Sequence[NamedTable], name: str) -> Sequence[NamedTable]:
+    """The tables of a name, or of a name's end."""
+    exact = [candidate for candidate in tables if candidate.name == name]
+    return exact or [each for each in tables if each.name.casefold().endswith(name.strip().casefold())]

@@ -4,7 +4,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -25,9 +25,6 @@ _SAMPLE = 500
 
 _DECIDING_ROWS = 5000
 """Rows, from all over the table, by which the decimal mark is found."""
-
-_MOST_WORDS = 60
-"""Words of a line that may be a header whose names hold blanks."""
 
 _SUMMARY_WORDS = """
 mean means average avg mittel mittelwert durchschnitt sum summe total min max minimum maximum sd std stdev stddev
@@ -62,13 +59,12 @@ def parse_text(
     content: bytes,
     source: str,
     *,
-    encoding: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
     open_decimal: str | None = None,
 ) -> RawTable:
     """Read a text table; each argument overrides what is found out."""
-    text, encoding = decode(content, source, encoding)
+    text, encoding = decode(content, source)
     lines = text_lines(text)
     if all(line.comment for line in lines):
         raise TableError(f"{source} is empty; it needs a header line and rows of numbers.")
@@ -193,19 +189,12 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
         return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
     _, number, headers = max(named)
     used = frozenset((number,))
-    below = [(line, cells) for line, cells in headed if line.number > number]
-    for line, cells in below:
-        if cells is not None and (units := _units_of(cells)):
+    for line, cells in headed:
+        if line.number > number and cells is not None and (units := _units_of(cells)):
             headers = tuple(
                 name if parse_header(name).unit or unit in _NO_UNITS else f"{name} [{unit}]"
                 for name, unit in zip(headers, units, strict=True)
             )
-            used |= {line.number}
-        elif cells is not None and line is below[0][0] and len(set(headers)) < width and sum(map(bool, cells)) > 1:
-            # A group's name stands over the first of its columns or over each
-            groups: Iterator[str] = itertools.accumulate(headers, lambda group, name: name or group)
-            names = zip(groups, cells, headers, strict=True)
-            headers = tuple(f"{group} {name}".strip() if name else heading for group, name, heading in names)
             used |= {line.number}
     return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
 
@@ -255,23 +244,14 @@ def _units_of(cells: Sequence[str]) -> list[str]:
 
 
 def _header_cells(line: Line, delimiter: str, width: int) -> tuple[str, ...] | None:
-    """Cells of a line that may be the header of so many columns; with blanks, words that belong together are joined."""
+    """Cells of a line that may be the header of so many columns; between blanks, names with a blank in them."""
     if len(line.cells) == width:
         return line.cells
-    words = line.text.split()
-    if delimiter not in {" ", "\t"} or len(words) > _MOST_WORDS:
-        return None
-    for wide in (r"\t+", r"\s{2,}", r"\s*[,;]\s*"):
+    for wide in (r"\t+", r"\s{2,}", r"\s*[,;]\s*", r"\s+(?![\[(/])") if delimiter in {" ", "\t"} else ():
         parts = [cell.strip().strip('"') for cell in re.split(wide, line.text.strip())]
         if len(parts) == width:
             return tuple(parts)
-    joined: list[str] = []
-    for word in words:
-        if joined and word[0] in "[(/":
-            joined[-1] += f" {word}"
-        else:
-            joined.append(word)
-    return tuple(joined) if len(joined) == width else None
+    return None
 
 
 def _is_known(cell: str) -> bool:

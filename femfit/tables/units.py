@@ -142,9 +142,6 @@ def column_unit(column: str) -> tuple[str, str]:
     return (stem, "degC" if unit == "C" else unit) if stem else (column, "")
 
 
-LEAST_TRAVEL_M = 5e-5
-"""Assumed: the distances of an imported table go further; smaller ones were taken for another unit."""
-
 _KELVIN = (200.0, 400.0)
 """Assumed: temperatures between these are more likely kelvins than degrees."""
 

@@ -18,6 +18,7 @@ from femfit.core.text import amount
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.process_graph import ProcessGraph
+from femfit.estimate.single_step import StepFunction
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.plant import Plant
@@ -39,6 +40,22 @@ MISSING = {"double": "1e200", "float": "1e30f"}
 
 SAMPLES = 400
 """Chosen: of the simulated motion along which single precision is compared."""
+
+
+_HEAD = """\
+/* Written by femfit from its model's equations, by CasADi: not to be read, and not to be edited. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#pragma GCC diagnostic ignored "-Wunused-const-variable"
+#endif
+"""
+
+_DESCRIBING = re.compile(
+    r"^CASADI_SYMBOL_EXPORT [^{}]*?femfit_(?:begun|arithmetic)_\w+\([^{]*\{(?:[^\n]*\}|.*?^\})\n",
+    re.MULTILINE | re.DOTALL,
+)
+"""A function that says of another one how many arguments it has, and of which shape."""
 
 
 def export_c(
@@ -87,7 +104,7 @@ def _texts(
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.require_start_covariance()
-    source, sizes = _arithmetic(built.single().function, process.graph, real)
+    source, sizes = _arithmetic(StepFunction(built, compact=True).function, process.graph, real)
     size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
@@ -127,7 +144,7 @@ def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple
     generator = ca.CodeGenerator("femfit_arithmetic", options)
     for one in functions:
         generator.add(one)
-    source = _trimmed(generator.dump())
+    source = _HEAD + _DESCRIBING.sub("", generator.dump()).replace(" casadi_nan NAN", " casadi_nan ((casadi_real) NAN)")
     if real == "float":  # CasADi leaves constants and functions in double precision
         source = _CALL.sub(r"\1f(", _NUMBER.sub(r"\1f", source))
     sizes = {
@@ -137,46 +154,6 @@ def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple
         "places": max(1, *(one.sz_iw() for one in functions)),
     }
     return source, sizes
-
-
-def _trimmed(source: str) -> str:
-    """What the filter's shell calls, and what that needs, without a warning of a strict compiler."""
-    head = source[: source.index("/* Configuration this file")]
-    head = re.sub(r"^(casadi_real casadi_\w+\()", r"static \1", head, flags=re.MULTILINE)
-    parts = {
-        "constant": r"^static const casadi_(?:int|real) (\w+)\[.*?\};\n",
-        "function": r"^(static int casadi_f\d+\(.*?^\}\n)",
-        "entry": r"^(CASADI_SYMBOL_EXPORT int femfit_(?:begun|arithmetic)\(.*?\n\}\n)",
-    }
-    found = {what: list(re.finditer(form, source, re.MULTILINE | re.DOTALL)) for what, form in parts.items()}
-    functions = "\n".join(match[1] for match in found["function"])
-    constants = [match[0] for match in found["constant"] if re.search(rf"\b{match[1]}\b", functions)]
-    unused = "  (void)arg; (void)res; (void)iw; (void)w; (void)mem;"
-    functions = re.sub(r"^(static int casadi_f\d+\(.*\{)$", r"\1\n{UNUSED}", functions, flags=re.MULTILINE)
-    entries = "\n".join(match[1] for match in found["entry"])
-    return _HEAD + "\n".join([head, *constants, _declared_first(functions, unused), entries])
-
-
-def _declared_first(source: str, unused: str) -> str:
-    """The statements that use what a function does not, behind its declarations."""
-    lines, waiting = [], False
-    for line in source.splitlines():
-        if line == "{UNUSED}":
-            waiting = True
-            continue
-        if waiting and not re.match(r"\s+(const )?casadi_(real|int)\b", line):
-            lines.append(unused)
-            waiting = False
-        lines.append(line)
-    return "\n".join(lines) + "\n"
-
-
-_HEAD = """\
-/* Written by femfit from its model's equations, by CasADi: not to be read, and not to be edited. */
-#if defined(__GNUC__)
-#pragma GCC diagnostic ignored "-Wconversion"
-#endif
-"""
 
 
 def _listed(values: Any, real: Real) -> str:

@@ -105,7 +105,7 @@ def python_source(name: str, function: GraphFunction, arguments: Sequence[str]) 
     """``def name(*arguments)``, which takes and gives lists of entries; and the tables that it looks up, before it."""
     tables, lines = [], [f"def {name}({', '.join(arguments)}):"]
     known = list(arguments)
-    for number, (tape, rows) in enumerate(function.graph.stages):
+    for number, (tape, rows) in enumerate(function.stages):
         lines += [f"    {line}" for line in _tape_lines(tape.function, known, f"y{number}")]
         first = 0
         for k, row in enumerate(rows):
@@ -116,7 +116,7 @@ def python_source(name: str, function: GraphFunction, arguments: Sequence[str]) 
             lines.append(f"    r{number}_{k} = row({table}, {borders!r}, ({at},))")
             known.append(f"r{number}_{k}")
             first += len(borders)
-    lines.append(f"    return y{len(function.graph.stages) - 1}")
+    lines.append(f"    return y{len(function.stages) - 1}")
     return "\n".join([*tables, "", "", *lines])
 
 

@@ -8,10 +8,11 @@
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from femfit.fit.build import fit_model
 from femfit.identify.decision.diagnose import diagnose
 from femfit.model.json_file import read_model, write_model
 from femfit.trial.counts import Outcome, judge
-from femfit.trial.field_table import Device, HiddenError
+from femfit.trial.field_table import Device
 from femfit.trial.hidden import HIDDEN_ERRORS, possible_errors, solve_device
 from femfit.trial.virtual_bench import LEVELS, Campaign, make_campaign
 
@@ -69,7 +70,7 @@ def make_campaigns(device: Device, directory: Path, cases: int, seed: int) -> li
             campaign = make_campaign(device, errors, level, np.random.default_rng([seed, number]))
         except DomainError:
             continue
-        write_campaign(campaign, directory / "campaigns" / f"{number:04d}", errors)
+        write_campaign(campaign, directory / "campaigns" / f"{number:04d}")
         made.append(number)
     return made
 
@@ -89,13 +90,11 @@ def _orders(actuator: Actuator, cases: int, seed: int) -> list[tuple[tuple[str, 
     return orders
 
 
-def write_campaign(campaign: Campaign, directory: Path, errors: Mapping[str, HiddenError]) -> None:
-    """Write a campaign's files into a directory; ``right`` are the names of the diagnosis that say what is hidden."""
+def write_campaign(campaign: Campaign, directory: Path, **more: Any) -> None:
+    """Write a campaign's files into a directory, and what else may be said of what is hidden."""
     directory.mkdir(parents=True, exist_ok=True)
     campaign.rows.to_csv(directory / "data.csv", index=False, float_format="%.9g")
-    (directory / "data.toml").unlink(missing_ok=True)
-    right = {name: list((name,) if error.names is None else error.names) for name, error in errors.items()}
-    write_json(directory / "hidden.json", campaign.key() | {"right": right})
+    write_json(directory / "hidden.json", campaign.key() | more)
 
 
 Report = Callable[[int, int], None]

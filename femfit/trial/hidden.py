@@ -27,6 +27,8 @@ MAGNET_PER_K, MAGNET_PER_K2 = -1.15e-3, -2e-6
 BEND = 0.1
 """A load cell's or a shunt's gain error is larger by this part at full scale than at zero: no meter is quite linear."""
 
+Stage = Callable[[Device, float, Conditions, Readings], Readings]
+
 _IRON_PERMEABILITY = 600.0
 """Tells iron from ferrite."""
 
@@ -126,17 +128,15 @@ def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress:
     return Device(actuator, tables["drawn"], families)
 
 
-def _warm_magnet(device: Device, size: float, settings: Conditions) -> FloatArray:
-    warmer = settings.magnet_C - 20.0
-    return device.change("remanence", size * (MAGNET_PER_K * warmer + MAGNET_PER_K2 * warmer**2), settings)
-
-
-def _resisted(share: Callable[[float, Conditions], FloatArray | float]) -> Callable[..., Readings]:
-    """A reading of the voltage with a relative change of the resistance."""
+def _added(channel: str, change: Callable[[Device, Conditions, FloatArray], FloatArray | float]) -> Stage:
+    """A reading of a channel to which its size times ``change(device, settings, reading)`` is added."""
     return lambda device, size, settings, values: {
-        "voltage_V": values["voltage_V"]
-        + device.actuator.coil.resistance_ohm * share(size, settings) * settings.current
+        channel: values[channel] + size * change(device, settings, values[channel])
     }
+
+
+def _of_resistance(device: Device, settings: Conditions, _: FloatArray) -> FloatArray:
+    return device.actuator.coil.resistance_ohm * settings.current
 
 
 _FIELD = ("force_N", "flux_linkage_Wb", "hall_V")
@@ -163,19 +163,29 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
         lambda device: 0.04 if device.drawn.currents else 0.2,  # within the solved currents
         ("flux_linkage_Wb", "voltage_V"),
         fields=lambda device, size, settings: device.with_turns(size, settings),
-        reading=_resisted(lambda size, settings: size),  # the wire is longer by as much
+        reading=_added("voltage_V", _of_resistance),  # the wire is longer by as much
     ),
-    "resistance": HiddenError(lambda device: 0.3, ("voltage_V",), reading=_resisted(lambda size, settings: size)),
+    "resistance": HiddenError(lambda device: 0.3, ("voltage_V",), reading=_added("voltage_V", _of_resistance)),
     "coil_temperature": HiddenError(
         lambda device: 1.3,  # of copper's coefficient
         ("voltage_V",),
-        reading=_resisted(lambda size, settings: abs(size) * COPPER_TEMPERATURE_COEFFICIENT * (settings.coil_C - 20.0)),
+        reading=lambda device, size, settings, values: {
+            "voltage_V": values["voltage_V"]
+            + abs(size)
+            * COPPER_TEMPERATURE_COEFFICIENT
+            * (settings.coil_C - 20.0)
+            * _of_resistance(device, settings, values["voltage_V"])
+        },
     ),
     "magnet_temperature": HiddenError(
         lambda device: 2.5,
         _FIELD,
         _MAGNET,
-        fields=lambda device, size, settings: _warm_magnet(device, abs(size), settings),
+        fields=lambda device, size, settings: device.change(
+            "remanence",
+            abs(size) * (settings.magnet_C - 20.0) * (MAGNET_PER_K + MAGNET_PER_K2 * (settings.magnet_C - 20.0)),
+            settings,
+        ),
     ),
     "core_saturation": HiddenError(
         lambda device: 2.0,
@@ -186,15 +196,12 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
     "force_offset": HiddenError(
         lambda device: 0.3 * device.largest_force,
         ("force_N",),
-        reading=lambda device, size, settings, values: {"force_N": values["force_N"] + size},
+        reading=_added("force_N", lambda *_: 1.0),
     ),
     "force_gain": HiddenError(
         lambda device: 0.2,
         ("force_N",),
-        reading=lambda device, size, settings, values: {
-            "force_N": values["force_N"]
-            * (1.0 + size * (1.0 + BEND * np.abs(values["force_N"]) / device.largest_force))
-        },
+        reading=_added("force_N", lambda device, _, force: force * (1.0 + BEND * np.abs(force) / device.largest_force)),
     ),
     "current_offset": HiddenError(
         lambda device: 0.02 * device.largest_current,  # both current errors stay within the solved range
@@ -209,18 +216,11 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
             current=settings.current * (1.0 + size * (1.0 + BEND * np.abs(settings.current) / device.largest_current)),
         ),
     ),
-    "hall_offset": HiddenError(
-        lambda device: 0.3,
-        ("hall_V",),
-        _HALL,
-        reading=lambda device, size, settings, values: {"hall_V": values["hall_V"] + size},
-    ),
+    "hall_offset": HiddenError(lambda device: 0.3, ("hall_V",), _HALL, reading=_added("hall_V", lambda *_: 1.0)),
     "flux_integrator_drift": HiddenError(
         lambda device: 1e-4,
         ("flux_linkage_Wb",),
-        reading=lambda device, size, settings, values: {
-            "flux_linkage_Wb": values["flux_linkage_Wb"] + size * settings.time_s
-        },
+        reading=_added("flux_linkage_Wb", lambda device, settings, _: settings.time_s),
     ),
 }
 """By the name that the diagnosis should give. Sizes are relative or in SI units, mostly of either sign."""

@@ -64,7 +64,6 @@ class Campaign:
     meters: Mapping[str, Meter] = field(default_factory=dict)
     mount_m: float = 0.0  # Standard deviation of the mounts' distances
     runs: int = 1
-    conditions: Conditions | None = None  # Of all readings, those left out as well, in the order of measuring
 
     def key(self) -> dict[str, Any]:
         """What nobody may know who diagnoses it, as JSON-ready data."""
@@ -200,7 +199,7 @@ def _measure(
         shown[name] = expected_fall(change, slope, read, meters, run, mount_m)
     over_noise = {name: bench.over_noise({name: size}, meters) for name, size in hidden.items()}
     measured_rows = rows[written].reset_index(drop=True)
-    return Campaign(measured_rows, 0.0, hidden, over_noise, shown, meters, mount_m, runs, bench.conditions)
+    return Campaign(measured_rows, 0.0, hidden, over_noise, shown, meters, mount_m, runs)
 
 
 def expected_fall(

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from femfit.audit.audit_model import audit_model
-from femfit.audit.carried import carried_range
-from femfit.device.electrics import Circuit
-from femfit.device.mechanics import Mechanics, Stop
+from femfit.device.mechanics import Stop
 from femfit.fit.build import fit_model
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -33,7 +31,7 @@ def test_a_consistent_rig_passes_clean(levitation_model):
     assert codes(levitation_model, "wrong", "note") == set()
     checked = codes(levitation_model, "holds")
     assert codes(levitation_model, "stated") == {"misfit"}  # no table is at hand
-    assert {"reciprocity", "inductance", "held_range", "sample_time", "hall_range"} <= checked
+    assert {"inductance", "held_range", "sample_time", "hall_range"} <= checked
 
 
 @pytest.mark.parametrize(
@@ -41,8 +39,6 @@ def test_a_consistent_rig_passes_clean(levitation_model):
     [
         (lambda m: replace(m, reference_distances_m=(0.022, 0.044)), "held_range"),
         (lambda m: replace(m, sample_time_s=0.02), "sample_time"),
-        (lambda m: replace(m, circuits=(Circuit(2.69, 3.0, 0.5),)), "positive"),
-        (lambda m: replace(m, motion=Mechanics(-1e-3)), "positive"),
         (lambda m: replace(law(m), magnetics=replace(law(m).magnetics, constant_inductance_H=0.0)), "inductance"),
         (lambda m: law(m, value=3.6e-5, bounds=(0.0, 1e-7)), "outside_bounds"),
     ],
@@ -66,9 +62,10 @@ def test_a_hall_output_that_leaves_its_range_is_noted(levitation_model):
     model, box = replace(levitation_model, sensor=sensor), levitation_model.validity
     (found,) = [one for one in audit_model(model).findings if one.code == "hall_range"]
     assert found.severity == "note"
-    distance, current = np.linspace(box.distance_min_m, box.distance_max_m, 4001), 0.0
-    farthest = distance[sensor.voltage(distance, current + 0.0 * distance) >= 5.0].max()
-    begins, ends = map(float, found.sentence.split("clipped at 5 V from ")[1].split(" mm at 0 A")[0].split(" to "))
+    distance = np.linspace(box.distance_min_m, box.distance_max_m, 4001)
+    volts = [sensor.voltage(distance, current + 0.0 * distance) for current in np.linspace(*box.current_limits_A[0], 9)]
+    farthest = distance[np.max(volts, axis=0) >= 5.0].max()
+    begins, ends = map(float, found.sentence.split("clipped at 5 V from ")[1].split(" mm at some")[0].split(" to "))
     assert begins == pytest.approx(1e3 * box.distance_min_m)
     assert ends == pytest.approx(1e3 * farthest, abs=0.75)  # a step of the grid
 
@@ -89,15 +86,11 @@ def test_a_verdict_does_not_depend_on_the_size_of_the_device(levitation_model, l
     assert {one.code: one.severity for one in audit_model(model).findings} == same
 
 
-def test_the_weight_of_a_standing_body_is_said_without_a_sign_and_its_stroke_ends_at_its_stops(levitation_model):
-    near, far = 0.02, 0.03
-    stops = {"near_stop": Stop(near, 0.0), "far_stop": Stop(far, 0.0)}
-    motion = replace(levitation_model.motion, gravity_m_s2=-levitation_model.motion.gravity_m_s2, **stops)
-    model = replace(levitation_model, motion=motion, reference_distances_m=())
-    findings = {one.code: one for one in audit_model(model).findings}
-    assert "-" not in findings["held_range"].sentence.split("weight of ")[1].split("N")[0]
-    hanging = carried_range(replace(levitation_model, motion=replace(levitation_model.motion, **stops)))
-    assert (hanging.low_m, hanging.high_m) == (pytest.approx(near, abs=1e-4), far)
+def test_the_stroke_of_a_held_body_ends_at_its_stops(levitation_model):
+    stops = {"near_stop": Stop(0.02, 0.0), "far_stop": Stop(0.03, 0.0)}
+    model = replace(levitation_model, motion=replace(levitation_model.motion, **stops))
+    (found,) = [one for one in audit_model(model).findings if one.code == "held_range"]
+    assert found.numbers["carried"][0]["range_m"] == [pytest.approx(0.02), 0.03]
 
 
 @pytest.fixture(scope="module")
@@ -109,23 +102,21 @@ def fitted(tmp_path_factory):
     return directory, result.model
 
 
-def test_a_model_is_compared_with_the_table_beside_it(fitted):
+def test_a_model_is_compared_with_the_table_beside_it_where_it_holds(fitted, levitation_model):
     directory, model = fitted
     audit = audit_model(directory / "model.json")
-    assert not {one.code for one in audit.findings if one.severity == "wrong"} & {"misfit", "stated_misfit"}
-    assert {one.about for one in audit.findings if one.code == "misfit"} == {"force", "flux linkage", "inductance"}
+    misfits = {one.about: one.severity for one in audit.findings if one.code == "misfit"}
+    assert misfits == dict.fromkeys(("force", "flux linkage", "inductance"), "holds")
     base = model.magnetics
     weaker = replace(base, spline=replace(base.spline, coefficients=0.8 * base.spline.coefficients))
     write_model(replace(model, magnetics=weaker), directory / "weaker.json")
     wrong = {one.code: one for one in audit_model(directory / "weaker.json").findings if one.severity == "wrong"}
     assert wrong["misfit"].recomputed == pytest.approx(0.2, rel=0.01)
-    stated = [one for one in audit_model(directory / "weaker.json").findings if one.code == "stated_misfit"]
-    assert {one.about for one in stated} == {
-        f"stated misfit of the {q}" for q in ("force", "flux linkage", "inductance")
-    }
-    assert all(one.stated < one.recomputed for one in stated)
     assert "misfit" in codes(replace(model, magnetics=weaker), "stated")  # without its table: as the file states
-    assert "wrong" in {one.severity for one in audit_model(replace(model, magnetics=weaker), directory).findings}
+    narrower = replace(model, validity=replace(model.validity, distance_max_m=0.04))
+    write_model(narrower, directory / "narrower.json")
+    inside = audit_model(directory / "narrower.json")
+    assert {one.severity for one in inside.findings if one.code == "misfit"} == {"holds"}
 
 
 def test_a_damaged_table_beside_a_model_is_said(fitted, tmp_path):
@@ -137,22 +128,14 @@ def test_a_damaged_table_beside_a_model_is_said(fitted, tmp_path):
     assert {one.severity for one in audit.findings if one.code == "misfit"} == {"stated"}
 
 
-def test_a_table_of_another_range_beside_a_model_is_said_not_to_be_its_own(fitted, levitation_model):
-    directory, _ = fitted
-    other = replace(levitation_model, validity=replace(levitation_model.validity, distance_max_m=0.04))
-    write_model(other, directory / "other.json")
-    said, *rest = audit_model(directory / "other.json").findings
-    assert (said.code, tuple(rest)) == ("table", audit_model(other).findings)
-
-
 @pytest.mark.parametrize(
     ("change", "needed"),
     [
-        (lambda rows: rows.assign(distance_m=0.1 * rows["distance_m"]), "mm"),
-        (lambda rows: rows.assign(current_A=10.0 * rows["current_A"]), " A"),
+        (lambda rows: rows.assign(distance_m=0.1 * rows["distance_m"]), "0 of"),
+        (lambda rows: rows.assign(current_A=10.0 * rows["current_A"]), "where the model holds"),
         (lambda rows: rows.rename(columns={"current_A": "current_top_A"}), "current_A"),
         (lambda rows: rows.assign(current_top_A=rows["current_A"]), "current_top_A"),
-        (lambda rows: rows.assign(force_N=0.0), "0 N"),
+        (lambda rows: rows.assign(force_N=0.0), "forces"),
     ],
 )
 def test_a_table_of_another_device_is_refused_with_what_does_not_match(fitted, tmp_path, change, needed):
@@ -162,7 +145,6 @@ def test_a_table_of_another_device_is_refused_with_what_does_not_match(fitted, t
     done = femfit("audit", directory / "model.json", "--table", tmp_path)
     assert done.returncode == 1
     assert needed in done.stderr
-    assert "wrong" not in done.stdout
 
 
 def test_the_command_ends_with_1_where_something_is_wrong(levitation_model, tmp_path):
@@ -171,12 +153,11 @@ def test_the_command_ends_with_1_where_something_is_wrong(levitation_model, tmp_
     assert (done.returncode, done.stdout[:7]) == (1, "1 wrong")
 
 
-@pytest.mark.parametrize("mass_kg", [None, 50.0], ids=["as it is", "too heavy for any current"])
 @pytest.mark.parametrize("path", sorted((Path(__file__).parents[1] / "golden" / "inputs" / "models").glob("*.json")))
-def test_every_finding_of_every_kind_of_device_has_its_sentence(path, mass_kg):
+def test_every_finding_of_every_kind_of_device_that_is_too_heavy_has_its_sentence(path):
     model = read_model(path)
-    if mass_kg and model.motion is not None:
-        model = replace(model, motion=replace(model.motion, mass_kg=mass_kg))
+    if model.motion is not None:
+        model = replace(model, motion=replace(model.motion, mass_kg=50.0))
     audit = audit_model(model)
     for finding in json.loads(json.dumps(audit.to_dict(), allow_nan=False))["findings"]:
         assert finding["sentence"].endswith(".")

@@ -331,8 +331,6 @@ def _error_after_add(model: ActuatorModel, data: BenchTable, runs: int, key: dic
     try:
         if diagnosis and diagnosis.missing:
             model = add_effects(model, before, diagnosis).model
-        elif diagnosis and diagnosis.verdict == "unexplained":
-            model = add_effects(model, before, "unexplained").model
     except FemfitError:  # these readings are too few to add anything
         pass
     observations = placed(model, data)

@@ -30,8 +30,8 @@ from femfit.field.tolerance import settings_for
 from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.diagnose import diagnose, diagnose_observations
+from femfit.model.bspline import DistanceCoordinate
 from femfit.model.carried import FieldTerm
-from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
@@ -46,9 +46,9 @@ from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded
 from support.command import FEMFIT
 from support.eddies import with_eddies
+from support.levitation import REFERENCE_DISTANCE, fitted_spline
 from support.replays import damped, logs
 from support.solenoids import solenoid
-from support.splines import REFERENCE_DISTANCE, fitted_spline
 from support.timed_sweep import SWEEPS, timed, timed_sweep
 
 pytestmark = pytest.mark.benchmark
@@ -141,7 +141,7 @@ def test_a_thousand_loops_of_one_second(levitation_model, observer):
 
 
 WORK = {
-    "closed-loop study": lambda rig: closed_loop_study(rig).holds,
+    "closed-loop study": lambda rig: closed_loop_study(rig).steps,
     "100 ms of a solenoid with one pull-in": lambda _: ff.simulate(solenoid(), voltage_V=12.0).switchings,
     "20,000 samples with the search for the noise": lambda _: ff.observe(damped(), logs(20_000, 1, seed=7)[1][0]).noise,
 }

@@ -14,9 +14,7 @@ from femfit.cli.main import COMMANDS
 from femfit.device.load import read_actuator
 from femfit.model.json_file import read_model
 from femfit.tables.sweep_table import read_sweep_table
-from support.campaign import NOISE
 from support.cli_case import DRAWN, FACE, ONCE, SLOW
-from support.command import worked
 from support.page import Page
 from support.snapshot import check_snapshot
 
@@ -49,18 +47,9 @@ def test_a_command_prints_what_it_printed_and_writes_its_files(case, name, renew
     for written in outputs(ONCE[name]):
         path = case.folder / written
         assert any(path.iterdir()) if path.is_dir() else path.stat().st_size > 100, written
+    if f"--json {name}.json" in ONCE[name]:
+        assert result(case, name)["written_by"].startswith("femfit ")
     check_snapshot(f"femfit-{name}", done.stdout, renew=renew)
-
-
-WITH_JSON = [param for name, param in zip(ONCE, NAMES, strict=True) if f"--json {name}.json" in ONCE[name]]
-
-
-@pytest.mark.parametrize("name", WITH_JSON)
-def test_a_result_as_json_is_a_table_of_strict_json_with_findings_by_code(case, name):
-    data = result(case, name)
-    assert data["written_by"].startswith("femfit ")
-    for finding in data.get("findings", []):
-        assert {"code", "severity"} <= set(finding) or "code" in finding
 
 
 def test_a_sweep_with_signatures_sorts_them_by_what_they_change_and_the_fit_keeps_them(case):
@@ -78,26 +67,17 @@ def test_a_point_is_drawn_with_the_sweeps_force(case):
     row = read_sweep_table(case.folder / "runs/small").rows.iloc[1]
     assert (data["distance_m"], data["current_A"]) == (row["distance_m"], row["current_A"])
     assert data["force_N"] == pytest.approx(row["force_N"], rel=5e-4)  # another mesh
-    assert (case.folder / "view.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_an_imported_table_is_read_as_its_header_says(case):
-    data = result(case, "import")
-    assert {entry["quantity"] for entry in data["mapping"]} == {"current", "distance", "force"}
-    rows = read_sweep_table(case.folder / "imported").rows
-    assert (len(rows), rows["distance_m"].max()) == (33, 0.015)
 
 
 def test_a_fem_model_becomes_an_actuator_file_that_says_where_it_comes_from(case):
     data = result(case, "import-fem")
     actuator = read_actuator(case.folder / "pull.toml")
-    assert (actuator.name, actuator.sweep.currents_A, len(actuator.sweep.distances_m)) == ("pull-magnet", (0, 1, 2), 9)
-    assert actuator.mechanics.mass_kg == 2.5e-3
+    assert (actuator.name, actuator.sweep.currents_A, len(actuator.sweep.distances_m)) == ("pull-magnet", (2,), 1)
     text = (case.folder / "pull.toml").read_text()
     assert "# block 'Pure Steel' at (r, z) = (2, 9) mm, group 1" in text
     assert "# circuit 'coil': block 'Copper'" in text
     assert (data["kind"], data["current_A"], data["distance_m"], data["mirrored"]) == ("import-fem", 2, 0.004, True)
-    assert {finding["code"] for finding in data["findings"]} >= {"mover", "frame", "near-boundary", "assumed-wire"}
+    assert {finding["code"] for finding in data["findings"]} >= {"mover", "frame", "one-point", "assumed-wire"}
 
 
 def test_an_export_lists_its_files(case):
@@ -115,61 +95,19 @@ def test_a_loop_is_summed_up_and_its_series_written(case):
     assert {"run", "time_s", "voltage_V", "true_current_A", "true_distance_m", "hall_V"} <= set(table)
 
 
-def test_an_audit_counts_what_it_prints(case):
-    findings = result(case, "audit")["findings"]
-    assert {one["severity"] for one in findings} <= {"holds", "stated"}
-    assert case.run("audit").stdout.count("holds: ") == sum(one["severity"] == "holds" for one in findings)
-
-
-def test_temperatures_are_written_part_by_part(case):
-    data = result(case, "heat")
-    assert data["distance_m"] == 5e-3
-    assert len(data["conductances_W_per_K"]) == len(data["names"]) > 2
-
-
 def test_an_observed_log_gives_estimates_of_each_filter_and_a_model_with_its_noise(case):
     assert [one["name"] for one in result(case, "observe")["filters"]] == ["ukf", "ekf"]
     header = (case.folder / "seen.csv").read_text().splitlines()[0]
     assert {"ukf_distance_m", "ekf_deviation_distance_m", "ukf_innovation_laser"} <= set(header.split(","))
     tuned = read_model(case.folder / "tuned.json")
     assert ff.observe(tuned, case.folder / "log.csv", find=False).filters[0].trusted
-    again = ("observe", "damped.json", "log.csv", "--csv", "seen.csv", "--keep-noise")  # its own table is replaced
-    worked(*again, cwd=case.folder)
 
 
-def test_a_model_that_holds_agrees_and_its_pictures_are_written(case):
-    data = result(case, "compare")
-    assert data["verdict"] == "agrees"
-    assert {one["channel"] for one in data["channels"]} == {"force_N", "flux_linkage_Wb", "hall_V", "voltage_V"}
-    assert "misfit-maps" in (case.folder / "compare.html").read_text()
-
-
-def test_a_diagnosis_names_what_is_hidden_and_its_noise_in_words_without_names_of_parameters(case):
-    data = result(case, "diagnose")
-    assert data["verdict"] == "named"
-    assert {one["name"] for one in data["missing"]} == {"hall_offset", "distance_offset"}
-    assert data["noise_floor"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.3)
-    assert "offset_V" not in case.run("diagnose").stdout
-
-
-def test_the_error_falls_to_the_noise_once_the_effects_are_added(case):
-    data = result(case, "add")
-    assert [one["name"] for one in data["added"]] == ["hall_offset", "distance_offset"]
-    # 240 readings a channel: 5 % of the rms, as much of the floor
-    fall = data["error_fall"]["hall_V"]
-    assert fall["rms_after"] == pytest.approx(NOISE["hall_V"], rel=0.2)
-    assert fall["after_over_noise"] < 1.15
-    assert data["left_out"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.2)
-    assert "fall" in Page((case.folder / "add.html").read_text(encoding="utf-8")).ids
-
-
-def test_the_new_model_remembers_its_measurement_and_simulates_and_exports(case, tmp_path):
+def test_the_new_model_remembers_its_measurement(case):
     case.run("add")
     model = read_model(case.folder / "more.json")
     assert [one.effect.name for one in model.effects] == ["hall_offset", "distance_offset"]
     assert model.provenance["added"][0]["data"] == "bench.csv"
-    assert ff.close_loop(model, controller="pid", estimator="ukf", seconds=0.05).outcomes
-    assert ff.export(model, tmp_path / "package").files
 
 
 @pytest.mark.nightly
@@ -194,18 +132,6 @@ def test_the_command_after_a_calibration_finds_sweep_and_model(case):
     assert (runs / "calibrated/manifest.json").is_file()
     assert json.loads((runs / "calibrated/model.json").read_text())["effects"]
     assert not json.loads((runs / "drawn/model.json").read_text()).get("effects")
-
-
-def test_advice_knows_what_explains_a_bench(case):
-    assert "hall_offset + distance_offset" in result(case, "suggest")["explanations"]
-
-
-def test_an_integrated_record_has_its_field_uncertainty_and_offset(case):
-    data = result(case, "integrate")
-    assert (data["method"], data["samples"], data["findings"]) == ("cs1-offset", 2000, [])
-    assert data["end"]["expanded_uncertainty"] == 2.0 * data["end"]["standard_uncertainty"]
-    rows = pd.read_csv(case.folder / "field.csv")
-    assert list(rows)[-3:] == ["field_T", "field_sigma_T", "offset_V"]
 
 
 def test_a_bench_table_has_one_row_a_plateau_with_branch_noise_and_what_was_assumed(case):

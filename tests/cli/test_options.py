@@ -13,20 +13,16 @@ import pytest
 
 from femfit.cli.main import COMMANDS
 from femfit.device.electrics import Drive
-from femfit.integrate.field_of_current import FieldModel, FieldTerms, write_field_model
 from femfit.model.json_file import write_model
 from support.actuators import GEOMETRY
 from support.campaign import campaign
 from support.command import femfit, worked
-from support.fem_files import STEEL, suspension
+from support.fem_files import SUSPENSION
 from support.halves import cut_in_two
 from support.impedances import impedance_file
 from support.small_drawing import SMALL
 from support.solenoids import solenoid
 from support.sweeps import force_table
-
-VARIANTS = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
-FEW = VARIANTS[: VARIANTS.index("\n[sweep.parameters]\n")].replace('design = "list"', "#")
 
 
 @pytest.fixture(scope="module")
@@ -61,15 +57,14 @@ def folder(levitation_model, tmp_path_factory):
     record.assign(current_A=40.0).to_csv(place / "strong.csv", index=False)
     loop = {"run": 1, "time_s": time, "voltage_V": 1.0, "true_distance_m": 0.02, "true_current_A": 0.4, "hall_V": 2.6}
     pd.DataFrame(loop).to_csv(place / "loop.csv", index=False)
-    terms = FieldTerms(320.0, 2, (5.0,), (3.0,))
-    write_field_model(FieldModel(terms, np.full(len(terms.names), 0.1), 1e-4), place / "field.json")
+    record[["coil_voltage_V", "hall_T"]].to_numpy(np.float32).tofile(place / "raw.bin")
+    (place / "raw.json").write_text('{"sample_rate_Hz": 1000.0, "columns": ["coil_voltage_V", "hall_T"]}')
+    pd.DataFrame({"distance_mm": range(1, 15), "current_A": 1.0, "inductance_H": 0.1}).to_csv(place / "steps.csv")
     (place / "small.toml").write_text(SMALL)
     for name in ("emaws-rig", "emaws-variants", "plunger-solenoid", "emaws"):
         shutil.copyfile(GEOMETRY / f"{name}.toml", place / f"{name}.toml")
     (place / "wordy.toml").write_text("schema = 2\n" + "".join(f"word_{k} = {k}\n" for k in range(400)))
-    drawing = suspension(header={"Format": 3.2})
-    drawing.materials[STEEL]["Mu_y"] = 3
-    (place / "old.fem").write_text(drawing.text())
+    (place / "old.fem").write_text(SUSPENSION.replace("<Mu_y> = 500", "<Mu_y> = 3"))
     for name in ("magnet-pair", "bearing"):
         worked("new", name, "-o", place / f"{name}.toml")
     for name in ("loop-of-links.csv", "loop-of-links.json"):

@@ -113,15 +113,6 @@ def test_the_cache_keeps_what_was_used_last(cache, monkeypatch):
     assert len(list(cache.iterdir())) == 2
 
 
-@needs_compiler
-def test_the_function_of_a_point_is_made_once_arrays_were_given_often(cache):
-    function = of_everything()
-    function(np.ones((3, 60)), np.array([0.3, -2.0]), np.zeros(0))
-    assert "function" not in vars(function._compilation)
-    assert waited_for(function._compilation)
-    assert function._compilation.function is function.at_a_point
-
-
 def test_inputs_of_wrong_shapes_are_refused_whatever_works_the_function_out():
     function = of_everything()
     inputs = [np.array([0.3, -2.0]), np.zeros(0)]

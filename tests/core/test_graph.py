@@ -115,14 +115,6 @@ def test_a_slope_within_a_slope_derives_by_both_variables():
     assert np.abs((alone(function, at[None, :20]) - wanted[:, :20]) / size).max() < 1e-10
 
 
-def test_a_gradient_in_several_variables_is_one_of_each():
-    with building():
-        x = SX.sym("x", 3)
-        function = GraphFunction([x], slope(lambda at: at[0] * at[1] ** 2 + ca.sin(at[2]), 2.0 * x))
-    at = RANDOM.normal(size=(3, 4))
-    np.testing.assert_allclose(function(at), [4 * at[1] ** 2, 8 * at[0] * at[1], np.cos(2 * at[2])], rtol=1e-14)
-
-
 @pytest.mark.parametrize("count", [1, 500])
 def test_what_is_settled_is_constant_in_every_derivative_and_one_step_more_is_exact(count):
     """The cube root by Newton: the slope of the settled one is none, that of one step more is y / 3 x."""

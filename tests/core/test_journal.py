@@ -88,16 +88,7 @@ def test_a_journal_cut_anywhere_gives_back_its_whole_lines(tmp_path):
         assert (tmp_path / JOURNAL_NAME).read_bytes() == content
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
-        {"configuration_hash": "abc", "parts": [1]},
-        {"configuration_hash": "abc", "parts": "xx"},
-        {"configuration_hash": None},
-        {"configuration_hash": [1]},
-        {},
-    ],
-)
+@pytest.mark.parametrize("header", [{"configuration_hash": "abc", "parts": [1]}, {"configuration_hash": None}, {}])
 def test_a_damaged_first_line_is_no_journal_of_any_drawing_and_is_said(header, tmp_path):
     (tmp_path / JOURNAL_NAME).write_text(json.dumps(header) + "\n")
     assert not holds(tmp_path, "a" * 64)

@@ -17,12 +17,7 @@ TAKEN = [
     ("c.json", '{"verdict": "agrees", "written_by": "femfit 0.1.0"}', files.RESULT),
     ("o.csv", "time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n", None),
     ("loop.csv", LOOP, files.LOOP),
-    # names that are free, and promise no other format
     ("absent.json", None, files.RESULT),
-    ("r.txt", None, files.RESULT),
-    ("result", None, files.RESULT),
-    ("p.htm", None, files.PAGE),
-    ("a.CSV", None, files.LOOP),
 ]
 
 
@@ -41,17 +36,14 @@ KEPT = [
     ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", files.DRAWING, "not written by femfit"),
     ("record.bin", "\0\1\2\3", files.INTEGRATED, "not written by femfit"),
     ("loop.csv", LOOP, files.INTEGRATED, "not written by femfit as an integrated record"),
-    ("rig.toml", "[coil]\nturns = 1\n", files.MODEL, r"ends in \.json"),
     ("rig", "[coil]\nturns = 1\n", files.MODEL, "not written by femfit as a model file"),
     ("model.json", '{"magnetics": {}, "validity": {}}', files.RESULT, "not written by femfit as a JSON result"),
     ("c.json", '{"verdict": "agrees", "written_by": "femfit 0.1.0"}', files.MODEL, "as a model file"),
-    ("a.parquet", None, files.LOOP, r"ends in \.csv"),
-    ("p.pdf", None, files.PAGE, r"ends in \.html"),
 ]
 
 
 @pytest.mark.parametrize(("name", "text", "kind", "words"), KEPT)
-def test_a_file_of_another_kind_and_a_name_of_another_format_are_refused(tmp_path, name, text, kind, words):
+def test_a_file_of_another_kind_is_refused(tmp_path, name, text, kind, words):
     if text is not None:
         (tmp_path / name).write_text(text)
     with pytest.raises(OutputError, match=words):
@@ -89,15 +81,6 @@ def fail_half_way(path, error):
     with replacing(path) as partial:
         partial.write_text("half")
         raise error
-
-
-def test_an_error_while_writing_leaves_the_earlier_file(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text("earlier")
-    with pytest.raises(RuntimeError):
-        fail_half_way(path, RuntimeError())
-    assert path.read_text() == "earlier"
-    assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]
 
 
 def test_a_file_that_is_written_has_the_suffix_the_permissions_and_the_whole_name_of_its_target(tmp_path):
@@ -145,6 +128,8 @@ def test_a_full_disk_names_the_target_and_keeps_the_earlier_file(tmp_path, kept)
 def test_what_stands_in_the_way_is_named_before_anything_is_written(tmp_path):
     with pytest.raises(IsADirectoryError), replacing(tmp_path):
         pytest.fail("nothing may be written")
+    with pytest.raises(IsADirectoryError):
+        write_text(f"{tmp_path}/new/", "x")
     (tmp_path / "file").write_text("x")
     path = tmp_path / "file" / "out.json"
     with pytest.raises(FileExistsError, match="file"):
@@ -174,15 +159,3 @@ def test_what_is_written_to_a_pipe_arrives(tmp_path):
     code = "from femfit.core.files import write_text; write_text('/dev/stdout', 'whole')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "whole"
-
-
-def test_links_in_a_circle_and_a_directory_to_be_are_refused_and_nothing_is_made(tmp_path):
-    loop = tmp_path / "loop.json"
-    loop.symlink_to(loop)
-    with pytest.raises(OSError, match=r"loop\.json") as circle:
-        write_text(loop, "x")
-    assert circle.value.errno == errno.ELOOP
-    with pytest.raises(IsADirectoryError):
-        write_text(f"{tmp_path}/new/", "x")
-    assert loop.is_symlink()
-    assert [file.name for file in tmp_path.iterdir()] == ["loop.json"]

@@ -1,25 +1,17 @@
 """What a valid file becomes: SI values exact to the last digit, resistance by hand, the three files of geometry/."""
 
-import json
 import math
 import re
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from femfit.device.electrics import HallElement, where_clipped
 from femfit.device.keys import scaled
-from femfit.device.load import actuator_from_toml, read_actuator, starter_text, sweep_manifest_entry
+from femfit.device.load import read_actuator, starter_text, sweep_manifest_entry
 from femfit.device.parts import smallest_winding_area, wire_resistance
-from femfit.device.rewrite import only
-from femfit.field.sweep_rows import clipped_hall
-from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
-from support.expected import unmentioned
-
-PLUNGER = (GEOMETRY / "plunger-solenoid.toml").read_text(encoding="utf-8")
 
 
 def area(vertices) -> float:
@@ -59,24 +51,6 @@ def test_millimetres_become_the_nearest_double_of_the_metres():
     assert [scaled(v) for v in (0.1, 0.3, 15.5, 20, 1e-5)] == [0.0001, 0.0003, 0.0155, 0.02, 1e-8]
 
 
-def test_a_magnet_pointing_down_has_negative_remanence():
-    text = (GEOMETRY / "emaws.toml").read_text(encoding="utf-8")
-    up = actuator_from_toml(text).moving.regions[0].material
-    down = actuator_from_toml(text.replace('"+z"', '"-z"')).moving.regions[0].material
-    assert (up.remanence_T, down.remanence_T) == (1.45, -1.45)
-    assert down.relative_permeability == up.relative_permeability == 1.05
-
-
-def test_the_manifest_entry_is_json_and_rebuilds_the_sensor():
-    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
-    entry = json.loads(json.dumps(sweep_manifest_entry(rig)))
-    assert HallElement(**entry["hall"] | {"direction": tuple(entry["hall"]["direction"])}) == rig.hall
-    assert (entry["mass_kg"], entry["resistance_ohm"]) == (0.00435, 2.69)
-    assert (entry["voltage_min_V"], entry["voltage_max_V"], entry["sample_time_s"]) == (0.5, 3.0, 0.0005)
-    assert entry["reference_distances_m"] == [0.022, 0.03, 0.022]
-    assert sweep_manifest_entry(read_actuator(GEOMETRY / "plunger-solenoid.toml"))["hall"] is None
-
-
 def test_two_coils_in_series_are_one_circuit_of_the_manifest(tmp_path):
     text = starter_text("bearing")
     head, tail = text.split("[sweep]")
@@ -98,24 +72,13 @@ FIELD = 0.07 - 10.0 * DISTANCE + 0.02 * CURRENT  # 60 mT of the magnet at 1 mm, 
 
 
 @pytest.mark.parametrize(
-    ("sensitivity", "factor", "facts"),
+    ("sensitivity", "factor", "clause"),
     [
-        (50.0, 1.0, ["5 V", "1.00 to 2.00 mm", "at 0 A", "1.00 to 4.00 mm", "at 1.0 A"]),
-        (50.0, -1.0, ["0 V", "1.00 to 2.00 mm"]),
-        (5.0, 1.0, []),
-        (50.0, np.nan, []),  # points that failed are not clipped
+        (50.0, 1.0, "clipped at 5 V from 1.00 to 4.00 mm at some currents"),
+        (50.0, -1.0, "clipped at 0 V from 1.00 to 4.00 mm at some currents"),
+        (5.0, 1.0, ""),
+        (50.0, np.nan, ""),  # points that failed are not clipped
     ],
 )
-def test_clipping_is_said_at_the_smallest_current_and_at_the_one_that_reaches_farthest(sensitivity, factor, facts):
-    said = where_clipped(replace(HALL, sensitivity_V_per_T=sensitivity), DISTANCE, CURRENT, factor * FIELD)
-    assert not unmentioned(facts, said)
-    assert bool(said) == bool(facts)
-
-
-def test_a_sweep_says_where_its_element_is_clipped():
-    rows = pd.DataFrame({"distance_m": DISTANCE, "current_A": CURRENT, "hall_T": FIELD})
-    table = SweepTable(rows.assign(force_N=1.0, status="ok"), {})
-    actuator = replace(read_actuator(GEOMETRY / "emaws-rig.toml"), sensors=(HALL,))
-    (said,) = clipped_hall(only(actuator), table)
-    assert where_clipped(HALL, DISTANCE, CURRENT, FIELD) in said
-    assert clipped_hall(only(replace(actuator, sensors=())), table) == []
+def test_clipping_is_said_with_its_distances(sensitivity, factor, clause):
+    assert where_clipped(replace(HALL, sensitivity_V_per_T=sensitivity), DISTANCE, factor * FIELD) == clause

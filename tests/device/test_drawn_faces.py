@@ -11,11 +11,10 @@ from femfit.core.errors import UsageError
 from femfit.device.drawn_faces import drawn_faces
 from femfit.device.drawn_numbers import in_picture, numbers_from_toml, read_numbers
 from femfit.device.load import parse, read_text
-from femfit.device.outlines import arc_circle, arc_points, circle, flattened, reversed_outline
+from femfit.device.outlines import arc_points, circle, flattened, reversed_outline
 from femfit.identify.calibration.numbers import Drawing
 from support.actuators import GEOMETRY
-from support.conical import CONICAL
-from support.eddy_pot import TWO_WINDINGS
+from support.small_drawing import CONICAL, TWO_WINDINGS
 
 
 @cache
@@ -77,18 +76,6 @@ def test_a_coil_and_a_part_of_one_name_are_told_apart():
     assert labels == {"bottom", "coil bottom"}
 
 
-@pytest.mark.parametrize(
-    ("corners", "label"),
-    [
-        ([[10, 0], [34, 0, 60], [34, 8], [10, 8]], "bottom: rounded edge from r = 34 to 34 mm"),
-        ([[10, 0], [30, 0], [34, 4, 45], [34, 8], [30, 8], [10, 8]], "bottom: rounded edge from r = 30 to 34 mm"),
-    ],
-)
-def test_an_arc_is_a_rounded_edge_and_no_slanted_face(corners, label):
-    data = tomllib.loads(f'[fixed.regions.bottom]\nmaterial = "air"\npolygon_mm = {corners}')
-    assert label in {face.label for face in drawn_faces(data)}
-
-
 FRAME = "fixed.regions.frame.polygon_mm"
 POLE = f"{FRAME}[8..10][1]"
 
@@ -105,16 +92,6 @@ def test_a_pole_face_moves_with_its_cone(numbers):
     before, after = (one.fixed[0].vertices_m for one in (pole.smaller, pole.larger))
     moved = {k: 1e3 * (b[1] - a[1]) for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b}
     assert moved == pytest.approx(dict.fromkeys((8, 9, 10), 2.0 * pole.step))
-
-
-def test_names_are_those_of_a_machinist(numbers):
-    titles = {key: one.facts.title for key, one in numbers.items()}
-    assert titles[POLE] == "frame: face at z = 5 mm with its cone"
-    assert titles[f"{FRAME}[8][1]"] == "frame: face at z = 5 mm without its cone"
-    assert titles[f"{FRAME}[3][0]"] == "frame: bore at r = 6.3 mm"
-    assert titles[f"{FRAME}[1][0]"] == "frame: outer surface at r = 16 mm"
-    assert titles[f"{FRAME}[10][1]"] == "frame: corner at r = 1.6 and z = 0.1111 mm along z"
-    assert titles["coils.winding.z_mm[1]"] == "winding: face at z = 29 mm"
 
 
 @pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "bearing", "voice-coil"])
@@ -182,9 +159,3 @@ def test_the_other_sense_of_an_outline_and_of_an_arc_has_the_same_points():
     back = arc_points((0.0, 1.0), (1.0, 0.0), -0.4)
     for one, other in zip(there, back[::-1], strict=True):
         assert one == pytest.approx(other, abs=1e-14)
-
-
-def test_a_quarter_circle_has_its_centre():
-    centre, radius = arc_circle((2.0, 0.0), (0.0, 2.0), math.tan(math.pi / 8.0))
-    assert centre == pytest.approx((0.0, 0.0), abs=1e-12)
-    assert radius == pytest.approx(2.0)

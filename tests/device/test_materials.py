@@ -5,19 +5,17 @@ import pytest
 
 from femfit.core.numerics import MU_0
 from femfit.device.drawn_numbers import numbers_from_toml
-from femfit.device.load import actuator_from_toml, read_actuator, remarks, starter_text
+from femfit.device.load import actuator_from_toml, read_actuator, starter_text
 from femfit.device.materials import LIBRARY, BHCurve, curve_problems, without_flat_end
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.rewrite import rewritten
-from femfit.device.thermal import CERAMIC, MAGNET, PLASTIC, ThermalMaterial, thermal_of
+from femfit.device.thermal import CERAMIC, MAGNET, PLASTIC, thermal_of
 from support.actuators import GEOMETRY
-from support.eddy_pot import POT
 from support.expected import unmentioned
 
 SATURATING = [entry.material for entry in LIBRARY.values() if isinstance(entry.material, NonlinearMaterial)]
 S_SHAPED = NonlinearMaterial("s-shaped", (0.0, 0.05, 0.6, 1.2, 1.5), (0.0, 100.0, 200.0, 800.0, 5000.0))
 EVERYWHERE = np.linspace(0.0, 4.0, 40_001)
-IRON = "relative_permeability = 200\nconductivity_MS_per_m = 5"
 
 
 @pytest.fixture(params=[*SATURATING, S_SHAPED], ids=lambda material: material.name)
@@ -125,10 +123,7 @@ def test_metals_conduct_heat_as_handbooks_say_and_the_kind_says_what_a_table_doe
     assert thermal_of(LinearMaterial("p")) == PLASTIC
 
 
-def test_a_material_of_the_file_goes_before_one_of_the_library_and_may_say_its_own_heat():
-    own = "thermal_conductivity_W_per_m_K = 9\nheat_capacity_MJ_per_m3_K = 3.3\nworking_temperature_C = 60"
-    text = (GEOMETRY / "emaws-rig.toml").read_text().replace("remanence_T = 1.45", f"remanence_T = 1.45\n{own}")
-    assert actuator_from_toml(text).moving.regions[0].material.thermal == ThermalMaterial(9.0, 3.3e6, 60.0)
+def test_a_material_of_the_file_goes_before_one_of_the_library():
     assert read_actuator(GEOMETRY / "emaws.toml").moving.regions[0].material.remanence_T == 1.45
     assert LIBRARY["n52"].material.remanence_T != 1.45
 
@@ -145,35 +140,14 @@ def test_a_material_of_the_library_written_into_a_file_is_the_same_material(name
     assert actuator_from_toml(text).fixed[0].material == material
 
 
-@pytest.mark.parametrize(
-    ("thickness", "at_rest", "facts"),  # The skin depth of the pot's iron is 0.503 mm at 1 kHz
-    [(5, False, ["iron", "0.50 mm", "1.0 kHz", "10 Hz"]), (0.5, False, []), (5, True, [])],
-)
-def test_sheets_above_the_skin_depth_are_named_and_thin_ones_or_those_at_rest_are_not(thickness, at_rest, facts):
-    text = POT.replace(IRON, f"{IRON}\nlamination_mm = {thickness}")
-    sheets = actuator_from_toml(text.split("[solver]")[0] if at_rest else text)
-    named = [remark for remark in remarks(sheets) if "sheets" in remark]
-    assert len(named) == bool(facts)
-    assert not unmentioned(facts, "".join(named))
-
-
 STARTER = starter_text("pot-magnet")
 CONDUCTIVITY = "conductivity_MS_per_m = 6 # at 20 degC; lamination_mm = 0.5 would be a stack of radial sheets"
 
 
-@pytest.mark.parametrize("name", ["pot-magnet", "relay", "voice-coil", "bearing", "emaws-rig", "emaws-saturable"])
-def test_numbers_of_a_field_at_rest_are_without_conductivities(name):
-    path = GEOMETRY / f"{name}.toml"
-    text = path.read_text() if path.exists() else starter_text(name)
-    static = [one.facts for one in numbers_from_toml(text, directory=GEOMETRY)]
-    every = [one.facts for one in numbers_from_toml(text, directory=GEOMETRY, harmonic=True)]
+def test_numbers_of_a_field_at_rest_are_without_conductivities():
+    static, every = ([one.facts for one in numbers_from_toml(STARTER, harmonic=harmonic)] for harmonic in (False, True))
     assert static == [one for one in every if one.kind not in ("conductivity", "lamination")]
-    actuator = actuator_from_toml(text, directory=GEOMETRY)
-    materials = {one.material.name: one.material for one in (*actuator.fixed, *actuator.moving.regions)}
-    conducting = {name for name, material in materials.items() if material.conductivity_S_per_m}
-    assert {one.key for one in every} - {one.key for one in static} == {
-        f"materials.{name}.conductivity_MS_per_m" for name in conducting
-    }
+    assert {one.key for one in every} - {one.key for one in static} == {"materials.solid_steel.conductivity_MS_per_m"}
 
 
 def test_conductivity_and_thickness_of_sheets_are_numbers_of_the_drawing():

@@ -1,22 +1,20 @@
 """Every effect that a diagnosis should know is in the catalogue, and every one keeps the contract."""
 
 import importlib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from jinja2 import Template
 
 import femfit.effects
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.model.readings import predict_readings
-from femfit.model.with_effects import nominal_of, with_effects
-from support.added_effects import usual
-from support.coenergies import partials
-from support.effects_page import PAGE, page
+from femfit.model.with_effects import nominal_of
 
+TESTS = Path(__file__).parents[1]
 STAGES = {"bench", "magnetics", "force", "circuit", "motion", "sensor"}
 
 
@@ -88,33 +86,10 @@ def test_an_effect_at_its_null_changes_nothing(effect, levitation_model, points,
             np.testing.assert_allclose(read[channel], values, rtol=1e-13)
 
 
-@pytest.mark.parametrize("effect", [e for e in BUILT_IN if e.coenergy], ids=lambda e: e.name)
-def test_force_and_flux_linkage_stay_reciprocal(effect, levitation_model, points, at):
-    if effect.memory:  # a state that is held: the change along a branch is no derivative of the co-energy
-        at = replace(at, memory=effect.memory.steady_state(*points, at, effect.null()))
-    d, i = points
-    added, h_i, h_d = [usual(effect, 0.3)], 1e-5, 1e-7
-    # Central differences of 1e-5 A and 0.1 um of what has 15 digits
-    force = [predict_readings(levitation_model, d, i + s * h_i, at, added)["force_N"] for s in (1, -1)]
-    flux = [predict_readings(levitation_model, d + s * h_d, i, at, added)["flux_linkage_Wb"] for s in (1, -1)]
-    in_current, in_distance = (force[0] - force[1]) / (2 * h_i), (flux[0] - flux[1]) / (2 * h_d)
-    np.testing.assert_allclose(in_current, -in_distance, atol=2e-6 * np.abs(in_current).max())
-
-
-@pytest.mark.parametrize("effect", [e for e in BUILT_IN if e.coenergy], ids=lambda e: e.name)
-def test_an_effect_in_the_coenergy_changes_higher_derivatives_alike(effect, levitation_model, points):
-    d, i = points
-    magnetics, h_i, h_d = with_effects(levitation_model, [usual(effect, 0.3)]).magnetics, 1e-5, 1e-7
-    iii, dii, ddi = partials(magnetics.expression, d, i, ((0, 3), (1, 2), (2, 1)))
-    up, down = (partials(magnetics.expression, d, i + s * h_i, ((0, 2),))[0] for s in (1, -1))
-    np.testing.assert_allclose(iii, (up - down) / (2 * h_i), atol=1e-4 * np.abs(iii).max() + 1e-8)
-    up, down = (partials(magnetics.expression, d + s * h_d, i, ((0, 2), (1, 1))) for s in (1, -1))
-    np.testing.assert_allclose(dii, (up[0] - down[0]) / (2 * h_d), atol=1e-4 * np.abs(dii).max() + 1e-8)
-    np.testing.assert_allclose(ddi, (up[1] - down[1]) / (2 * h_d), atol=1e-4 * np.abs(ddi).max())
-
-
-def test_the_page_of_effects_says_what_the_catalogue_says():
-    assert PAGE.read_text(encoding="utf-8") == page(), "Write it anew: python tests/support/effects_page.py"
+def test_the_page_of_effects_says_what_the_catalogue_says(expected):
+    template = (TESTS / "support" / "effects.md.j2").read_text(encoding="utf-8")
+    text = Template(template, keep_trailing_newline=True).render(effects=BUILT_IN)
+    expected.text(TESTS.parent / "docs" / "effects.md", text)
 
 
 def test_model_files_of_earlier_versions_find_the_drawings_tolerances():

@@ -11,7 +11,7 @@ from femfit.effects.stages import true_setting
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added, under_effects
-from support.model_kinds import SPRUNG, rates
+from support.model_kinds import rates
 from support.solenoids import solenoid
 
 G = 9.80665
@@ -110,14 +110,6 @@ def test_friction_acts_against_the_velocity(name, parameters, brake):
     change = (rates(rough, STATE, np.zeros((2, 1))) - rates(model, STATE, np.zeros((2, 1))))[:, 1]
     wanted = -np.sign(STATE[:, 1]) * brake(rough.conditions.nominal)
     np.testing.assert_allclose(change, wanted, rtol=1e-3)  # of forces of some hundred m/s^2
-
-
-def test_effects_leave_the_springs_of_the_drawing_at_work(levitation_model):
-    model = replace(levitation_model, motion=SPRUNG)
-    slowed = rates(under_effects(model, ("viscous_friction", {"damping_per_s": 3.0})), RIG_STATE, VOLTS / 8.0)
-    np.testing.assert_allclose(
-        slowed[:, 1], rates(model, RIG_STATE, VOLTS / 8.0)[:, 1] - 3.0 * RIG_STATE[:, 1], rtol=1e-5
-    )
 
 
 def test_a_temperature_changes_winding_and_magnet_whether_recorded_or_not(levitation_model):

@@ -1,12 +1,11 @@
 """A closed-loop record for the filters: the truth, the voltage and the noisy Hall voltage."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from femfit.estimate.holding import holding_current
-from femfit.model.actuator_model import ActuatorModel
 from support.steps import runge_kutta_step
 
 
@@ -18,16 +17,9 @@ def compiled_steps():
         yield
 
 
-@dataclass(frozen=True)
-class Record:
-    truth: np.ndarray  # (steps, runs, 3)
-    voltage: np.ndarray  # (steps, runs): held from the sample before to this one
-    hall: np.ndarray  # (steps, runs)
-
-
 @pytest.fixture(scope="session")
-def record(levitation_model: ActuatorModel) -> Record:
-    """About 22 mm for 75 ms, in which what a body is off there grows by a factor of ten."""
+def record(levitation_model):
+    """About 22 mm for 75 ms, in which what a body is off grows by a factor of ten; voltages held from before."""
     model, steps, runs, rng = levitation_model, 150, 3, np.random.default_rng(7)
     rest = np.array([0.022, 0.0, holding_current(model, 0.022)])
     state = np.tile(rest, (runs, 1)) + np.array([5e-5, 0.0, 0.0]) * rng.normal(size=(runs, 1))
@@ -36,4 +28,4 @@ def record(levitation_model: ActuatorModel) -> Record:
     for k in range(steps):
         truth[k] = state = runge_kutta_step(model, state, voltages[k], model.sample_time_s)
     hall = model.sensor.voltage(truth[..., 0], truth[..., 2]) + model.sensor.noise_V * rng.normal(size=(steps, runs))
-    return Record(truth, voltages, hall)
+    return SimpleNamespace(voltage=voltages, hall=hall)

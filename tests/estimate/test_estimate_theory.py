@@ -1,25 +1,28 @@
-"""Noise, the bound on its reduction, and the direct distance."""
+"""Noise, the bound on its reduction, the direct distance; errors and innovations are as large as the filter says."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from scipy.stats import chi2
 
-from femfit.core.errors import DomainError, FilterError
+from femfit.core.errors import DomainError
 from femfit.core.numerics import central_differences
 from femfit.estimate.holding import holding_current
-from femfit.estimate.kalman_filter import ExtendedFilter
-from femfit.estimate.noise import default_noise, process_covariance, unstable_pole
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import FilterNoise, consistency_band, default_noise, process_covariance, unstable_pole
 from femfit.estimate.process import FilterProcess, Output, cholesky
-from femfit.model.bspline import TensorSpline
-from femfit.model.sensors import reading_of
 from femfit.simulation.observers import hall_inverse
 from support.one_current import flat
+from support.readings import initial_covariance
+from support.steps import runge_kutta_step
 
 RANDOM = np.random.default_rng(8)
 
 
-@pytest.mark.parametrize("rho", [1e-4, 30.0, *(pytest.param(one, marks=pytest.mark.nightly) for one in (0.3, 3.0))])
+@pytest.mark.parametrize("rho", [1e-4, 30.0])
 def test_the_steady_filter_of_an_unstable_body_reaches_the_formula(rho):
     pole, step, noise = 33.0, 5e-5, 1e-4
     density = rho * noise**2 * step * pole**4
@@ -57,78 +60,40 @@ def test_the_body_is_held_where_force_equals_weight_and_nowhere_else(levitation_
         holding_current(levitation_model, 0.060)
 
 
-def test_the_noise_of_a_reading_adds_the_converters_rounding(levitation_model):
-    sensor = levitation_model.sensor
-    step = 5.0 / 4096
-    exact = RANDOM.uniform(1.0, 4.0, 400_000)
-    error = step * np.round((exact + sensor.noise_V * RANDOM.normal(size=exact.size)) / step) - exact
-    # Standard error of a standard deviation from 4e5 samples is 0.11 %.
-    assert reading_of(levitation_model, "hall").white == pytest.approx(error.std(), rel=5e-3)
-    assert default_noise(levitation_model).hall_V == reading_of(levitation_model, "hall").white
-    bare = replace(levitation_model, sensor=replace(sensor, adc_bits=0))
-    assert reading_of(bare, "hall").white == sensor.noise_V
-
-
 def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
-    noise = default_noise(levitation_model)
+    """By C. F. Van Loan's matrix exponential (IEEE Trans. Automat. Contr. 23 (1978) 395)."""
+    noise, step = default_noise(levitation_model), levitation_model.sample_time_s
     Q = process_covariance(levitation_model, noise, 0.022, (noise.bias_density,))
-    parts, runs = 50, 20_000
-    h = levitation_model.sample_time_s / parts
-    velocity, distance = np.zeros(runs), np.zeros(runs)
-    for _ in range(parts):
-        kick = np.sqrt(noise.acceleration_density * h) * RANDOM.normal(size=runs)
-        distance, velocity = distance + h * (velocity + 0.5 * kick), velocity + kick
-    # Sampling error of a variance 1 / sqrt(1e4) = 1 %, discretisation 1 / parts.
-    np.testing.assert_allclose(np.cov(distance, velocity), Q[:2, :2], rtol=0.05)
+    block = np.zeros((4, 4))
+    block[0, 1], block[3, 2], block[1, 3] = -1.0, 1.0, noise.acceleration_density
+    whole = expm(step * block)
+    np.testing.assert_allclose(Q[:2, :2], whole[2:, 2:].T @ whole[:2, 2:], rtol=1e-9)
     assert Q[3, 3] == pytest.approx(noise.bias_density**2 * 0.5e-3)
-    assert np.linalg.eigvalsh(Q[:2, :2] / np.sqrt(np.outer(np.diag(Q)[:2], np.diag(Q)[:2]))).min() > 0.1
 
 
-def test_the_direct_distance_inverts_the_hall_voltage_whichever_way_the_element_sees_the_magnet(levitation_model):
+@pytest.mark.parametrize("sensitivity", [50.0, -50.0])
+def test_the_direct_distance_inverts_the_hall_voltage_whichever_way_the_element_sees_the_magnet(
+    levitation_model, sensitivity
+):
+    model = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=sensitivity))
     d, i = RANDOM.uniform(0.015, 0.045, 500), RANDOM.uniform(0.0, 1.4, 500)
-    found, clipped = hall_inverse(levitation_model).distance(levitation_model.sensor.voltage(d, i), i[:, None])
+    found, clipped = hall_inverse(model).distance(model.sensor.voltage(d, i), i[:, None])
     # Rounding of 2.5 V is 4e-16 V, at the far edge's 1.5 V/m 3e-16 m; Newton's last step leaves a few of it.
     np.testing.assert_allclose(found, d, atol=1e-13)
     assert not clipped.any()
-    turned = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=-50.0))
-    d = np.linspace(0.016, 0.044, 20)
-    volts = turned.sensor.voltage(d, np.asarray(0.3))
-    found, clipped = hall_inverse(turned).distance(volts, np.array([0.3]))
-    np.testing.assert_allclose(found, d, atol=1e-13)
-    assert not clipped.any()
-    low, _ = hall_inverse(turned).distance(np.array([0.0]), np.array([0.3]))
-    assert low[0] == 0.015
 
 
 def test_the_direct_distance_is_clipped_to_the_box_and_flagged_and_disturbs_no_other(levitation_model):
-    sensor = levitation_model.sensor
-    edge = sensor.voltage(np.array([0.015, 0.045]), np.asarray(0.5))
-    volts = np.array([edge[0] + 0.01, edge[1] - 0.01, np.nan, np.inf, edge.mean()])
-    found, clipped = hall_inverse(levitation_model).distance(volts, np.array([0.5]))
-    np.testing.assert_array_equal(clipped, [True, True, True, True, False])
+    """A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are not."""
+    edge = levitation_model.sensor.voltage(np.array([0.015, 0.045]), np.asarray(0.5))
+    volts = np.array([edge[0] + 0.01, edge[1] - 0.01, np.nan, np.inf, edge.mean(), 4.9, edge.mean()])
+    currents = np.array([[0.5], [0.5], [0.5], [0.5], [0.5], [1e4], [np.nan]])
+    found, clipped = hall_inverse(levitation_model).distance(volts, currents)
+    np.testing.assert_array_equal(clipped, [True, True, True, True, False, True, True])
     np.testing.assert_array_equal(found[:2], [0.015, 0.045])
-    assert np.isnan(found[2:4]).all()
+    assert np.isnan(found[[2, 3, 6]]).all()
     assert 0.015 < found[4] < 0.045
-    # A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are solved.
-    inverse = hall_inverse(levitation_model)
-    volts = levitation_model.require_sensor().voltage(np.array(0.022), np.array(0.5))
-    distance, clipped = inverse.distance(np.array([volts, 4.9, volts]), np.array([[0.5], [1e4], [np.nan]]))
-    assert distance[0] == pytest.approx(0.022, abs=1e-12)
-    assert clipped.tolist() == [False, True, True]
-    assert distance[1] in (levitation_model.validity.distance_min_m, levitation_model.validity.distance_max_m)
-    assert np.isnan(distance[2])
-
-
-def test_a_hall_voltage_that_turns_cannot_be_inverted(levitation_model):
-    spline = levitation_model.sensor.field.spline
-    bent = spline.coefficients.copy()
-    bent[3] += 0.05
-    field = replace(
-        levitation_model.sensor.field,
-        spline=TensorSpline(spline.x_knots, spline.y_knots, spline.x_degree, spline.y_degree, bent),
-    )
-    with pytest.raises(FilterError, match=r"turns at"):
-        hall_inverse(replace(levitation_model, sensor=replace(levitation_model.sensor, field=field)))
+    assert found[5] in (0.015, 0.045)
 
 
 def test_batched_cholesky_equals_numpys_and_names_each_failure():
@@ -147,3 +112,50 @@ def test_batched_cholesky_equals_numpys_and_names_each_failure():
 def test_central_differences_do_not_lose_their_digits_near_zero(size):
     found = central_differences(lambda x: 9.80665 - 5.0 * x, np.array([[size]]), np.array([0.02]))
     np.testing.assert_allclose(found, [[[-5.0]]], rtol=1e-7)
+
+
+def errors_are_as_large_as_said(state, truth):
+    """The mean of e^T P^-1 e over the runs lies in the 99.9 % band of chi-square with three degrees of freedom."""
+    error = state.mean - truth
+    squares = np.einsum("ri,ri->r", error, np.linalg.solve(state.covariance, error[:, :, None])[:, :, 0])
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * len(error))
+    return low < squares.sum() < high
+
+
+@pytest.mark.parametrize("make", [UnscentedFilter, ExtendedFilter])
+@pytest.mark.parametrize("decay", [0.15, 0.25, 0.43, 1.0, 1.9])
+def test_errors_and_innovations_lie_in_their_bands_while_the_current_of_a_coil_is_switched(
+    levitation_model, make, decay
+):
+    """The rig's coil and faster ones, by R t/L."""
+    ohms = decay * float(levitation_model.inductance(0.022, 0.3)) / levitation_model.sample_time_s
+    fast = replace(levitation_model.circuit, resistance_ohm=ohms)
+    model = replace(levitation_model, circuits=(fast,))
+    noise = FilterNoise(acceleration_density=2e-4, voltage_V=0.01, hall_V=0.003)
+    sigmas = np.linalg.cholesky(process_covariance(model, noise, 0.022))
+    runs, steps, random = 40, 40, np.random.default_rng(4)
+    filter_ = make(levitation_process(model, noise=noise))
+    rest = np.array([0.022, 0.0, holding_current(model, 0.022)])
+    truth = rest + random.normal(size=(runs, 3)) * (1e-4, 1e-3, 1e-3)
+    state = filter_.start(np.tile(rest, (runs, 1)), initial_covariance(1e-4, 1e-3, 1e-3))
+    nis = np.empty((steps, runs))
+    for k in range(steps):
+        volts = np.full(runs, fast.resistance_ohm * rest[2] + (2.0 if k // 5 % 2 else -2.0))
+        truth = runge_kutta_step(model, truth, volts, model.sample_time_s, 4)
+        truth = truth + random.normal(size=(runs, 3)) @ sigmas.T
+        read = model.sensor.voltage(truth[:, 0], truth[:, 2]) + noise.hall_V * random.normal(size=runs)
+        state = filter_.step(state, volts, read)
+        nis[k] = state.normalised_innovation_squared
+    assert consistency_band(nis.size, 0.99).contains(nis.mean())
+    assert errors_are_as_large_as_said(state, truth)
+
+
+@pytest.mark.parametrize("samples", [60, 200, 4000])
+@pytest.mark.parametrize("confidence", [0.9, 0.99])
+def test_the_band_is_that_of_chi_square(samples, confidence):
+    band = consistency_band(samples, confidence)
+    tail = 0.5 - 0.5 * confidence
+    expected = chi2.ppf([tail, 1.0 - tail], samples) / samples
+    # Wilson and Hilferty's own error.
+    np.testing.assert_allclose([band.lower, band.upper], expected, rtol=1e-3)
+    assert not band.contains(float("nan"))

@@ -14,10 +14,8 @@ from femfit.estimate.levitation import levitation_process
 from femfit.estimate.process import FilterOutcome, FilterProcess, Output
 from femfit.model.json_file import write_model
 from support.compiling import compile_at_once, needs_compiler
-from support.covariances import initial_covariance
-from support.halves import cut_in_two
 from support.one_current import within
-from support.readings import LASER
+from support.readings import LASER, initial_covariance
 from support.solenoids import solenoid
 
 ALL = [UnscentedFilter, ExtendedFilter]
@@ -29,20 +27,11 @@ def process(levitation_model):
     return levitation_process(levitation_model)
 
 
-def plain_process(transition=lambda x, _u: x, covariance=None):
-    return FilterProcess(
-        names=("x", "v"),
-        step_s=1.0,
-        transition=transition,
-        outputs=(Output("x", "m", lambda x: x[:, 0], 1.0),),
-        process_covariance=1e-6 * np.eye(2) if covariance is None else covariance,
-    )
-
-
 @pytest.mark.parametrize("filter_class", ALL)
 def test_a_covariance_that_is_lost_is_named_and_its_run_becomes_nan(filter_class):
     # A process covariance with a negative eigenvalue takes the covariance below zero after a few steps.
-    filter_ = filter_class(plain_process(covariance=np.diag([1e-6, -0.3])))
+    output, covariance = Output("x", "m", lambda x: x[:, 0], 1.0), np.diag([1e-6, -0.3])
+    filter_ = filter_class(FilterProcess(("x", "v"), 1.0, lambda x, _: x, (output,), covariance))
     state = filter_.start(np.zeros(2), np.diag([1.0, 1.0]), runs=2)
     for _ in range(5):
         state = filter_.step(state, 0.0, 0.0)
@@ -51,31 +40,15 @@ def test_a_covariance_that_is_lost_is_named_and_its_run_becomes_nan(filter_class
 
 
 @pytest.mark.parametrize("filter_class", ALL)
-@pytest.mark.parametrize("bad", [np.inf, -np.inf])
-def test_a_reading_that_is_infinite_ends_its_own_run_only(process, filter_class, bad):
+def test_a_reading_that_is_infinite_ends_its_own_run_only(process, filter_class):
     filter_ = filter_class(process)
     state = filter_.start(START, initial_covariance(), runs=3)
     hall = float(process.outputs[0].measure(START[None])[0])
-    state = filter_.step(state, 0.86, np.array([hall, bad, hall]))
+    state = filter_.step(state, 0.86, np.array([hall, np.inf, hall]))
     state = filter_.step(state, 0.86, hall)
     assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.NOT_FINITE, FilterOutcome.RUNNING)
     assert np.isnan(state.mean[1]).all()
     assert np.isfinite(state.mean[[0, 2]]).all()
-
-
-@pytest.mark.parametrize("filter_class", ALL)
-def test_an_overflowing_process_is_named(filter_class):
-    filter_ = filter_class(plain_process(transition=lambda x, _u: np.exp(1e4 * (1.0 + x))))
-    state = filter_.predict(filter_.start(np.zeros(2), np.eye(2)), 0.0)
-    assert state.outcomes() == (FilterOutcome.NOT_FINITE,)
-
-
-@pytest.mark.parametrize("filter_class", ALL)
-def test_an_estimate_far_outside_of_the_model_is_named(process, filter_class):
-    filter_ = filter_class(process)
-    far = np.array([[0.022, 0.0, 0.32], [0.2, 0.0, 0.3], [0.022, 0.0, 9.0]])
-    state = filter_.predict(filter_.start(far, initial_covariance()), 0.86)
-    assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
 
 
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
@@ -108,18 +81,15 @@ def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_win
     filter_ = filter_class(process, divergence_steps=50)
     state = filter_.start(START, initial_covariance(1e-5, 1e-3, 1e-3), runs=2)
     clean = float(process.outputs[0].measure(START[None])[0])
-    alone = filter_.start(START, initial_covariance(1e-5, 1e-3, 1e-3))
     named_at = None
     for k in range(60):
         # The mean is held, as the magnet is by its controller: only the innovations tell.
         held = replace(filter_.predict(state, 0.86), mean=np.tile(START, (2, 1)))
         jumping = clean + 0.01 * rng.choice([-1.0, 1.0])
         state = filter_.update(held, np.array([jumping, clean]))
-        alone = filter_.step(replace(alone, mean=START[None]), 0.86, clean + 3.0 * (jumping - clean))
         if named_at is None and state.diverged[0]:
             named_at = k
     assert state.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND, FilterOutcome.RUNNING)
-    assert alone.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND,)
     # The fraction 1 - (1 - 1/50)^k passes one half at the 35th innovation out of the band.
     assert named_at == 34
     assert np.isfinite(state.mean[0]).all()
@@ -133,10 +103,10 @@ def test_states_are_never_changed_in_place_and_the_first_outcome_stays(process, 
     np.testing.assert_array_equal(state.mean, before[0])
     np.testing.assert_array_equal(state.covariance, before[1])
     filter_ = UnscentedFilter(process)
-    state = filter_.start(np.array([0.2, 0.0, 0.3]), initial_covariance())
-    state = filter_.predict(state, 0.86)
+    far = np.array([START, [0.2, 0.0, 0.3], [0.022, 0.0, 9.0]])
+    state = filter_.predict(filter_.start(far, initial_covariance()), 0.86)
     state = filter_.update(state, np.nan)
-    assert state.outcomes() == (FilterOutcome.LEFT_MODEL,)
+    assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
 
 
 def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
@@ -215,11 +185,6 @@ def started(mean, covariance):
     return lambda rig: UnscentedFilter(levitation_process(rig)).start(mean, covariance)
 
 
-def asked_for_one_voltage(_):
-    built = kalman_filter(cut_in_two(replace(solenoid(), other_sensors=(LASER,))))
-    built.step(built.start([3e-3, 0.0, 0.5, 0.5]), 1.2, 3e-3)
-
-
 REFUSALS = {
     "start of another order": (started(np.zeros(2), np.eye(3)), r"shapes \(3,\) and \(3, 3\).*instead received \(2,\)"),
     "start without spread": (started(START, np.diag([1.0, 1.0, 0.0])), "positive definite"),
@@ -236,7 +201,6 @@ REFUSALS = {
     "delay beyond what is remembered": (of_sensors((replace(LASER, delay_s=0.2),)), "remembers"),
     "reading of one sensor of two": (stepped(3e-3), "2 readings"),
     "readings of runs in place of sensors": (stepped(np.zeros(3), runs=3), "2 readings"),
-    "voltage of one circuit of two": (asked_for_one_voltage, "2 voltages"),
     "path longer than its inputs": (
         lambda rig: bound_along(kalman_filter(rig).process, np.zeros((3, 4)), np.zeros(2)), r"3 .* 2",
     ),

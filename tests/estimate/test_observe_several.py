@@ -1,4 +1,4 @@
-"""Records through filters: of a bearing with two circuits, and of magnets alone."""
+"""Records of a bearing with two circuits, of magnets alone, and of a position sensor's volts."""
 
 from dataclasses import replace
 
@@ -6,16 +6,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.core.errors import TableError
-from femfit.device.electrics import Drive
+from femfit.device.electrics import AccelerationSensor, Drive, PositionSensor
 from femfit.device.mechanics import Stop
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.observe import observe
+from femfit.estimate.record import distance_of, with_distance
 from femfit.fit.build import fit_model
+from femfit.model.sensing import characteristic
+from femfit.model.sensors import predict_sensor
 from femfit.report.motion_figures import replay_figure
+from femfit.tables.measurement import TimeSeries
+from femfit.tables.measurement_file import read_measurement
 from support.bearing import ENTRY, table_of
 from support.eddies import magnets_alone
 from support.readings import LASER
+from support.replays import TRUE, damped, logs
+from support.solenoids import solenoid
 from support.steps import runge_kutta_step
 
 STEP_S = 0.5e-3
@@ -87,3 +95,80 @@ def test_magnets_alone_need_no_voltage(levitation_model, tmp_path):
     seen = observe(model, path)
     assert seen.filters[0].trusted
     assert seen.noise is None or all(one.name != "voltage" for one in seen.noise.estimates)
+
+
+PROBE = PositionSensor(name="eddy", distances_m=(0.0, 1.0), readings=(1.0, -2e3 + 1.0), noise=2e3 * TRUE["laser"])
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """The same record with the distance in metres and as volts of a sensor that falls by 2 V/mm."""
+    series = logs(1500, 1, seed=5)[1][0]
+    rows = series.rows[["time_s", "voltage_V", "current_A", "distance_m"]]
+    path = tmp_path_factory.mktemp("volts")
+    rows.to_csv(path / "metres.csv", index=False)
+    volts = rows.drop(columns="distance_m").assign(
+        **{"Position [V]": characteristic(PROBE, rows["distance_m"].to_numpy())}
+    )
+    volts.to_csv(path / "volts.csv", index=False)
+    return path
+
+
+def model():
+    shunt, _ = damped().other_sensors
+    return replace(damped(), other_sensors=(shunt, PROBE))
+
+
+def test_the_distance_is_the_inverse_of_the_characteristic_beyond_its_ends_too():
+    curve = PositionSensor(name="gate", distances_m=(1e-3, 2e-3, 4e-3), readings=(5.0, 3.0, 1.0))
+    for sensor in (curve, replace(curve, readings=(1.0, 3.0, 5.0))):
+        d = np.array([0.5e-3, 1.0e-3, 1.7e-3, 3e-3, 4e-3, 4.5e-3])
+        np.testing.assert_allclose(distance_of(sensor, characteristic(sensor, d)), d, rtol=1e-12)
+
+
+def test_observe_by_volts_is_observe_by_the_distance(recorded):
+    series = read_measurement(recorded / "volts.csv", noise={"position_V": 0.04})
+    assert with_distance(model(), series).declared_noise["distance_m"] == pytest.approx(2e-5)
+    by_volts = ff.observe(model(), recorded / "volts.csv", find=False).filters[0]
+    by_metres = ff.observe(damped(), recorded / "metres.csv", find=False).filters[0]
+    assert "eddy" in [one.sensor for one in by_volts.innovations]
+    difference = by_volts.replayed.mean[:, 0] - by_metres.replayed.mean[:, 0]
+    assert np.abs(difference).max() < 0.05 * TRUE["laser"]
+    assert by_volts.trusted
+
+
+def series_of(volts, step_s=1e-3, segment=None):
+    rows = pd.DataFrame({"time_s": step_s * np.arange(len(volts)), "position_V": volts})
+    rows["segment"] = 0 if segment is None else segment
+    return TimeSeries(rows, given=("time_s", "position_V"))
+
+
+def placed(sensor, series):
+    return with_distance(replace(solenoid(), other_sensors=(sensor,)), series).rows["distance_m"].to_numpy()
+
+
+def test_a_distance_from_volts_is_of_the_instant_that_the_late_reading_belongs_to():
+    gate = PositionSensor(name="gate", distances_m=(0.0, 1.0), readings=(0.0, 1e3), delay_s=2.5e-3)
+    time = 1e-3 * np.arange(20)
+    true = 1e-3 + 0.1 * time
+    late = characteristic(gate, true - 0.1 * gate.delay_s)
+    np.testing.assert_allclose(placed(gate, series_of(late))[:-3], true[:-3], rtol=1e-9)
+    assert np.isnan(placed(gate, series_of(late))[-3:]).all()
+    cut = placed(gate, series_of(late, segment=np.repeat([0, 1], 10)))
+    assert np.isnan(cut[7:10]).all()
+    np.testing.assert_allclose(cut[10:17], true[10:17], rtol=1e-9)
+
+
+def test_volts_at_the_rails_and_repeated_readings_tell_no_distance():
+    gate = PositionSensor(name="gate", distances_m=(0.0, 1e-2), readings=(0.0, 10.0), minimum=1.0, maximum=9.0)
+    found = placed(gate, series_of(np.array([1.0, 2.0, 5.0, 9.0, 8.0])))
+    np.testing.assert_allclose(found, [np.nan, 2e-3, 5e-3, np.nan, 8e-3])
+    slow = replace(gate, sample_time_s=3e-3)
+    found = placed(slow, series_of(np.array([2.0, 2.0, 2.0, 4.0, 4.0, 4.0])))
+    np.testing.assert_allclose(found, [2e-3, np.nan, np.nan, 4e-3, np.nan, np.nan])
+
+
+def test_an_accelerometer_of_silicon_reads_gravity_at_rest():
+    hanging = replace(solenoid(), motion=replace(solenoid().motion, gravity_m_s2=9.81))
+    weighing = AccelerationSensor(name="mems", reads_gravity=True)
+    assert predict_sensor(hanging, weighing, np.array([[4e-3, 0.0, 0.0]])) == pytest.approx(-9.81)

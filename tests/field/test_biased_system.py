@@ -14,8 +14,8 @@ from femfit.field.harmonic import ConductorPoints
 from femfit.field.nonlinear_system import static_system
 from femfit.field.point_rows import bias_currents
 from femfit.field.sweep import run_sweep
-from support.eddy_pot import POT
 from support.eddy_transient import mesh_for
+from support.small_drawing import POT
 
 ORDER, DISTANCE, BIAS = 3, 1.5e-3, 0.4
 STRAIGHT = f"B_T = [0, 1, 2]\nH_A_per_m = [0, {1 / (200 * MU_0)!r}, {2 / (200 * MU_0)!r}]\n"

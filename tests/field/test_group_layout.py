@@ -17,12 +17,11 @@ from femfit.field.layout import (
     layout_of_group,
     mover_outline,
     stretch_groups,
-    without_spikes,
 )
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings, settings_for
-from support.eddy_pot import POT
 from support.field import prepared
+from support.small_drawing import POT
 
 SETTINGS = SolverSettings(order=4)
 NARROW, FAR = 1e-4, 8e-3
@@ -86,16 +85,6 @@ def test_no_edge_of_the_layer_is_too_short_to_be_meshed():
         for outline in layer_outlines(actuator, own):
             edges = np.hypot(*np.diff(np.array(outline.exterior.coords), axis=0).T)
             assert edges.min() > 0.02 * own.inner_offset, distance
-
-
-def test_an_edge_that_is_gone_back_over_is_left_out():
-    # the outline of a stepped body's layer as the union of its steps leaves it, and a plain one
-    spiked = shapely.Polygon([(0.0, -0.3), (12.3, -0.3), (12.3, 3.3), (4.3, 3.3), (5.2, 3.3), (5.2, 6.2), (0.0, 6.2)])
-    assert without_spikes(spiked).equals_exact(
-        shapely.Polygon([(0.0, -0.3), (12.3, -0.3), (12.3, 3.3), (5.2, 3.3), (5.2, 6.2), (0.0, 6.2)]), 0.0
-    )
-    plain = shapely.box(0.0, 0.0, 1.0, 2.0)
-    assert without_spikes(plain) is plain
 
 
 def test_a_stepped_body_is_meshed_once_everywhere():

@@ -15,7 +15,7 @@ from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.signature_rows import ImpedanceSignatures
 from femfit.field.tolerance import SolverSettings
-from support.eddy_pot import POT
+from support.small_drawing import POT
 
 POT_MAGNET = (Path(__file__).parents[2] / "geometry" / "pot-magnet.toml").read_text()
 

@@ -14,7 +14,7 @@ from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import magnet, swept_at
 from support.saturating import bobbin, rows_at
 
-QUICK = SolverSettings(order=3)
+QUICK = SolverSettings(order=3, corner_fraction=0.3)
 CURRENTS = (-2.0, 0.0, 2.0, 8.0)
 
 
@@ -22,19 +22,6 @@ CURRENTS = (-2.0, 0.0, 2.0, 8.0)
 def actuator():
     body = [magnet(1.2, 0.0055, 0.003, permeability=1.05)]
     return bobbin(distances=(0.008, 0.009, 0.01, 0.011), currents=CURRENTS, mover=body)
-
-
-@pytest.fixture(scope="module")
-def directory(actuator, tmp_path_factory):
-    """Of a sweep that was solved to its end."""
-    place = tmp_path_factory.mktemp("whole")
-    run_sweep(actuator, place, workers=1, settings=QUICK)
-    return place
-
-
-@pytest.fixture(scope="module")
-def whole(directory):
-    return read_sweep_table(directory)
 
 
 def failing_at(current, minimise):

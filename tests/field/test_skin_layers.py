@@ -15,8 +15,7 @@ from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
 from support import eddy_cases as cases
-from support.actuators import GEOMETRY
-from support.devices import millimetres
+from support.actuators import GEOMETRY, millimetres
 from support.eddy_cases import COPPER, STEEL
 
 DRAWINGS = sorted(GEOMETRY.glob("*.toml"))
@@ -73,28 +72,17 @@ def check(moving):
     assert smallest_determinant(moving.mesh) > 0.1
 
 
-def check_drawing(path, frequency, *, all_groups=False):
+@pytest.mark.parametrize("frequency", [1e5, *(pytest.param(f, marks=pytest.mark.nightly) for f in (10.0, 1e3))])
+@pytest.mark.parametrize("path", [one for one in DRAWINGS if one.name not in LARGE], ids=lambda one: one.stem)
+def test_mesh_of_every_drawing_fits_together(path, frequency):
     actuator, settings = conducting(read_actuator(path)), SolverSettings(order=4, skin_frequency_Hz=frequency)
     layout = layout_of(actuator, settings)
-    groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
-    for group in groups if all_groups else groups[:1]:
+    for group in stretch_groups(actuator.sweep.distances_m, layout, settings)[:1]:
         moving = MovingMesh(actuator, group, layout, settings)
         check(moving)
         for distance in (group[0], group[-1]):
             with moving.at(distance):
                 assert smallest_determinant(moving.mesh) > 0.1
-
-
-@pytest.mark.parametrize("path", [one for one in DRAWINGS if one.name not in LARGE], ids=lambda one: one.stem)
-def test_mesh_of_every_drawing_fits_together(path):
-    check_drawing(path, 1e5)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("frequency", [10.0, 1e3, 1e5])
-@pytest.mark.parametrize("path", DRAWINGS, ids=lambda one: one.stem)
-def test_mesh_of_every_drawing_fits_together_at_every_distance(path, frequency):
-    check_drawing(path, frequency, all_groups=True)
 
 
 def part(name, body, *corners):

@@ -1,4 +1,4 @@
-"""Exhausted memory, a full disk, a mesh that fails, SIGKILL: in linear, saturating and parameter sweeps."""
+"""Exhausted memory, a full disk, a mesh that fails, SIGKILL; workers, meshes and journals know no kind of sweep."""
 
 import contextlib
 import dataclasses
@@ -21,44 +21,26 @@ from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
 from support.command import FEMFIT
 from support.dying_worker import die_at_20_mm, starve_at_20_mm
+from support.small_drawing import SMALL
 
 QUICK = SolverSettings(order=3)
-TEXT = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
-AXIS = "{ start = 15, stop = 45, step = 5 }"
 DISTANCES = (0.015, 0.02, 0.025)
-
 
 PATIENCE = 120.0
 """Seconds for a moment to come, on a busy machine."""
 
 
-def drawing(kind, distances):
-    """The rig with its linear core, with a saturating one, in two variants."""
-    text = TEXT.replace(AXIS, distances).replace("[308, 308, 250]", "[308, 250]")
-    text = text.replace("[20, 80, 20]", "[20, 80]").replace("[10, 10, 11]", "[10, 11]")
-    if kind != "variants":
-        text = text[: text.index("\n[sweep.parameters]\n")].replace('design = "list"', "#")
-    return text.replace('material = "ferrite"', 'material = "steel_1010"') if kind == "saturating" else text
+def sweep_of():
+    """Three distances of a small drawing on one mesh."""
+    return variants_from_toml(SMALL.replace("{ start = 4, stop = 12, step = 1 }", "[15, 20, 25]"))
 
 
-def sweep_of(kind):
-    """Three distances of the rig."""
-    return variants_from_toml(drawing(kind, "[15, 20, 25]"))
-
-
-KINDS = ("linear", "saturating", "variants")
-
-
-KIND_PARAMETERS = [KINDS[0], *(pytest.param(kind, marks=pytest.mark.nightly) for kind in KINDS[1:])]
-"""Workers, meshes and journals know no kind of sweep: the others are tried in the long tests."""
-
-
-@pytest.fixture(scope="module", params=KIND_PARAMETERS)
-def case(request, tmp_path_factory):
-    """Kind, sweep, its table and directory."""
-    sweep, directory = sweep_of(request.param), tmp_path_factory.mktemp("whole")
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    """Sweep, its table and directory."""
+    sweep, directory = sweep_of(), tmp_path_factory.mktemp("whole")
     sweep_task.MESHES.clear()
-    return request.param, sweep, run_sweep(sweep, directory, workers=1, settings=QUICK), directory
+    return sweep, run_sweep(sweep, directory, workers=1, settings=QUICK), directory
 
 
 def assert_only_20_mm_failed(table, whole, reason):
@@ -77,7 +59,7 @@ def assert_only_20_mm_failed(table, whole, reason):
     ],
 )
 def test_a_worker_without_memory_or_killed_costs_its_own_rows_only(case, tmp_path, monkeypatch, fault, reason):
-    _, sweep, whole, _ = case
+    sweep, whole, _ = case
     monkeypatch.setattr(sweep_module, "solve_task", fault)
     assert_only_20_mm_failed(run_sweep(sweep, tmp_path, workers=2, settings=QUICK), whole, reason)
     monkeypatch.undo()  # the machine has its memory back: the same command solves what it could not
@@ -97,7 +79,7 @@ def refuse_at(refused):
 
 
 def test_a_distance_that_cannot_be_meshed_is_rows_with_the_reason(case, tmp_path, monkeypatch):
-    _, sweep, *_ = case
+    sweep, *_ = case
     settings = dataclasses.replace(QUICK, stretch_limit=1.0)  # a mesh of its own for each distance
     whole = run_sweep(sweep, tmp_path / "whole", workers=1, settings=settings)
     monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance == 0.02))
@@ -107,7 +89,7 @@ def test_a_distance_that_cannot_be_meshed_is_rows_with_the_reason(case, tmp_path
 
 
 def test_a_group_whose_mesh_fails_is_meshed_distance_by_distance(case, tmp_path, monkeypatch):
-    _, sweep, whole, _ = case
+    sweep, whole, _ = case
     monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance not in DISTANCES))
     sweep_task.MESHES.clear()
     table = run_sweep(sweep, tmp_path, workers=1, settings=QUICK)
@@ -125,20 +107,20 @@ from femfit.field.tolerance import SolverSettings
 from femfit.field.sweep import run_sweep
 sys.path.insert(0, sys.argv[1])
 from field.test_sweep_failures import sweep_of
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[4]), resource.RLIM_INFINITY))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
 try:
-    run_sweep(sweep_of(sys.argv[3]), Path(sys.argv[2]), workers=1, settings=SolverSettings(order=3))
+    run_sweep(sweep_of(), Path(sys.argv[2]), workers=1, settings=SolverSettings(order=3))
 except RunDirectoryError as error:
     sys.exit(str(error))
 """
 
 
 def test_a_full_disk_keeps_what_fits_and_the_same_command_goes_on(case, tmp_path):
-    kind, sweep, whole, directory = case
+    sweep, whole, directory = case
     lines = (directory / "journal.jsonl").read_bytes().splitlines(keepends=True)
     room = len(lines[0] + lines[1]) + len(lines[2]) // 2  # the second result's line finds half of its room
     tests, target = str(GEOMETRY.parent / "tests"), tmp_path / "full"
-    arguments = [tests, str(target), kind, str(room)]
+    arguments = [tests, str(target), str(room)]
     result = subprocess.run([sys.executable, "-c", FULL, *arguments], capture_output=True, text=True, check=False)
     count = len(lines) - 1
     assert f"1 of {count} results" in result.stderr
@@ -147,14 +129,6 @@ def test_a_full_disk_keeps_what_fits_and_the_same_command_goes_on(case, tmp_path
     assert len([json.loads(line) for line in (target / "journal.jsonl").read_bytes().splitlines()]) == 2
     resumed = run_sweep(sweep, target, workers=1, settings=QUICK)
     pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
-
-
-def actuator_file(kind, directory):
-    """Ten solutions that share meshes, with warm starts where the core saturates."""
-    path = directory / f"{kind}.toml"
-    few, many = "[15, 16, 17, 18, 19]", "{ start = 15, stop = 19.5, step = 0.5 }"
-    path.write_text(drawing(kind, few if kind == "variants" else many), encoding="utf-8")
-    return path
 
 
 def kill_when(command, moment):
@@ -172,15 +146,11 @@ def kill_when(command, moment):
     return child.returncode, children
 
 
-# A saturating sweep that is cut resumes bit for bit in test_nonlinear_sweep too, on a coarser mesh.
 @pytest.mark.nightly
-@pytest.mark.parametrize(
-    "kind",
-    ["linear", "saturating", "variants"],
-)
-def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_path):
-    path = actuator_file(kind, tmp_path)
-    sweep, target = read_variants(path), tmp_path / "killed"
+def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(tmp_path):
+    path, target = tmp_path / "small.toml", tmp_path / "killed"
+    path.write_text(SMALL.replace("stop = 12", "stop = 13"), encoding="utf-8")
+    sweep = read_variants(path)
     journal = target / "journal.jsonl"
     command = [FEMFIT, "sweep", str(path), "-o", str(target), "--workers", "2"]
     for lines in (2, 5):  # the header and one result, and some more: each time in the middle of others

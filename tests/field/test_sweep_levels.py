@@ -1,29 +1,28 @@
-"""Sweeps to a tolerance: a group's level is chosen once, by one worker, and kept in the journal."""
+"""Sweeps to a tolerance: a group's level is chosen once, by its first distance's task, and kept in the journal."""
 
 import json
 
 import pandas as pd
 import pytest
 
-from femfit.device.load import read_actuator
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
 from femfit.field import tolerance as tolerance_module
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
-from femfit.field.sweep_task import DIED, LevelTask
+from femfit.field.sweep_task import DIED
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY, swept_at
+from support.actuators import device, magnet
 
 SETTINGS = SolverSettings(tolerance=1e-2)
-DISTANCES = (0.015, 0.016, 0.017, 0.018, 0.03, 0.033, 0.036, 0.039)
+DISTANCES = (0.01, 0.0105, 0.011, 0.0115, 0.03, 0.031, 0.032, 0.033)
 
 
 @pytest.fixture(scope="module")
 def actuator():
-    """Two groups of four distances."""
-    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
-    return swept_at(rig, DISTANCES)
+    """Two magnets at two groups of four distances."""
+    lower = magnet(1.3, 0.01, 0.01, z_min=-0.01, name="lower")
+    return device("pair", fixed=[lower], moving=[magnet(1.3, 0.01, 0.01)], distances=DISTANCES)
 
 
 @pytest.fixture(scope="module")
@@ -39,28 +38,23 @@ def run(actuator, directory, workers=1, **options):
     return run_sweep(actuator, directory, workers=workers, settings=SETTINGS, **options)
 
 
-def test_progress_counts_points_and_no_levels(whole):
-    _, _, calls = whole
-    counts = [done for done, _ in calls]
-    assert sorted(set(counts)) == [8 * k for k in range(9)]
-    assert {total for _, total in calls} == {64}
-
-
 def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole, tmp_path, monkeypatch):
-    directory, expected, _ = whole
+    directory, expected, calls = whole
+    assert calls == [(done, 8) for done in range(9)]
     lines = (directory / "journal.jsonl").read_bytes().splitlines(keepends=True)
-    assert len(lines) == 1 + 2 + len(DISTANCES)
+    assert len(lines) == 1 + len(DISTANCES)
     searches = []
     search = tolerance_module.meet_tolerance
     monkeypatch.setattr("femfit.field.problem.meet_tolerance", lambda *given: searches.append(given) or search(*given))
-    for kept in range(1, len(lines), 4):
+    for kept in (2, 6):
         target = tmp_path / str(kept)
         target.mkdir()
         (target / "journal.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
-        levels = sum("level" in json.loads(line).get("key", "") for line in lines[:kept])
+        chosen = sum("choice" in json.loads(line).get("result", json.loads(line)) for line in lines[:kept])
+        assert chosen == min(kept - 1, 2)
         searches.clear()
         resumed = run(actuator, target)
-        assert len(searches) == 2 - levels  # what the journal has is not searched again
+        assert len(searches) == 2 - chosen  # what the journal has is not searched again
         pd.testing.assert_frame_equal(resumed.rows, expected.rows, check_exact=True)
 
 
@@ -68,12 +62,9 @@ def test_a_worker_that_dies_at_a_level_costs_that_group_until_the_command_is_giv
     actuator, whole, tmp_path, monkeypatch
 ):
     solve = sweep_module.solve_task
-
-    def die(task):
-        return dict(DIED) if isinstance(task, LevelTask) and 0.015 in task.mesh.distances else solve(task)
-
-    monkeypatch.setattr(sweep_module, "solve_task", die)
-    summary = summarise(run(actuator, tmp_path))
-    assert summary["failures"] == {DIED["status"]: 32}
+    monkeypatch.setattr(
+        sweep_module, "solve_task", lambda task: dict(DIED) if task.distance == DISTANCES[0] else solve(task)
+    )
+    assert summarise(run(actuator, tmp_path))["failures"] == {DIED["status"]: 4}
     monkeypatch.undo()
     pd.testing.assert_frame_equal(run(actuator, tmp_path).rows, whole[1].rows, check_exact=True)

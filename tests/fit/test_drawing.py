@@ -11,9 +11,7 @@ import pytest
 from femfit.effects.effect import AddedEffect
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
-from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import bench_observations
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.signatures import effect_columns
 from femfit.model.json_file import read_model, write_model
 from femfit.model.with_effects import with_effects
@@ -148,20 +146,3 @@ def test_a_permeability_acts_by_its_reciprocal(model, tmp_path):
     for name in ("force", "flux_linkage"):
         wanted = getattr(weaker, name)(d, i) - getattr(model, name)(d, i)
         np.testing.assert_allclose(getattr(changed, name)(d, i) - getattr(model, name)(d, i), wanted, rtol=0.02)
-
-
-def test_a_wrong_number_is_found_in_millimetres_and_added(model, taller, tmp_path):
-    data = _bench(taller[0], tmp_path / "bench.csv")
-    found = diagnose(model, data)
-    suspects = {name for one in found.missing for name in one.members}
-    assert HEIGHT in suspects
-    better = add_effects(model, data, [HEIGHT])
-    (added,) = better.model.effects
-    low, high = added.ci95["change_mm"]
-    assert low <= 0.06 <= high
-    assert added.parameters["change_mm"] == pytest.approx(0.06, abs=0.003)
-    assert "mm more than the drawn 4 mm" in str(better)
-
-
-def test_a_table_without_signatures_gives_a_model_without_numbers(taller):
-    assert fit_model(taller[0]).model.drawn == ()

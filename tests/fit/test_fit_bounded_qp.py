@@ -10,8 +10,7 @@ from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_
 from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, design_matrix, term_bounds
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.bspline import basis_matrix
-from support.saturating_circuit import SaturatingCircuit
-from support.sweeps import force_table, full_table
+from support.sweeps import SaturatingCircuit, force_table, full_table
 
 DISTANCES = np.linspace(15e-3, 45e-3, 61)
 F1E = np.stack([DISTANCES**-4, DISTANCES**-2], axis=1)  # The paper's two columns; condition number 8e3

@@ -9,7 +9,6 @@ from femfit.fit.build import fit_model
 from femfit.fit.coenergy import fit_coenergy, obeyed_shapes
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN
-from femfit.model.dynamics import state_derivative, state_jacobian
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.several_magnetics import CoenergyTensor
 from support.bearing import grid
@@ -31,7 +30,6 @@ from support.closed_forms import (
 )  # fmt: skip
 from support.one_current import flat
 from support.saturating_bearing import GAP, force, inductance, share
-from support.steps import runge_kutta_step
 from support.sweeps import MASS, ClosedForm, force_table, full_table
 
 G = 9.80665
@@ -112,36 +110,6 @@ def test_a_model_survives_its_file_and_says_what_it_is(name):
     assert facts["rows"] == len(fit.rows.force) == fit.misfit.rows
     assert str(fit).startswith(fit.model.name)
     assert all(f"note: {note}" in str(fit) for note in facts["notes"])
-
-
-@pytest.mark.parametrize("name", ["bearing", "two circuits that saturate"])
-def test_two_circuits_keep_energy_and_their_jacobian(name):
-    """U i integrated over a transient is heat, kinetic energy, work against the weight and the field's energy."""
-    model = fit_of(name).model
-    m, weight = model.magnetics, model.motion.mass_kg * model.motion.gravity_m_s2
-    state, voltage, step = np.array([0.5e-3, 0.0, 0.2, -0.1]), np.array([3.0, 1.0]), 2e-6
-
-    def stored(x):
-        d, v, i = x[0], x[1], x[2:]
-        field = m.flux_linkage(d, i) @ i - m.coenergy(d, i) + 0.5 * i @ model.series_inductances_H @ i
-        return field + 0.5 * model.motion.mass_kg * v**2 - weight * d
-
-    put, start = 0.0, stored(state)
-    for _ in range(500):
-        power = (voltage - model.resistances_ohm * state[2:]) @ state[2:]
-        state = runge_kutta_step(model, state, voltage, step)
-        put += 0.5 * step * (power + (voltage - model.resistances_ohm * state[2:]) @ state[2:])
-    assert stored(state) - start == pytest.approx(put, rel=1e-4)  # the trapezoidal rule's own error
-    states = np.array([[0.4e-3, 0.1, 1.2, -0.7], [0.6e-3, -0.2, -1.5, 1.8]])
-    volts = np.array([[3.0, -2.0], [1.0, 4.0]])
-    jacobian = state_jacobian(model, states, volts)
-    for k, shift in enumerate(np.diag((1e-9, 1e-6, 1e-5, 1e-5))):
-        slope = state_derivative(model, states + shift, volts) - state_derivative(model, states - shift, volts)
-        slope /= 2.0 * shift[k]
-        np.testing.assert_allclose(jacobian[..., k], slope, rtol=2e-4, atol=1e-4 * np.abs(slope).max())
-    for k in range(2):
-        alone = state_derivative(model, states[k], volts[k])
-        np.testing.assert_allclose(state_derivative(model, states, volts)[k], alone, rtol=1e-12)
 
 
 def test_a_linear_winding_needs_one_parabola_in_the_current_and_shapes_that_its_rows_obey():

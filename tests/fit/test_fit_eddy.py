@@ -6,16 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-import femfit as ff
 from femfit.core.errors import FitError
-from femfit.device.load import actuator_from_toml
 from femfit.fit.eddy import _splines, as_table, conductivities, fit_eddy
 from femfit.fit.eddy_states import StateChoice
-from femfit.model.bspline import basis_matrix
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.bspline import DistanceCoordinate, basis_matrix
 from femfit.model.magnetics import MagneticState
 from femfit.tables.eddy_table import EddyTable
-from support.eddy_pot import TWO_WINDINGS
 from support.impedances import changed_impedance
 
 CIRCUITS = ("coil",)
@@ -101,7 +97,7 @@ def test_the_stated_error_holds_what_the_splines_miss_between_the_distances(kept
     table = made_up(patterns=4, seed=seed)
     fewer, left = table.at(np.array(kept)), [k for k in range(len(DISTANCES)) if k not in kept]
     magnetics = Plain()
-    magnetics.coordinate = DistanceCoordinate(1e-3, inverse=False)  # in which the field bends
+    magnetics.coordinate = DistanceCoordinate(1e-3, kind="distance")  # in which the field bends
     eddy = fit_eddy(fewer, magnetics, 1e-9)
     model = as_table(eddy, table)
     off = [model.transfers(k, FREQUENCIES).departures(table.transfers(k, FREQUENCIES)) for k in left]
@@ -139,15 +135,6 @@ def test_one_frequency_is_a_range(frequency):
     np.testing.assert_allclose(got.ravel(), -0.5 * slope + 0.125 * bend, rtol=1e-9)
 
 
-def test_splines_meet_the_field_at_the_distances_of_the_sweep():
-    table = made_up(patterns=3)
-    eddy = fit_eddy(table, Plain(), 1e-9)
-    model = as_table(eddy, table)
-    for k in range(len(DISTANCES)):
-        departures = model.transfers(k, FREQUENCIES).departures(table.transfers(k, FREQUENCIES))
-        assert departures.max() < 1e-9
-
-
 def test_between_the_distances_splines_keep_their_own_slopes_and_stay_positive(within_a_hundredth):
     eddy = within_a_hundredth  # what the drawing asks for
     assert fit_eddy(made_up(patterns=3), Plain()).error == fit_eddy(made_up(patterns=3), Plain(), 0.01).error
@@ -162,7 +149,7 @@ def test_between_the_distances_splines_keep_their_own_slopes_and_stay_positive(w
 def test_beside_iron_that_saturates_nothing_swings_between_the_distances():
     distances = np.array([0.4, 0.7, 1.0, 1.5, 2.2, 3.2, 4.5, 6.0]) * 1e-3
     values = np.array([1.0, 30.0, 40.0, 40.0, 40.0, 42.0, 48.0, 50.0])[:, None]  # bends where the bias does
-    coordinate = DistanceCoordinate(float(np.ptp(distances)), inverse=False)
+    coordinate = DistanceCoordinate(float(np.ptp(distances)), kind="distance")
     knots, coefficients = _splines(coordinate, distances, values, np.full_like(values, np.nan))
     fine = np.linspace(distances[0], distances[-1], 501)
     along = (basis_matrix(coordinate.with_slopes(fine)[0], knots, 3) @ coefficients)[:, 0]
@@ -245,19 +232,3 @@ def test_the_static_models_own_error_at_the_bias_stands_beside_that_of_the_patte
     assert error.static_inductance == pytest.approx(0.2 * fields[2].max() / fields.max())
     assert within_a_hundredth.error.static_force is None
     assert within_a_hundredth.bias is None
-
-
-@pytest.mark.nightly
-def test_a_model_of_two_circuits_has_the_sweeps_eddy_currents(tmp_path):
-    text = TWO_WINDINGS.replace("distance_mm = [1, 1.5, 2, 2.5]", "distance_mm = [1, 1.25, 1.5, 1.75, 2]")
-    table = ff.run_sweep(actuator_from_toml(text), tmp_path, workers=1)
-    model = ff.fit_model(table).model
-    frequencies, k = np.array([10.0, 100.0, 1000.0]), 2
-    exact = 2j * np.pi * frequencies[:, None, None] * table.eddy.transfers(k, frequencies).flux_linkage
-    found = model.impedance(table.eddy.distances_m[k], np.zeros(2), frequencies) - np.diag(model.resistances_ohm)
-    size = np.abs(exact).max(axis=(1, 2))
-    assert (np.abs(found - exact).max(axis=(1, 2)) < 0.02 * size).all()  # as asked for
-    assert (
-        np.abs(exact.imag - exact.imag[0] * (frequencies / frequencies[0])[:, None, None])[-1] > 0.1 * size[-1]
-    ).any()
-    assert model.state_names[4 : 4 + model.eddy.count] == model.eddy_names

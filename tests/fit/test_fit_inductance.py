@@ -97,16 +97,6 @@ def test_circuit_and_mass_come_from_an_actuator_file_unless_they_are_given(tmp_p
     assert model.motion.mass_kg == 0.06
 
 
-@pytest.mark.parametrize(
-    "option",
-    [("--where", "variant=3"), ("--inductance-H", "0.1")],
-)
-def test_an_option_that_inductances_do_not_use_is_refused(option, tmp_path):
-    done = femfit("fit", written_table(tmp_path), "--model", "two-exponentials", *option)
-    assert done.returncode == 1
-    assert option[0] in done.stderr
-
-
 def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
     path = written_table(tmp_path)
     assert is_inductance_table(path)

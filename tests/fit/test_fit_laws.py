@@ -13,8 +13,8 @@ from femfit.fit.law_fit import fit_law
 from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN, law_by_name
-from femfit.laws.dipoles import DIPOLE_DISK, F1E, F2E
-from support.sweeps import MASS, ClosedForm, force_table, full_table
+from femfit.laws.dipoles import F1E, F2E
+from support.sweeps import MASS, force_table, full_table
 
 G = 9.80665
 TABLE_3 = pd.read_csv(Path(__file__).parents[2] / "data" / "paper_table3.csv", comment="#")
@@ -63,19 +63,6 @@ def test_shape_parameters_are_found_from_data_of_the_law_itself(law):
     for name, value in shape.items():
         assert fit.shape[name] == pytest.approx(value, rel=1e-3)
     assert np.sqrt(np.mean(fit.joint.residual**2)) < 1e-6 * rows.weight
-
-
-def test_a_pole_face_and_a_dipole_are_recognised_in_a_closed_form_of_them():
-    truth = ClosedForm(L_1=0.0)
-
-    def force(d, i):
-        return truth.a * (d + truth.s) ** -4.0 + 3e-6 * i * (d**2 + truth.R**2) ** -1.5
-
-    fit = fit_law(DIPOLE_DISK, rows_of_table(force_table(force), MASS, G))
-    assert fit.functions == ("constant", "through-origin")
-    assert fit.shape["shift_m"] == pytest.approx(truth.s, rel=1e-5)
-    assert fit.shape["radius_m"] == pytest.approx(truth.R, rel=1e-5)
-    np.testing.assert_allclose(fit.two_stage, [truth.a, 3e-6], rtol=1e-4)
 
 
 def test_intervals_cover_where_the_misfit_is_shared_by_all_currents():
@@ -141,15 +128,6 @@ def test_a_laws_attracting_bound_holds_at_positive_currents_and_leaves_negative_
     assert default_bounds(F1E).at(-0.1)[0].tolist() == [-np.inf, -np.inf]
 
 
-def test_iron_drawn_by_a_coil_alone_takes_the_square_of_the_current():
-    rows = rows_of_table(force_table(lambda d, i: 4e-6 * i**2 * d**-2, currents=[0.0, 0.5, 1.0, 1.5]), None, G)
-    fit = fit_law(F1E, rows)
-    assert fit.functions[1] == "square"
-    np.testing.assert_allclose(
-        fit.force(fit.joint.x, rows.distance, rows.current), rows.force, atol=1e-6 * rows.force.max()
-    )
-
-
 def test_errors_are_parts_of_the_rms_force_where_the_part_cannot_hang_or_weighs_next_to_nothing():
     # A plunger of 40 g under 2 to 20 N: in parts of its weight of 0.39 N every law would look useless.
     rows = rows_of_table(force_table(lambda d, i: 2.0 * (1.0 + i) * (0.045 / d) ** 2), 0.04, G)
@@ -199,7 +177,11 @@ def test_a_constant_and_a_line_through_the_origin_are_recognised_in_scattered_co
 
 @pytest.mark.parametrize(
     ("name", "truth"),
-    [("affine", lambda i: 2.0 + 3.0 * i), ("quadratic", lambda i: 2.0 - i + 4.0 * i**2)],
+    [
+        ("square", lambda i: 4.0 * i**2),
+        ("affine", lambda i: 2.0 + 3.0 * i),
+        ("quadratic", lambda i: 2.0 - i + 4.0 * i**2),
+    ],
 )
 def test_richer_functions_are_chosen_where_the_coefficient_needs_them(name, truth):
     values = truth(I) + 0.01 * np.random.default_rng(2).standard_normal(8)

@@ -59,13 +59,3 @@ def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
     worked("audit", folder / "model.json", "--json", folder / "audit.json")
     found = {one["code"]: one for one in json.loads((folder / "audit.json").read_text())["findings"]}
     assert found["point_misfit"]["severity"] == "holds"
-
-
-@pytest.mark.nightly
-def test_a_loop_holds_the_bearing_and_its_record_is_observed(folder, tmp_path):
-    told = worked(
-        "simulate", folder / "model.json", "--runs", 1, "--seconds", 0.05, "--controller", "state-feedback",
-        "--csv", tmp_path / "loop.csv",
-    )  # fmt: skip
-    assert "Held: 1 of 1" in told.stdout
-    worked("observe", folder / "model.json", tmp_path / "loop.csv")

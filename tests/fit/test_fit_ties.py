@@ -18,7 +18,7 @@ def test_the_first_of_equal_laws_is_ranked_first(monkeypatch):
 
     def candidate(law, _rows, _folds):
         fit = SimpleNamespace(operations=7)
-        return ranking.Candidate(law, fit, None, 0.01 * errors[law.name], 0.0, 0.0, 2)
+        return ranking.Candidate(law, fit, None, 0.01 * errors[law.name], 0.0, 2)
 
     monkeypatch.setattr(ranking, "_candidate", candidate)
     monkeypatch.setattr(ranking, "ranking_folds", lambda _: [])

@@ -1,14 +1,19 @@
-"""The only way from the golden cases into femfit: what moves in the library is followed here."""
+"""The only way from the golden cases into femfit, one function a kind: what moves in the library is followed here.
+
+Each gives its results by kinds of tolerance, as in freeze.py.
+"""
 
 import json
 import os
 import subprocess
 import sys
+import tempfile
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 import femfit as ff
 from femfit.audit.audit_model import audit_model
@@ -20,11 +25,17 @@ from femfit.tables.femm.read import import_fem_file
 
 INPUTS = Path(__file__).parent / "inputs"
 POINTS = 50
+FREQUENCIES = (0.0, 1.0, 30.0, 1000.0, 30000.0)
+
+
+def stored(kind, name, suffix="csv"):
+    """A file of the inputs."""
+    return INPUTS / kind / f"{name}.{suffix}"
 
 
 def model(name):
     """A stored model."""
-    return ff.read_model(INPUTS / "models" / f"{name}.json")
+    return ff.read_model(stored("models", name, "json"))
 
 
 def asked(function, *given, **options):
@@ -49,61 +60,47 @@ def points(one, count=POINTS):
     return at[:, 0], at[:, 1:]
 
 
-def as_taken(one, currents):
-    """Currents in the shape that the model's methods take."""
-    count = len(one.validity.current_limits_A)
-    return currents if count > 1 else currents[..., 0] if count else np.zeros(currents.shape[:-1])
+def as_taken(values):
+    """Currents or voltages of several circuits, or of one without its axis, as the model's methods take them."""
+    return values[..., 0] if values.shape[-1] == 1 else values if values.size else np.zeros(len(values))
 
 
 def states(one, count=POINTS):
-    """States with speeds up to 0.1 m/s and small currents and numbers in what eddies and effects add."""
+    """States with speeds up to 0.1 m/s and small currents and numbers in what eddies and effects add, and commands."""
     d, i = points(one, count)
     n = len(one.circuits)
     free = 2.0 * spread(count, 1 + one.order - n) - 1.0  # column 0: unused, so that the others stay apart from d
     free[:, 1:2] *= 0.1
-    result = np.column_stack([d, free[:, 1], i[:, :n], 0.02 * free[:, 2 : one.order - n]])
-    return result, voltages(one, count)
-
-
-def voltages(one, count=POINTS):
-    """Of each circuit, (n, circuits): commands within what its supply gives."""
+    at = np.column_stack([d, free[:, 1], i[:, :n], 0.02 * free[:, 2 : one.order - n]])
     limits = np.array([command_limits(circuit) for circuit in one.circuits]).reshape(-1, 2)
-    return limits[:, 0] + np.ptp(limits, axis=1) * spread(count, 3 + len(limits))[:, 3:]
+    return at, limits[:, 0] + np.ptp(limits, axis=1) * spread(count, 3 + n)[:, 3:]
 
 
 def statics(one):
     """Force, flux linkage, inductance and motional constant over the domain, (n, ...) with an axis of circuits."""
-    d, i = points(one)
-    i = as_taken(one, i)
+    d, currents = points(one)
+    i = as_taken(currents)
+    motional = one.magnetics.motional_constant(d, one.validity.with_axis(i))
     magnetic = {
         "force_N": one.force(d, i),
         "flux_linkage_Wb": one.flux_linkage(d, i),
         "inductance_H": one.inductance(d, i),
+        "motional_constant_N_A": motional if currents.shape[1] > 1 else motional.sum(axis=-1),
     }
-    motional = one.magnetics.motional_constant(d, one.validity.with_axis(i))
-    magnetic["motional_constant_N_A"] = motional if len(one.validity.current_limits_A) > 1 else motional.sum(axis=-1)
     return {name: np.reshape(values, (len(d), -1)) for name, values in magnetic.items()}
 
 
 def readings(one):
-    """All sensors in the states, each as of one moment, and as samples one after the other with their delays."""
+    """All sensors in the states, each as of one moment."""
     at, _ = states(one)
     return {name: asked(sampled_readings, one, sensor, at) for name, sensor in sensors_of(one).items()}
-
-
-FREQUENCIES = (0.0, 1.0, 30.0, 1000.0, 30000.0)
 
 
 def impedances(one):
     """Impedances at some points and frequencies."""
     d, i = points(one, 5)
-    i = as_taken(one, i)
-    values = {f: one.impedance(d, i, f) for f in FREQUENCIES}
-    return {"impedance": {f"{f:g}_Hz": np.reshape(z, (len(d), -1)) for f, z in values.items()}}
-
-
-def _inputs(one, volts):
-    return volts if len(one.circuits) != 1 else volts[:, 0]
+    values = {f"{f:g}_Hz": one.impedance(d, as_taken(i), f) for f in FREQUENCIES}
+    return {"impedance": {name: np.reshape(z, (len(d), -1)) for name, z in values.items()}}
 
 
 def by_state(one, values):
@@ -111,56 +108,51 @@ def by_state(one, values):
     return dict(zip(one.state_names, np.asarray(values).T, strict=True))
 
 
-def derivative(one):
-    """Time derivatives of the states."""
+def of_model(name):
+    """Statics, impedances, rates and slopes of the motion, readings, and one and ten samples of the plant."""
+    one = model(name)
+    algebra = {"statics": statics(one), "order": one.order, "states": list(one.state_names)}
+    result = {"algebra": algebra}
+    if one.circuits:
+        algebra["impedances"] = impedances(one)
+    if one.motion is None:
+        return result
     at, volts = states(one)
-    return by_state(one, state_derivative(one, at, _inputs(one, volts)))
+    few, few_volts = states(one, 5)
+    inputs, few_inputs = (v[:, 0] if len(one.circuits) == 1 else v for v in (volts, few_volts))
+    slopes = state_jacobian(one, few, few_inputs)
+    algebra["rates"] = by_state(one, state_derivative(one, at, inputs))
+    algebra["readings"] = readings(one)
+    differences = result.setdefault("differences", {}) if one.effects else algebra
+    differences["slopes"] = {state: by_state(one, slopes[:, k]) for k, state in enumerate(one.state_names)}
+    if one.circuits:
+        few[:, 1] *= 0.1
+        plant, after = Plant(one), {}
+        now = plant.start(few[:, : 2 + len(one.circuits)])
+        for k in range(1, 11):
+            now = plant.step(now, few_volts)
+            after[f"after_{k}"] = by_state(one, now)
+        result["steps"] = {"plant": {key: after[key] for key in ("after_1", "after_10")}}
+    return result
 
 
-def jacobian(one):
-    """Rows of the linearised motion at five states."""
-    at, volts = states(one, 5)
-    slopes = state_jacobian(one, at, _inputs(one, volts))
-    return {name: by_state(one, slopes[:, k]) for k, name in enumerate(one.state_names)}
-
-
-def plant_steps(one, count=10):
-    """States after one and after ten samples of the plant, from five places, the command held."""
-    at, volts = states(one, 5)
-    at[:, 1] *= 0.1
-    plant = Plant(one)
-    now, found = plant.start(at[:, : 2 + len(one.circuits)]), {}
-    for k in range(1, count + 1):
-        now = plant.step(now, volts)
-        if k in (1, count):
-            found[f"after_{k}"] = by_state(one, now)
-    return found
-
-
-def filter_steps(one, kind, sensors=None, count=5):
+def filter_steps(one, kind, count=5):
     """Means, deviations, correlations and innovations of a filter along steps with given readings."""
-    tracker = ff.kalman_filter(one, kind, sensors=sensors)
-    box, process = one.validity, tracker.process
-    first = np.array(
-        [
-            box.distance_min_m + 0.4 * (box.distance_max_m - box.distance_min_m),
-            0.0,
-            *np.mean(box.current_limits_A, axis=1)[: len(one.circuits)],
-        ]
-    )
-    known = sensors_of(one)
+    tracker = ff.kalman_filter(one, kind)
+    box, process, n = one.validity, tracker.process, len(one.circuits)
+    distance = box.distance_min_m + 0.4 * (box.distance_max_m - box.distance_min_m)
+    first = np.array([distance, 0.0, *np.mean(box.current_limits_A, axis=1)[:n]])
     body = np.zeros((1, one.order))
     body[0, : len(first)] = first
+    known = sensors_of(one)
     rest = [float(sampled_readings(one, known[output.name], body)[0]) for output in process.outputs]
-    volts, state, found = voltages(one, count), tracker.start(first), {}
-    for k in range(count):
-        wiggle = np.array([output.variance**0.5 for output in process.outputs]) * (
-            2.0 * spread(k + 1, len(rest))[k] - 1.0
-        )
-        given = volts[k] if process.inputs != 1 else volts[k, 0]
-        state = tracker.step(state, given, np.array(rest) + wiggle)
+    noise = np.array([output.variance**0.5 for output in process.outputs])
+    state, steps = tracker.start(first), {}
+    for k, volts in enumerate(states(one, count)[1]):
+        wiggle = noise * (2.0 * spread(k + 1, len(rest))[k] - 1.0)
+        state = tracker.step(state, volts if process.inputs != 1 else volts[0], np.array(rest) + wiggle)
         deviation = np.sqrt(np.diag(state.covariance[0]))
-        found[f"step_{k + 1}"] = {
+        steps[f"step_{k + 1}"] = {
             "mean": dict(zip(process.names, state.mean[0], strict=True)),
             "deviation": dict(zip(process.names, deviation, strict=True)),
             "correlation": state.covariance[0] / np.outer(deviation, deviation),
@@ -168,29 +160,40 @@ def filter_steps(one, kind, sensors=None, count=5):
             "innovation_variance": np.ravel(state.innovation_variance),
             "outcome": state.outcome,
         }
-    return found
-
-
-def slopes_by_differences(one):
-    """Whether the filter's Jacobian comes from differences: effects, diodes and amplifiers."""
-    plain = all(circuit.drive.kind == "voltage" and circuit.drive.diode_V is None for circuit in one.circuits)
-    return bool(one.effects) or not plain
+    return steps
 
 
 def bound(one):
     """Least deviations that a filter can reach."""
-    found = ff.error_bound(one)
-    return {
-        "sensors": found.sensors,
-        "deviation": dict(zip(found.names, found.deviations.T, strict=True)),
-        "observed": found.observed,
-    }
+    least = ff.error_bound(one)
+    deviation = dict(zip(least.names, least.deviations.T, strict=True))
+    return {"sensors": least.sensors, "deviation": deviation, "observed": least.observed}
 
 
-def fit(name, law=None):
-    """A fit of a stored sweep; laws without what each number of the drawing changes, which takes long."""
-    table = ff.read_sweep(INPUTS / "sweeps" / name)
-    return ff.fit_model(replace(table, signatures=None) if law else table, law=law)
+def of_filters(name):
+    """Both filters and their bound; a Jacobian by differences where there are effects, diodes or amplifiers."""
+    one = model(name)
+    extended, unscented = (asked(filter_steps, one, kind) for kind in ("ekf", "ukf"))
+    least = asked(bound, one)
+    plain = all(circuit.drive.kind == "voltage" and circuit.drive.diode_V is None for circuit in one.circuits)
+    if one.effects or not plain:
+        return {"steps": {"ukf": unscented}, "differences": {"ekf": extended, "bound": least}}
+    return {"steps": {"ekf": extended, "ukf": unscented}, "settled": {"bound": least}}
+
+
+def of_fit(name, laws):
+    """Fits of a stored sweep; laws without what each number of the drawing changes, which takes long."""
+    table, result = ff.read_sweep(INPUTS / "sweeps" / name), {}
+    for law in laws:
+        fitted = ff.fit_model(replace(table, signatures=None) if law else table, law=law)
+        numbers = {"statics": statics(fitted.model), "facts": facts_of_fit(fitted)}
+        if fitted.model.sensor:
+            numbers["readings"] = readings(fitted.model)
+        if fitted.model.eddy:
+            numbers["impedances"] = impedances(fitted.model)
+        kind = "searched" if law in {"all", "reluctance-network"} else "fitted"
+        result.setdefault(kind, {})[law or "coenergy"] = numbers
+    return result
 
 
 def facts_of_fit(fitted):
@@ -208,16 +211,10 @@ def facts_of_fit(fitted):
     return facts
 
 
-def bench_file(name):
-    """A stored bench table."""
-    return INPUTS / "benches" / f"{name}.csv"
-
-
-def bench(of, data, *, alone=False):
+def bench(of, data, alone=False):
     """What a measurement says of a model; what a diagnosis names is added.
 
-    Left out: where a size is largest (two places are as far), what ties, which rounding decides; and of families that
-    these data do not determine (``alone``) all sizes.
+    Left out: what ties, which rounding decides; and of families that these data do not determine (``alone``) all sizes.
     """
     one = model(of)
     compared, found = ff.compare(one, data), ff.diagnose(one, data)
@@ -228,31 +225,23 @@ def bench(of, data, *, alone=False):
         kept = ("verdict", "noise_floor", "detectable", "where", "rms", "findings")
         diagnosis = {key: diagnosis[key] for key in kept}
         return {"fitted": {"compare": comparison, "diagnose": diagnosis, "names": names, "accepted": added.accepted}}
-    for effect in filter(None, (*diagnosis["missing"], diagnosis["dominant"])):
+    for effect in diagnosis["missing"]:
         del effect["tied_words"], effect["tie"]
     diagnosis["look_alikes"] = sorted(diagnosis["look_alikes"])
     diagnosis["ranking"] = {effect.pop("name"): effect for effect in map(dict, diagnosis["ranking"])}
     result = {"names": names, "diagnose": diagnosis}
     if isinstance(added, ff.AddResult):
-        data = added.to_dict()
-        for size in (sizes := [dict(size) for size in data["sizes"]]):
-            del size["distance_m"], size["current_A"]
-        result["add"] = data | {"sizes": sizes}
+        result["add"] = added.to_dict()
     elif added:
         result["add"] = added
     return {"fitted": {"compare": comparison}, "searched": result}
 
 
-def record_file(name):
-    """A stored record over time."""
-    return INPUTS / "records" / f"{name}.csv"
-
-
-def observed(of, name, **options):
+def observed(of, name, filters):
     """A record through filters."""
-    seen = ff.observe(model(of), record_file(name), **options)
+    seen = ff.observe(model(of), stored("records", name), filter=filters)
     table = {key: values.to_numpy()[::50] for key, values in seen.table.items()}
-    return seen.to_dict() | {"series": table, "findings": [one.code for one in seen.findings]}
+    return {"searched": seen.to_dict() | {"series": table, "findings": [one.code for one in seen.findings]}}
 
 
 def columns_of(rows):
@@ -270,9 +259,9 @@ def _codes(findings):
     return sorted(f"{one.code}:{one.severity}:{one.column}" for one in findings)
 
 
-def imported(name, **options):
+def imported(name):
     """A table of another program."""
-    table = ff.import_table(INPUTS / "tables" / name, **options)
+    table = ff.import_table(INPUTS / "tables" / name)
     mapping = [(one.name, one.header, one.unit, one.factor) for one in table.mapping]
     return {"columns": columns_of(table.rows), "mapping": mapping, "findings": _codes(table.findings)}
 
@@ -280,17 +269,21 @@ def imported(name, **options):
 def measured(path):
     """A measurement as it is read."""
     data = ff.read_measurement(path)
-    return {
-        "kind": type(data).__name__,
-        "given": data.given,
-        "columns": columns_of(data.rows),
-        "findings": _codes(data.findings),
-    }
+    facts = {"kind": type(data).__name__, "given": data.given, "findings": _codes(data.findings)}
+    return facts | {"columns": columns_of(data.rows)}
+
+
+def tables(foreign, measurements, benches, records):
+    """Tables of other programs, and measurements."""
+    found = {name: asked(imported, name) for name in foreign}
+    found |= {name: asked(measured, INPUTS / "tables" / name) for name in measurements}
+    found |= {name: measured(stored("benches", name)) for name in benches}
+    return {"read": found | {name: measured(stored("records", of)) for name, of in records.items()}}
 
 
 def drawn(name):
     """A FEMM model as a drawing."""
-    found = import_fem_file(INPUTS / "fem" / f"{name}.fem")
+    found = import_fem_file(stored("fem", name, "fem"))
     return {"drawing": tomllib.loads(found.toml), "facts": found.as_dict() | {"findings": _codes(found.findings)}}
 
 
@@ -311,28 +304,26 @@ print(json.dumps(found))
 """
 
 
-def exported(name, directory):
+def exported(name):
     """Numbers of an exported model, in a process that does not see this package."""
     one = model(name)
-    done, box = ff.export(one, directory), one.validity
+    box = one.validity
     currents = box.current_limits_A.mean(axis=1)[: len(one.circuits)].tolist()
     first = json.dumps([0.5 * (box.distance_min_m + box.distance_max_m), 0.0, *currents])
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     run = [sys.executable, "-c", EXPORTED, first]
-    found = json.loads(subprocess.run(run, cwd=directory, env=environment, check=True, capture_output=True).stdout)
-    assert Path(found.pop("file")).is_relative_to(Path(directory).resolve())
-    return {"target": done.target, "numbers": found}
+    with tempfile.TemporaryDirectory() as folder:
+        done = ff.export(one, f"{folder}/out")
+        place = {"cwd": f"{folder}/out", "env": environment}
+        found = json.loads(subprocess.run(run, **place, check=True, capture_output=True).stdout)
+        assert Path(found.pop("file")).is_relative_to(Path(folder).resolve())
+    return {"differences" if one.effects else "steps": {"target": done.target, "numbers": found}}
 
 
-def drawing(name):
-    """A stored actuator file."""
-    return INPUTS / "drawings" / f"{name}.toml"
-
-
-def audited(name, table):
+def audited(name):
     """Conclusions of an audit by their codes; what is recomputed as rounding is zero."""
     found = {}
-    for one in audit_model(model(name), table).findings:
+    for one in audit_model(model(name), INPUTS / "sweeps" / name).findings:
         numbers = [0.0 if value and abs(value) < 1e-7 else value for value in (one.stated, one.recomputed)]
         found.setdefault(one.code, []).append([one.severity, *numbers])
     return found
@@ -345,6 +336,21 @@ def tolerances(name, **at):
     return {"value": found.value, "scatter": found.scatter, "shares": shares}
 
 
+def integrated(methods):
+    """A coil's voltage by each method."""
+    time = 2e-3 * np.arange(1500)
+    wiggle = 1e-6 * np.cos(1e3 * np.arange(1500.0) ** 2)
+    columns = {
+        "time_s": time,
+        "coil_voltage_V": 1e-3 * np.sin(time) + 2e-5 + wiggle,
+        "hall_T": 0.1 * (1.0 - np.cos(time)) + 10.0 * wiggle,
+        "current_A": 1.0 - np.cos(time),
+    }
+    rows, area = pd.DataFrame(columns), {"coil_area_m2": 0.01}
+    of = {name: ff.integrate_coil(rows, method=name, **area, **more).to_dict() for name, more in methods.items()}
+    return {"settled": of}
+
+
 def simulated(name, **options):
     """An open loop: what happened, and a part of its table."""
     found = ff.simulate(model(name), **options)
@@ -355,11 +361,13 @@ def simulated(name, **options):
 
 def closed(name, plant=None, **options):
     """A closed loop with its design and margins."""
-    found = ff.close_loop(model(name), plant=plant and model(plant), **options)
+    found = ff.close_loop(model(name), plant=plant and model(plant), runs=2, seconds=0.1, rng=1, **options)
     data = found.data() | {"ends": found.result.series.distance_m[-1]}
     return {"settled": {"design": data.pop("design")}, "bits": data}
 
 
-def calibrated(name, bench, directory, numbers):
+def calibrated(name, data, numbers):
     """A drawing's number found from a bench table; its field is solved."""
-    return ff.calibrate(drawing(name), bench_file(bench), directory, numbers=numbers, workers=1).to_dict()
+    with tempfile.TemporaryDirectory() as folder:
+        drawing, table = stored("drawings", name, "toml"), stored("benches", data)
+        return {"searched": ff.calibrate(drawing, table, folder, numbers=numbers, workers=1).to_dict()}

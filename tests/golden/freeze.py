@@ -32,8 +32,8 @@ _AS_PARTS_OF_ONE = ("correlation", "probability", "p_value")
 _INTERVALS = ("interval95", "ci95")
 
 
-class Words(Exception):  # noqa: N818  no error: a value that is left out
-    """A text that is no code."""
+_WORDS = object()
+"""In place of a text that is no code, and is left out."""
 
 
 def frozen(value: object) -> object:
@@ -47,15 +47,12 @@ def frozen(value: object) -> object:
     elif isinstance(value, set | frozenset):
         value = sorted(value)
     if isinstance(value, Mapping):
-        return dict(_without_words((str(key), one) for key, one in value.items() if key not in _DROPPED))
+        items = {str(key): frozen(one) for key, one in value.items() if key not in _DROPPED}
+        return {key: one for key, one in items.items() if one is not _WORDS}
     if isinstance(value, list | tuple):
-        return [one for _, one in _without_words(enumerate(value))]
-    return _of_one(value)
-
-
-def _of_one(value: object) -> object:
+        return [one for one in map(frozen, value) if one is not _WORDS]
     if isinstance(value, str) and re.search(r"\s", value):
-        raise Words
+        return _WORDS
     if isinstance(value, complex):
         return [frozen(value.real), frozen(value.imag)]
     if isinstance(value, float):
@@ -63,14 +60,6 @@ def _of_one(value: object) -> object:
     if value is None or isinstance(value, bool | int | str):
         return value.name if isinstance(value, Enum) else value
     raise TypeError(f"{type(value)} must be taken apart by door.py")
-
-
-def _without_words(items):
-    for key, one in items:
-        try:
-            yield key, frozen(one)
-        except Words:
-            continue
 
 
 def write(name: str, result: object) -> None:

@@ -22,7 +22,7 @@ def main() -> int:
         if given.names and not any(name.startswith(one) for one in given.names):
             continue
         began = time.process_time()
-        new, old = run(), freeze.read(name)
+        new, old = freeze.frozen(run()), freeze.read(name)
         print(f"{name}: {time.process_time() - began:.1f} s{'' if old else ', new'}", flush=True)  # noqa: T201
         found = [one for one in freeze.differences(old, new) if one[1] > (0.0 if given.all else 1.0)] if old else []
         wrong |= not old or any(one[1] > 1.0 for one in found)

@@ -10,5 +10,5 @@ from golden.cases import CASES, LONG
     "name", [pytest.param(name, marks=[pytest.mark.nightly] if name in LONG else []) for name in CASES]
 )
 def test_results_are_those_that_are_stored(name):
-    found = [one for one in freeze.differences(freeze.read(name), CASES[name]()) if one[1] > 1.0]
+    found = [one for one in freeze.differences(freeze.read(name), freeze.frozen(CASES[name]())) if one[1] > 1.0]
     assert not found

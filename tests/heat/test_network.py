@@ -1,66 +1,139 @@
-"""Networks of nodes, windings and faces beside closed forms and conduction on a fine grid."""
+"""Networks of nodes, windings and faces beside closed forms and conduction on a fine grid.
+
+On the grid of (r, z) every cell is one volume, whatever part it is of: winding, iron and magnet conduct in full, and
+the air of narrow gaps and closed pockets conducts; where parts touch is the joint's air. Free faces have the film. What
+is open air is told by discs as wide as the widest gap that come from far away.
+"""
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import shapely
+from scipy import ndimage
 from scipy.integrate import quad
+from scipy.sparse.linalg import spsolve
 
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
-from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.device.load import read_actuator
 from femfit.device.parts import Coil
-from femfit.heat.balance import Loads, largest_factor, settled, slowest_s, time_until
+from femfit.device.thermal import AIR_CONDUCTIVITY, thermal_of
+from femfit.heat.balance import largest_factor, settled, slowest_s, time_until
 from femfit.heat.network import DENSEST, NOTHING, OPEN, HeatNetwork, faces_of, heat_network, stars, winding_heat
 from support.actuators import GEOMETRY
-from support.heat_grid import rises
-
-AIR_COIL = """
-schema = 2
-name = "air-coil"
-[coils.coil]
-r_mm = [20, 22]
-z_mm = [-2, 0]
-turns = 50
-wire_diameter_mm = 0.2
-[moving.regions.body]
-material = "low_carbon_steel"
-r_mm = [0, 1]
-z_mm = [0, 1]
-[mechanics]
-mass_g = 1
-[supply]
-voltage_min_V = 0
-voltage_max_V = 1
-[sweep]
-current_A = [0, 1]
-distance_mm = [30, 40]
-"""
 
 
-def of_coils(network, watts=1.0):
+def rises_of(network, ambient=0.0):
+    """Temperatures of all parts by a watt in each winding."""
     heat = np.zeros(len(network.names))
-    heat[: len(network.windings)] = watts
-    return Loads(0.0 * heat, heat)
-
-
-def test_a_ring_in_the_open_gives_off_its_heat_by_its_faces():
-    actuator = actuator_from_toml(AIR_COIL)
-    network = heat_network(replace(actuator, thermal=replace(actuator.thermal, insulation_W_per_m_K=100.0)), 0.03)
-    surface = 2.0 * np.pi * (0.022 + 0.020) * (0.002 + 0.002)
-    assert settled(network, 0.0, of_coils(network))[0] == pytest.approx(1.0 / (10.0 * surface), rel=2e-3)
+    heat[: len(network.windings)] = 1.0
+    return np.linalg.solve(network.laplacian, network.outwards * ambient + heat)
 
 
 @pytest.mark.parametrize("name", ["pot-magnet", "solenoid", "emaws-rig", "voice-coil", "bearing", "ball"])
 def test_what_is_put_in_comes_out(name):
     actuator = read_actuator(GEOMETRY / f"{name}.toml")
     network = heat_network(actuator, actuator.sweep.distances_m[0])
-    rise = settled(network, 0.0, of_coils(network))
+    rise = rises_of(network)
     assert network.outwards @ rise == pytest.approx(len(network.windings))
     assert np.allclose(network.between, network.between.T)
     assert np.linalg.eigvalsh(network.laplacian)[0] > 0.0
     assert np.allclose(network.inside.sum(axis=1), 0.0)
+
+
+OUTSIDE, AIR = -2, -1
+STEP = 0.5e-3
+FEWEST = 8  # cells between two edges of the drawing
+
+
+def rises(actuator, distance, heat_W):
+    """Mean and largest temperature over ambient of coils, fixed and moving regions, by even heat in each coil in W."""
+    around = actuator.thermal
+    parts = [*actuator.coils, *actuator.fixed, *actuator.moving.regions]
+    moving = [part in actuator.moving.regions or getattr(part, "moves", False) for part in parts]
+    shapes = [
+        shapely.Polygon([(r, z + distance * moves) for r, z in part.vertices_m])
+        for part, moves in zip(parts, moving, strict=True)
+    ]
+    corners = np.concatenate([np.array(one.exterior.coords) for one in shapes])
+    r, z = grid_lines([0.0, *corners[:, 0]]), grid_lines(corners[:, 1])
+    middle = np.stack(np.meshgrid(*(0.5 * (one[1:] + one[:-1]) for one in (r, z)), indexing="ij"), axis=-1)
+    owner = np.full(middle.shape[:2], AIR)
+    for k, shape in enumerate(shapes):
+        owner[shapely.contains_xy(shape, middle[..., 0], middle[..., 1])] = k
+    owner[(owner == AIR) & open_air(shapes, middle, 2.0 * AIR_CONDUCTIVITY / around.film_W_per_m2_K)] = OUTSIDE
+    known = np.array([*(conductivity(part, around) for part in parts), 0.0, AIR_CONDUCTIVITY])  # the last by -2 and -1
+    volume = np.pi * np.diff(r**2)[:, None] * np.diff(z)
+    own = [owner == k for k in range(len(parts))]
+    heat = sum(watts * (volume * cells) / (volume * cells).sum() for watts, cells in zip(heat_W, own, strict=False))
+    field = solved(owner, known[owner], r, z, heat, around, len(heat_W))
+    return [(float((field * volume)[cells].sum() / volume[cells].sum()), float(field[cells].max())) for cells in own]
+
+
+def conductivity(part, around):
+    if isinstance(part, Coil):
+        return winding_heat(part, around.insulation_W_per_m_K).conductivity_W_per_m_K
+    return thermal_of(part.material).conductivity_W_per_m_K
+
+
+def grid_lines(coordinates):
+    edges = np.unique(np.round(coordinates, 9))
+    pieces = [np.linspace(a, b, max(FEWEST, int(np.ceil((b - a) / STEP))) + 1)[:-1] for a, b in pairwise(edges)]
+    return np.append(np.concatenate(pieces), edges[-1])
+
+
+def open_air(shapes, middle, widest):
+    """Which places a disc of that diameter covers that comes from far away and touches no part."""
+    pixel, margin = widest / 54.0, 2.0 * widest
+    high, low = middle[-1, -1] + margin, middle[0, 0, 1] - margin
+    axes = np.arange(-high[0], high[0], pixel), np.arange(low, high[1], pixel)
+    across, along = np.meshgrid(*axes, indexing="ij")
+    solid = np.any([shapely.contains_xy(shape, np.abs(across), along) for shape in shapes], axis=0)
+    centres = (ndimage.distance_transform_edt(~solid) - 0.5) * pixel >= 0.5 * widest
+    labels, _ = ndimage.label(centres)
+    covered = (ndimage.distance_transform_edt(labels != labels[0, 0]) - 0.5) * pixel < 0.5 * widest
+    at = [np.clip(np.searchsorted(axis, middle[..., k]), 0, len(axis) - 1) for k, axis in enumerate(axes)]
+    return covered[at[0], at[1]]
+
+
+def solved(owner, known, r, z, heat, around, windings):
+    """Temperatures over ambient of all cells."""
+    number = np.where(owner == OUTSIDE, -1, np.cumsum(owner != OUTSIDE).reshape(owner.shape) - 1)
+    dz, mid = np.diff(z), 0.5 * (r[1:] + r[:-1])
+    loss, entries = np.zeros(number.max() + 1), []
+    # Along r, then along z: faces between cells, and the way from each cell's middle to its lower and its upper face
+    inner = r[:-1] * np.log(mid / np.maximum(r[:-1], 1e-12))
+    radial = 2.0 * np.pi * r[:, None] * dz, inner[:, None], (r[1:] * np.log(r[1:] / mid))[:, None]
+    axial = np.pi * np.diff(r**2)[:, None] * np.ones(len(z)), 0.5 * dz, 0.5 * dz
+    film, size = 1.0 / around.film_W_per_m2_K, owner.shape
+    for axis, (area, down, up) in enumerate((radial, axial)):
+        low, high = (np.take(area, range(a, b), axis) for a, b in ((0, size[axis]), (1, size[axis] + 1)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ways = np.broadcast_to(down, size) / known, np.broadcast_to(up, size) / known
+        first, last = range(size[axis] - 1), range(1, size[axis])
+        one, other = np.take(owner, first, axis), np.take(owner, last, axis)
+        joint = np.where(np.minimum(one, other) < windings, around.winding_joint_m, around.joint_m) / AIR_CONDUCTIVITY
+        joint = np.where((one >= 0) & (other >= 0) & (one != other), joint, 0.0)
+        both = (one != OUTSIDE) & (other != OUTSIDE)
+        way = np.take(ways[1], first, axis) + joint + np.take(ways[0], last, axis)
+        g = np.take(high, first, axis)[both] / way[both]
+        a, b = np.take(number, first, axis)[both], np.take(number, last, axis)[both]
+        entries += [(a, a, g), (b, b, g), (a, b, -g), (b, a, -g)]
+        beyond = np.pad(owner, [(1, 1) if k == axis else (0, 0) for k in (0, 1)], constant_values=OUTSIDE)
+        if axis == 0:
+            beyond[0] = AIR  # nothing crosses the axis
+        for face, path, start in ((low, ways[0], 0), (high, ways[1], 2)):
+            free = (owner >= 0) & (np.take(beyond, range(start, start + size[axis]), axis) == OUTSIDE)
+            np.add.at(loss, number[free], face[free] / (path[free] + film))
+    rows, columns, values = (np.concatenate(one) for one in zip(*entries, strict=True))
+    matrix = sp.coo_matrix((values, (rows, columns)), shape=(len(loss),) * 2).tocsc() + sp.diags(loss, format="csc")
+    inside = owner != OUTSIDE
+    rise = spsolve(matrix, heat[inside])
+    assert np.isclose(loss @ rise, heat.sum(), rtol=1e-8)
+    return np.where(inside, rise[number], 0.0)
 
 
 CASES = {
@@ -78,7 +151,7 @@ def test_the_network_is_near_conduction_on_a_fine_grid(name, distance):
     """The parts' rises within a share of the winding's; the howto says by how much."""
     actuator = read_actuator(GEOMETRY / f"{name}.toml")
     network = heat_network(actuator, distance)
-    rise, count = settled(network, 0.0, of_coils(network)), len(actuator.coils)
+    rise, count = rises_of(network), len(actuator.coils)
     exact = np.array(rises(actuator, distance, [1.0] * count))
     assert rise[:count] == pytest.approx(exact[:count, 0], rel=CASES[name, distance])
     assert np.abs(rise - exact[:, 0]).max() < max(CASES[name, distance], 0.045) * exact[0, 0]
@@ -90,55 +163,35 @@ def test_a_mounting_cools_the_heaviest_fixed_part():
     actuator = read_actuator(GEOMETRY / "pot-magnet.toml")
     cooled = replace(actuator, thermal=replace(actuator.thermal, mounting_W_per_K=1e6))
     network = heat_network(cooled, 1e-3)
-    assert settled(network, 20.0, of_coils(network))[network.names.index("pot")] == pytest.approx(20.0, abs=1e-4)
+    assert rises_of(network, 20.0)[network.names.index("pot")] == pytest.approx(20.0, abs=1e-4)
 
 
 G, C = 0.1, 50.0
 
 
-def one_node():
-    return HeatNetwork(
-        (),
-        (None,),
-        (),
-        np.array([C]),
-        np.array([1e-6]),
-        np.zeros((1, 1)),
-        np.array([G]),
-        np.zeros((0, 2)),
-    )
+NODE = HeatNetwork((), (None,), (), np.array([C]), np.zeros((1, 1)), np.array([G]), np.zeros((0, 2)))
 
 
-def watts(power, other=0.0):
-    return Loads(np.array([power]), np.array([other]))
+def watts(power):
+    return np.array([power])
 
 
-def test_one_node_settles_at_heat_over_conductance_less_the_slope_of_the_heat():
-    (found,) = settled(one_node(), 20.0, watts(3.0, 0.5))
-    assert found == pytest.approx(20.0 + 3.5 / (G - ALPHA * 3.0))
-
-
-def test_one_node_runs_away_where_its_heat_grows_as_fast_as_it_flows_off():
+def test_one_node_settles_at_heat_over_conductance_less_the_slope_of_the_heat_and_runs_away_at_its_limit():
+    assert settled(NODE, 20.0, watts(3.0)) == pytest.approx(20.0 + 3.0 / (G - ALPHA * 3.0))
     limit = G / ALPHA
-    assert largest_factor(one_node(), watts(1.0)) == pytest.approx(limit)
-    assert np.isfinite(settled(one_node(), 20.0, watts(0.999 * limit)))
-    assert np.isnan(settled(one_node(), 20.0, watts(1.001 * limit)))
-    assert largest_factor(one_node(), watts(0.0, 1.0)) == math.inf
+    assert largest_factor(NODE, watts(1.0)) == pytest.approx(limit)
+    assert np.isfinite(settled(NODE, 20.0, watts(0.999 * limit)))
+    assert np.isnan(settled(NODE, 20.0, watts(1.001 * limit)))
+    assert largest_factor(NODE, watts(0.0)) == math.inf
 
 
-def test_one_node_warms_up_along_an_exponential_that_its_own_heat_slows_down():
-    loads, final = watts(3.0), 20.0 + 3.0 / (G - ALPHA * 3.0)
-    reached = 20.0 + (1.0 - math.exp(-1.0)) * (final - 20.0)
-    found = time_until(one_node(), 20.0, loads.at, lambda now: now[0] - reached)
-    assert found == pytest.approx(C / (G - ALPHA * 3.0), rel=1e-5)
-    assert slowest_s(one_node()) == pytest.approx(C / G)
-
-
-def test_one_node_that_runs_away_passes_a_temperature_in_time():
-    power = 2.0 * G / ALPHA
+@pytest.mark.parametrize("power", [3.0, 2.0 * G / ALPHA], ids=["settles", "runs away"])
+def test_one_node_warms_up_along_an_exponential_that_its_own_heat_turns(power):
     rate = (ALPHA * power - G) / C
-    exact = math.log1p(110.0 * rate * C / power) / rate  # T - 20 = P / (alpha P - G) (exp(rate t) - 1)
-    assert time_until(one_node(), 20.0, watts(power).at, lambda now: now[0] - 130.0) == pytest.approx(exact, rel=1e-5)
+    exact = math.log1p(20.0 * rate * C / power) / rate  # T - 20 = P / (alpha P - G) (exp(rate t) - 1)
+    found = time_until(NODE, 20.0, lambda now: power * (1.0 + ALPHA * (now - 20.0)), lambda now: now[0] - 40.0)
+    assert found == pytest.approx(exact, rel=1e-5)
+    assert slowest_s(NODE) == pytest.approx(C / G)
 
 
 INNER, OUTER, HEIGHT, K = 0.006, 0.011, 0.03, 0.3

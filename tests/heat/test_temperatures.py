@@ -1,20 +1,15 @@
-"""What is found of a drawing's temperatures, with eddy losses too."""
+"""What is found of a drawing's temperatures."""
 
-import json
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
-from femfit.device.load import actuator_from_toml, read_actuator
-from femfit.field.sweep import run_sweep
+from femfit.device.load import read_actuator
 from femfit.heat.find_temperatures import find_temperatures
-from femfit.tables.eddy_table import read_eddy
 from support.actuators import GEOMETRY
-from support.eddy_pot import POT
 
 RIG = GEOMETRY / "emaws-rig.toml"
 
@@ -65,21 +60,6 @@ def test_a_magnet_may_be_what_limits_the_current():
     assert found.at_limit.magnets[0].change == pytest.approx(-1.2e-3 * 60.0, rel=1e-4)
 
 
-def test_an_alternating_current_heats_by_its_rms_value():
-    direct = find_temperatures(RIG, current_A=0.5)
-    both = find_temperatures(RIG, current_A=0.3, alternating_A=0.4)
-    assert both.windings_C == pytest.approx(direct.windings_C)
-    assert find_temperatures(RIG, alternating_A=0.5).windings_C == pytest.approx(direct.windings_C)
-
-
-def test_the_result_goes_into_json():
-    found = find_temperatures(GEOMETRY / "pot-magnet.toml", current_A=1.0)
-    data = json.loads(json.dumps(found.to_dict()))
-    assert data["settles"] is False
-    assert data["temperatures_C"] == [None] * 3
-    assert data["at_limit"]["settles"] is True
-
-
 @pytest.mark.parametrize(
     "given",
     [
@@ -88,7 +68,6 @@ def test_the_result_goes_into_json():
         {"current_A": 1e300},
         {"current_A": 1.0, "distance_m": math.nan},
         {"current_A": 1.0, "distance_m": -1e-3},
-        {"frequency_Hz": 100.0},
     ],
 )
 def test_what_does_not_fit_together_is_refused(given):
@@ -102,59 +81,3 @@ def test_a_drawing_without_a_coil_or_limits_is_refused():
         find_temperatures(GEOMETRY / "magnet-pair.toml")
     with pytest.raises(UsageError):
         find_temperatures(replace(actuator, circuits=(replace(actuator.circuits[0], voltage_max_V=math.inf),)))
-
-
-@pytest.fixture(scope="module")
-def swept(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("eddies")
-    text = POT.replace("[1, 1.5, 2, 2.5]", "[1, 2.5]").replace(
-        "relative_permeability = 1.05", "relative_permeability = 1.05\nconductivity_MS_per_m = 0.7"
-    )
-    actuator = actuator_from_toml(text)
-    run_sweep(actuator, directory, workers=1)
-    return actuator, directory
-
-
-def test_losses_of_all_materials_are_the_real_part_of_the_impedance(swept):
-    table, f = read_eddy(swept[1]), np.array([10.0, 100.0, 1000.0])
-    losses = table.losses(1, f, np.array([0.3]))
-    induced = 2j * np.pi * f * table.transfers(1, f).flux_linkage[:, 0, 0]
-    assert losses.sum(axis=1) == pytest.approx(0.3**2 * induced.real, rel=1e-9)
-    assert (losses > 0.0).all()
-    assert table.materials[int(losses[-1].argmax())] == "iron"
-
-
-def test_eddy_currents_heat_the_parts_of_their_material(swept):
-    actuator, directory = swept
-    found = find_temperatures(actuator, alternating_A=0.3, frequency_Hz=1000.0, sweep=directory, distance_m=1e-3)
-    copper = find_temperatures(actuator, alternating_A=0.3, distance_m=1e-3)
-    table = read_eddy(directory)
-    assert found.eddy_W.sum() == pytest.approx(table.losses(0, np.array([1000.0]), np.array([0.3])).sum())
-    assert found.eddy_W[found.names.index("winding")] == 0.0
-    assert found.network.outwards @ (found.temperatures_C - 20.0) == pytest.approx(found.heat_W.sum())
-    assert (found.temperatures_C > copper.temperatures_C).all()
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        *({"frequency_Hz": one, "distance_m": 1e-3} for one in (0.0, -100.0, np.nan, 1e9)),
-        {"frequency_Hz": 100.0, "distance_m": 0.01},  # beyond the sweep
-        {"frequency_Hz": 100.0, "distance_m": 1e-3, "alternating_A": 0.0},
-    ],
-)
-def test_what_eddy_heat_cannot_be_told_of_is_refused(swept, given):
-    actuator, directory = swept
-    with pytest.raises(UsageError):
-        find_temperatures(actuator, **{"alternating_A": 0.3, "sweep": directory} | given)
-
-
-def test_a_frequency_needs_a_sweep_of_the_drawing_with_eddy_currents(swept, tmp_path):
-    actuator, directory = swept
-    at = {"alternating_A": 0.3, "frequency_Hz": 100.0}
-    with pytest.raises(MissingPartError, match="frequency_Hz"):
-        find_temperatures(actuator, **at, sweep=tmp_path)
-    fixed = tuple(replace(one, material=replace(one.material, name="other")) for one in actuator.fixed)
-    other = replace(actuator, fixed=fixed, moving=replace(actuator.moving, regions=()))
-    with pytest.raises(UsageError):
-        find_temperatures(other, **at, sweep=directory, distance_m=1e-3)

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.bspline import DistanceCoordinate
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.validity import ValidityBox
 from support.closed_loop import closed_loop, recorded
-from support.splines import REFERENCE_DISTANCE, fitted_spline
+from support.levitation import REFERENCE_DISTANCE, fitted_spline
 
 
 @pytest.fixture(scope="session")

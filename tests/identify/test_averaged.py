@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import femfit as ff
@@ -48,6 +47,9 @@ def test_the_noise_of_a_mean_is_what_means_scatter_by_whatever_the_correlation(r
     scatter = np.std(noise.reshape(400, 60).mean(axis=1))
     assert noise_of_means(noise, number, count) == pytest.approx(scatter, rel=0.15)
     assert np.isnan(noise_of_means(noise[:600], number[:600], count[:10]))
+    unlike = np.tile([100, 60], 150)  # means of unlike length have the noise of the usual one
+    number = np.repeat(np.arange(300), unlike)
+    assert noise_of_means(generator.standard_normal(24_000), number, unlike) == pytest.approx(0.1, rel=0.12)
 
 
 def test_a_stretch_ends_where_a_setting_moves_the_run_or_the_branch_changes_or_it_is_long(levitation_model):
@@ -63,14 +65,6 @@ def test_a_stretch_ends_where_a_setting_moves_the_run_or_the_branch_changes_or_i
     sometimes = rows.assign(coil_temperature_C=rows["coil_temperature_C"].where(np.arange(len(rows)) % 10 == 0))
     assert np.bincount(stretches(replace(table, rows=sometimes), ("current_A",))).min() >= most - 1
     assert (np.diff(number) >= 0).all()
-
-
-def test_means_of_unlike_length_have_the_noise_of_the_usual_one():
-    generator = np.random.default_rng(5)
-    count = np.tile([100, 60], 300)
-    number = np.repeat(np.arange(600), count)
-    noise = noise_of_means(generator.standard_normal(len(number)), number, count)
-    assert noise == pytest.approx(0.1, rel=0.1)  # a median of 600
 
 
 def test_a_converter_coarser_than_the_noise_and_what_was_declared_are_no_trouble(levitation_model, tmp_path):
@@ -105,19 +99,6 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
     assert size == pytest.approx(3e-3, rel=0.3)
 
 
-@pytest.mark.nightly
-def test_noise_that_lasts_longer_than_any_that_is_searched_for_makes_no_name_certain(levitation_model, tmp_path):
-    found = ff.diagnose(levitation_model, logged(levitation_model, tmp_path, rho=0.9995))
-    assert "lasting-noise" in {finding.code for finding in found.findings}
-    assert not found.confident
-
-
 def test_settings_in_random_order_are_asked_to_be_averaged_by_their_owner(levitation_model, tmp_path):
     with pytest.raises(TableError, match="on end at one setting"):
         placed(levitation_model, logged(levitation_model, tmp_path, shuffled=True))
-
-
-def test_a_table_of_usual_size_stays_as_it_is(levitation_model):
-    table = few(levitation_model, 5, runs=2, distances=4, currents=4)
-    assert len(placed(levitation_model, table).covariates) == len(table.rows)
-    assert pd.Series(placed(levitation_model, table).noise_source).eq("declared").all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from femfit.core.errors import FemfitError, ModelFileError, TableError, UsageError
+from femfit.core.errors import FemfitError, TableError, UsageError
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.add_effects import add_effects
@@ -19,9 +19,7 @@ from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, size
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.refit import refit
 from femfit.identify.suggest import suggest
-from femfit.model.json_file import write_model
 from femfit.model.validity import Misfit
 from support.campaign import LARGE, NOISE, campaign, hidden, ripple, rising, without
 
@@ -70,7 +68,7 @@ def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_wa
     for one in result.error_fall.channels:
         assert one.rms_after <= 1.2 * max(one.rms_before, one.noise)
     if cause is RIPPLED:
-        assert (result.missing, result.dominant) == ((), None)
+        assert result.missing == ()
         assert result.where.covariates[0] == "distance_m"
 
 
@@ -162,18 +160,6 @@ def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     assert [one.members for one in found.missing] == [("turns",)]
 
 
-def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
-    quiet, loud = (
-        diagnose(
-            levitation_model,
-            campaign(levitation_model, 11, mount_m=0.0, rho=0.0, noise={k: f * v for k, v in NOISE.items()}),
-        )
-        for f in (1.0, 4.0)
-    )
-    ratio = loud.detectable["core_saturation"]["mmf_loss_3"] / quiet.detectable["core_saturation"]["mmf_loss_3"]
-    assert ratio == pytest.approx(4.0, rel=0.25)  # up to what re-mounts take, and the noise estimate's own error
-
-
 @pytest.mark.parametrize(
     "effect",
     [
@@ -190,6 +176,9 @@ def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levit
     assert beside.missing[0].name == effect.effect.name
     assert "hall_offset" in certainty_sentence(beside)
     assert certainty_sentence(beside).startswith("Not certain")
+    advice = str(suggest(levitation_model, table, beside))
+    assert certainty_sentence(beside) in advice
+    assert effect.effect.experiment in advice
     withheld = diagnose(levitation_model, table, exclude=(effect.effect.name,))
     assert withheld.verdict in {"unexplained", "form_insufficient"}
     assert not withheld.confident
@@ -229,13 +218,6 @@ def test_an_error_that_is_left_beyond_the_noise_is_said_in_the_verdict(found, ti
     assert (f"{times:.3g} times" in verdict_sentence(one)) is said
 
 
-HIDDEN = [
-    ("force_gain", "gain_error"),
-    pytest.param("distance_offset", "offset_m", marks=pytest.mark.nightly),
-    pytest.param("current_gain", "gain_error", marks=pytest.mark.nightly),
-]
-
-
 def coarse(model, share=0.02, noise=4e-3):
     """The model with the misfit of a coarse fit, and what makes tables with that misfit in them, seed by seed."""
     size = float(np.sqrt(np.mean(campaign(model, 1, noise={"force_N": 1e-9}).rows["force_N"] ** 2)))
@@ -248,41 +230,25 @@ def coarse(model, share=0.02, noise=4e-3):
     return known, table
 
 
-def gathered(device, seed, effects=()):
-    model, table = device
-    return gather(bench_observations(model, table(seed, effects)), list(all_effects().values()))
+@pytest.mark.parametrize(
+    ("name", "amplitude"),
+    [("force_gain", "gain_error"), pytest.param("distance_offset", "offset_m", marks=pytest.mark.nightly)],
+)
+def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(pot, name, amplitude):
+    model, table = coarse(pot)
 
+    def gathered(*effects):
+        return gather(bench_observations(model, table(1, effects)), list(all_effects().values()))
 
-@pytest.fixture(params=[pytest.param("levitation", marks=pytest.mark.nightly), "solenoid"], scope="module")
-def device(request, levitation_model, pot):
-    return coarse(levitation_model if request.param == "levitation" else pot)
-
-
-@pytest.fixture(scope="module")
-def clean_decision(device):
-    """What the readings of a device as drawn could show, by seed."""
-    found = {}
-
-    def of(seed):
-        if seed not in found:
-            clean = gathered(device, seed)
-            assert decide(clean).own_misfit
-            found[seed] = detectable_magnitudes(clean)
-        return found[seed]
-
-    return of
-
-
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.nightly)])
-@pytest.mark.parametrize(("name", "amplitude"), HIDDEN)
-def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(device, clean_decision, name, amplitude, seed):
-    limit = clean_decision(seed)[name][amplitude]
-    size = (1.5 if device[0].sensor else -1.5) * limit
-    assert decide(gathered(device, seed, [hidden(name, **{amplitude: size})])).verdict != "nothing_missing"
+    clean = gathered()
+    assert decide(clean).own_misfit
+    size = -1.5 * detectable_magnitudes(clean)[name][amplitude]
+    assert decide(gathered(hidden(name, **{amplitude: size}))).verdict != "nothing_missing"
 
 
 def test_a_law_is_to_be_replaced_by_the_co_energy_rather_than_swept_again(pot):
     model, table = coarse(pot)
+    assert compare(model, table(1)).verdict == "wrong_shape"
     advice = str(suggest(model, table(1)))
     assert "co-energy" in advice
     assert "[sweep]" not in advice
@@ -369,99 +335,34 @@ def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_
     assert force.after_over_noise < 1.15 < force.before_over_noise
 
 
-BENCH = "run,current_A,distance_m,force_N\n" + "".join(
-    f"1,{i},{d},{0.02 + 0.05 * i + k * 1e-4}\n" for k in range(3) for i in (0.2, 0.4, 0.8) for d in (0.02, 0.03, 0.04)
-)
-
-
-@pytest.fixture(scope="module")
-def files(levitation_model, tmp_path_factory):
-    place = tmp_path_factory.mktemp("files")
-    write_model(levitation_model, place / "model.json")
-    (place / "bench.csv").write_text(BENCH)
-    return str(place / "model.json"), place / "bench.csv"
-
-
-@pytest.fixture(scope="module")
-def compared(files):
-    return compare(*files)
-
-
 @pytest.mark.parametrize(
     ("call", "error", "named"),
     [
-        (lambda model, bench, _: add_effects(f"{model}.absent", bench, "friction"), FemfitError, "absent"),
-        (lambda model, bench, _: add_effects(model, bench, []), TableError, "No effect"),
-        (add_effects, TableError, "No effect"),
-        (lambda model, bench, found: add_effects(model, found, "friction"), TableError, "Comparison"),
-        (suggest, TableError, "Comparison"),
-        (lambda model, bench, found: diagnose(found, None), ModelFileError, "Comparison"),
-        *[
-            (lambda model, bench, found, judge=judge: judge(model, None), TableError, "NoneType")
-            for judge in (compare, diagnose, suggest)
-        ],
-        *[
-            (
-                lambda model, bench, _, part=part: add_effects(model, bench, "friction", **{part: -300.0}),
-                UsageError,
-                "-300",
-            )
-            for part in ("coil_temperature_C", "magnet_temperature_C")
-        ],
+        (lambda model, table: add_effects("absent.json", table, "friction"), FemfitError, "absent"),
+        (lambda model, table: add_effects(model, table, []), TableError, "No effect"),
+        (lambda model, table: add_effects(model, table, model), TableError, "No effect"),
+        (lambda model, table: add_effects(model, table, "friction", coil_temperature_C=-300.0), UsageError, "-300"),
+        (lambda model, table: suggest(model, table, model), TableError, "ActuatorModel"),
+        (lambda model, table: diagnose(table, None), UsageError, "BenchTable"),
+        (lambda model, table: compare(model, None), TableError, "NoneType"),
     ],
 )
-def test_an_argument_of_another_kind_is_refused_by_its_name(files, compared, call, error, named):
+def test_an_argument_of_another_kind_is_refused_by_its_name(levitation_model, call, error, named):
     with pytest.raises(error, match=named):
-        call(*files, compared)
+        call(levitation_model, campaign(levitation_model, 1, runs=1, distances=2, currents=2))
 
 
 @pytest.mark.nightly
 def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_refits(levitation_model, monkeypatch):
-    """What many others stand for as well, beside the same saturation, is small: first order says as much as refits.
-
-    Refitted are the saturation, the offset beside it, and the offset alone, beside which exchanges for the saturation
-    are looked for.
-    """
-    made = []
-
-    def counted(*given):
-        made.append(given)
-        return refit(*given)
-
-    monkeypatch.setattr("femfit.identify.decision.search.refit", counted)
-    small = hidden("hall_offset", offset_V=1e-3)
-    table = campaign(levitation_model, 3, [SATURATION, small], **LARGE)
-    result = diagnose(levitation_model, table)
-    assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
-    assert {"hall_temperature", "hall_drift", "external_field"} < set(result.missing[1].members)
-    assert len(made) <= 3
-    assert not [one for one in result.findings if one.code == "search-ended"]
-    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", len(made))  # It ends by itself at the limit
-    assert not [one for one in diagnose(levitation_model, table).findings if one.code == "search-ended"]
-    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", 2)
-    made.clear()
-    ended = diagnose(levitation_model, table)
-    assert len(made) == 2
-    assert [one.size for one in ended.findings if one.code == "search-ended"] == [2]
-
-
-def crooked(readings, rows):
-    """A force sensor whose gain is 10 % wrong and whose characteristic bends: no form of the catalogue is exact."""
-    force = readings["force_N"]
-    return readings | {"force_N": 1.1 * force - 0.02 * force**2 / np.abs(force).max()}
-
-
-@pytest.mark.nightly
-def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation_model):
-    small = hidden("hall_offset", offset_V=0.01)  # a fiftieth of what the force is off by, in units of noise
-    alone, beside = (
-        diagnose(levitation_model, campaign(levitation_model, 14, effects, change=crooked)) for effects in ([], [small])
-    )
-    assert alone.missing[0].name == "force_gain"
-    assert not alone.confident
-    assert not beside.confident
-    assert any("hall_offset" in one.members for one in beside.missing)
-    assert any("force_gain" in one.members for one in beside.missing)
+    """What many others stand for as well, beside the same saturation, is small: first order says as much as refits."""
+    table = campaign(levitation_model, 3, [SATURATION, hidden("hall_offset", offset_V=1e-3)], **LARGE)
+    for most, ended in ((3, []), (2, [2])):
+        monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", most)
+        result = diagnose(levitation_model, table)
+        assert [one.size for one in result.findings if one.code == "search-ended"] == ended
+        if not ended:
+            assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
+            assert {"hall_temperature", "hall_drift", "external_field"} < set(result.missing[1].members)
 
 
 def test_all_probabilities_make_one(levitation_model):

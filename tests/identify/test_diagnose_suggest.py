@@ -11,10 +11,10 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
 from femfit.identify.bench import bench_observations, conditions_of
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import Diagnosis, certainty_sentence
+from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.plan import examine_plan
 from femfit.identify.signatures import why_untestable
-from femfit.identify.suggest import Advice, Suggestion, joined, suggest, suggest_measurements
+from femfit.identify.suggest import joined, suggest, suggest_measurements
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of
@@ -28,7 +28,7 @@ FORCE_SCALE = Effect(
 )  # fmt: skip
 PULL_SCALE = Effect(
     "pull_scale", "The whole actuator is stronger.", ("magnetics",), (AMPLITUDE,), ("force_N|flux_linkage_Wb",), "", "",
-    coenergy=lambda base, d, i, h, conditions, p: (1.0 + p["gain"]) * base(d, i, h),
+    coenergy=lambda base, at, p: (1.0 + p["gain"]) * base(at.d, at.i, at.h),
 )  # fmt: skip
 PAIR = (FORCE_SCALE, PULL_SCALE)
 FORCE = {"force_N": NOISE["force_N"]}
@@ -81,18 +81,6 @@ def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the
     assert not any("once more" in one.text for one in advice.suggestions)  # more of the same
 
 
-def test_advice_prints_the_best_measurements_and_counts_the_others():
-    pairs = tuple(combinations("abcdefg", 2))
-    many = tuple(
-        Suggestion(f"Try {k}.", 10.0 * k, tuple((*p, 9.0) for p in pairs[k:]), pairs[:k]) for k in range(1, 20)
-    )
-    printed, data = str(Advice(tuple("abcdefg"), many)), Advice(tuple("abcdefg"), many).to_dict()
-    assert printed.count("Try ") == 3
-    assert "16" in printed
-    assert len(data["suggestions"]) == len(many)
-    assert len(printed) < 1000
-
-
 def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levitation_model, monkeypatch):
     table, diagnosis = confounded
     fits = diagnosis.explanations[:2]
@@ -103,13 +91,8 @@ def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levit
     assert advice.further == advice.to_dict()["further"] == 3
 
 
-@pytest.fixture(scope="module")
-def wrong_scale(solenoid):
-    return measured(solenoid, 1, {"force_gain": {"gain_error": 0.05}})
-
-
-def test_wrong_scales_call_for_what_reads_them_directly_the_cheapest_first(solenoid, wrong_scale):
-    table, diagnosis = wrong_scale
+def test_wrong_scales_call_for_what_reads_them_directly_the_cheapest_first(solenoid):
+    table, diagnosis = measured(solenoid, 1, {"force_gain": {"gain_error": 0.05}})
     left = {fit.names[0] for fit in diagnosis.explanations}
     assert left >= {"turns", "force_gain", "current_gain"}
     advice = advice_of(solenoid, table, diagnosis)
@@ -123,6 +106,8 @@ def test_wrong_scales_call_for_what_reads_them_directly_the_cheapest_first(solen
     flux = next(one for one in advice if "flux linkage" in one.text)
     assert {"turns", "current_gain"} in [{a, b} for a, b, _ in flux.separates]  # what they differ in
     assert flux.cost > max(weight.cost, shunt.cost)
+    for one in advice:  # a solenoid has no magnet
+        assert "magnet" not in one.text.replace("electromagnet", "").replace("magnetic", "")
 
 
 def test_a_pull_and_a_sensors_offset_are_never_said_to_be_separated_by_readings_of_force(solenoid):
@@ -151,23 +136,6 @@ def test_a_gaussmeter_does_not_separate_a_weak_grade_from_a_magnet_that_lost_as_
     assert all("anew" in text for text in apart)
 
 
-@pytest.mark.parametrize(
-    ("cause", "exclude"),
-    [
-        (hidden("force_gain", gain_error=0.05), ("hall_offset",)),
-        (hidden("constant_force", pull=0.03), ("force_offset", "spring")),
-    ],
-)
-def test_what_a_diagnosis_calls_not_certain_advice_does_not_call_settled(levitation_model, cause, exclude):
-    table, effect = campaign(levitation_model, 3, [cause]), cause.effect
-    found = diagnose(levitation_model, table, exclude=exclude)
-    assert (found.verdict, found.missing[0].name) == ("named", effect.name)
-    certainty, advice = certainty_sentence(found), str(suggest(levitation_model, table, found))
-    assert certainty.startswith("Not certain")
-    assert certainty in advice
-    assert effect.experiment in advice
-
-
 def simulated(model, table, experiment, effects, seed):
     """The table with the experiment as its last run, as effects would make both be read."""
     more = joined(table, experiment)
@@ -183,7 +151,7 @@ def simulated(model, table, experiment, effects, seed):
     return replace(more, rows=rows, declared_noise={name: NOISE[name] for name in more.channels})
 
 
-def broken_promises(model, name, seed, channels=("force_N",), most=None):
+def broken_promises(model, name, seed, channels):
     """(proposed, truth, rival) of the first runs after which a diagnosis still leaves what they were to separate."""
     effect = effect_by_name(name)
     table, diagnosis = measured(model, seed, {name: typical_parameters(effect)}, channels, **SMALL)
@@ -191,8 +159,8 @@ def broken_promises(model, name, seed, channels=("force_N",), most=None):
         return [], 0
     broken, tried, seeds = [], 0, np.random.default_rng(seed)
     runs = [one for one in advice_of(model, table, diagnosis) if one.experiment.rows is not None]
-    for one in [one for one in runs if set(one.experiment.channels) <= set(NOISE)][:most]:
-        for fit in diagnosis.explanations[:most]:
+    for one in [one for one in runs if set(one.experiment.channels) <= set(NOISE)]:
+        for fit in diagnosis.explanations:
             truth = " + ".join(fit.names)
             rivals = [b if a == truth else a for a, b, _ in one.separates if truth in {a, b}]
             if not rivals:
@@ -237,16 +205,11 @@ def test_a_plan_says_what_it_cannot_show_and_why(levitation_model):
     report = examine_plan(levitation_model, without(plan, "hall_V"), [effect_by_name("hall_offset"), FORCE_SCALE])
     assert set(report.invisible) == {"hall_offset"}
     assert "hall_V" in report.invisible["hall_offset"]
-    assert report.detectable["force_scale"]["gain"] > 0.0
-
-
-def test_declared_noise_of_a_plan_counts(levitation_model):
-    plan = campaign(levitation_model, 24, runs=1)
     quiet, loud = (
         examine_plan(levitation_model, replace(plan, declared_noise={"force_N": sigma}), [FORCE_SCALE])
         for sigma in (1e-4, 4e-3)  # more than the model misses its own table by
     )
-    assert loud.detectable["force_scale"]["gain"] > 10.0 * quiet.detectable["force_scale"]["gain"]
+    assert loud.detectable["force_scale"]["gain"] > 10.0 * quiet.detectable["force_scale"]["gain"] > 0.0
 
 
 @pytest.mark.parametrize("drawn", [False, True])
@@ -259,16 +222,6 @@ def test_a_model_without_a_magnet_has_no_effect_of_a_magnet(solenoid, drawn):
     assert set(report.invisible) == set(names)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["remanence", "turns", "resistance", "force_gain", "current_gain", "current_offset", "distance_offset",
-     "distance_scale", "hall_offset", "force_offset", "mass_error", "coil_temperature", "hall_temperature",
-     "driver_gain", "sensor_delay"],
-)  # fmt: skip
-def test_what_a_bench_engineer_calibrates_has_its_measurement(name):
-    assert effect_by_name(name).calibrations
-
-
 def test_a_plan_of_force_alone_names_what_it_leaves_together_and_what_would_separate_it(levitation_model):
     report = examine_plan(levitation_model, force_alone(campaign(levitation_model, 25, runs=3, **SMALL)))
     magnet = ("remanence", "magnet_temperature", "magnet_demagnetisation")
@@ -278,28 +231,7 @@ def test_a_plan_of_force_alone_names_what_it_leaves_together_and_what_would_sepa
         assert effect_by_name(name).calibrations[0].instruction in text
 
 
-def test_no_magnet_is_proposed_for_a_solenoid(solenoid, wrong_scale):
-    for one in advice_of(solenoid, *wrong_scale):
-        assert "magnet" not in one.text.replace("electromagnet", "").replace("magnetic", "")
-
-
-@pytest.mark.nightly
-def test_what_a_run_was_said_to_separate_a_diagnosis_then_separates(levitation_model):
-    broken, tried = broken_promises(levitation_model, "turns", 11, most=1)
-    assert tried
-    assert broken == []
-
-
-@pytest.mark.nightly
-def test_an_lcr_meter_is_advised_where_it_tells_turns_from_a_gain_of_the_current(levitation_model):
-    table, diagnosis = measured(levitation_model, 3, {"turns": {"turns_error": 0.05}}, **SMALL)
-    assert {"turns", "current_gain"} <= set(diagnosis.missing[0].members)
-    by_meter = [one for one in advice_of(levitation_model, table, diagnosis) if "LCR meter" in one.text]
-    assert {"turns", "current_gain"} in [set(pair[:2]) for one in by_meter for pair in one.separates]
-
-
-@pytest.mark.parametrize("current", [0.7, 0.0])
-def test_advice_on_one_current_is_sound(solenoid, current):
+def test_advice_on_one_current_is_sound(solenoid):
     whole = campaign(solenoid, 32, [hidden("force_offset", offset=0.03)], runs=4, noise=FORCE)
-    rows = whole.rows[np.isclose(whole.rows["current_A"], current)].reset_index(drop=True)
+    rows = whole.rows[np.isclose(whole.rows["current_A"], 0.7)].reset_index(drop=True)
     assert str(suggest(solenoid, force_alone(replace(whole, rows=rows))))

@@ -13,7 +13,6 @@ from femfit.identify.bench import placed
 from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
-from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, campaign, hidden
 
@@ -76,7 +75,7 @@ def test_noise_that_lasts_is_no_misfit_though_no_clock_tells_what_follows_what(l
 
 
 @pytest.mark.parametrize("clock", [pytest.param(True, marks=pytest.mark.nightly), False])
-def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wrong(levitation_model, clock):
+def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wrong(levitation_model, tmp_path, clock):
     """25 hover plateaus in 9 runs up a staircase of the distance: a misfit of 2.3 sigma that changes slowly."""
     run = np.repeat(np.arange(1.0, 10.0), 3)[:25]
     d = np.linspace(0.018, 0.034, 25)
@@ -85,9 +84,7 @@ def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wr
     read = 1.25 * force + sigma * np.random.default_rng(3).standard_normal(25)
     rows = pd.DataFrame({"run": run, "current_A": 0.5, "distance_m": d, "force_N": read})
     rows = rows.assign(order=np.arange(25.0)) if clock else rows
-    full = rows.assign(**{name: np.nan for name in (*SETTINGS, *CHANNELS) if name not in rows})
-    full = full.assign(branch=0.0, mount=full["run"], order=np.arange(25.0))
-    table = BenchTable(full, tuple(rows.columns), declared_noise={"force_N": sigma})
+    table = replace(written(rows, tmp_path), declared_noise={"force_N": sigma})
     comparison = compare(levitation_model, table)
     assert estimate_noise(comparison.observations).run[0] < 0.2 * sigma  # nor is it an offset of the runs
     assert comparison.verdict == "fails"
@@ -189,31 +186,3 @@ def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_mo
     # From some 120 repeats, correlated by 0.3, and from 330: 7 % and 4 % standard errors
     np.testing.assert_allclose(more.sigma, noise.sigma, rtol=0.25)
     assert (more.repeats > 2.0 * noise.repeats).all()
-
-
-def said(diagnosis):
-    return diagnosis.verdict, [one.members for one in diagnosis.missing], diagnosis.confident
-
-
-@pytest.mark.nightly
-def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, offset, tmp_path):
-    rng = np.random.default_rng(3)
-    span = float(np.ptp(offset["flux_linkage_Wb"]))
-    noisy = offset.assign(flux_linkage_Wb=offset["flux_linkage_Wb"] + 50.0 * span * rng.standard_normal(len(offset)))
-    file = tmp_path / "noisy.csv"
-    noisy.to_csv(file, index=False)
-    with_noise = read_measurement(file, noise={"flux_linkage_Wb": 50.0 * span})
-    without = written(offset.drop(columns="flux_linkage_Wb"), tmp_path)
-    found = [diagnose(levitation_model, data) for data in (without, with_noise)]
-    assert found[0].missing
-    assert said(found[0])[:2] == said(found[1])[:2]
-
-
-@pytest.mark.nightly
-def test_twice_as_many_readings_say_the_same_more_sharply(levitation_model):
-    found = [
-        diagnose(levitation_model, campaign(levitation_model, 73, [HALL], **(SIZE | {"runs": runs}))) for runs in (2, 4)
-    ]
-    assert said(found[0])[:2] == said(found[1])[:2]
-    shown = [one.detectable["turns"]["turns_error"] for one in found]
-    assert shown[1] < shown[0]

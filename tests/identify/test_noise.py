@@ -14,12 +14,8 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.scatter import guessed_noise
 from femfit.identify.noise.whitening import Whitening, stops
-from femfit.identify.settings import quantisation_step, repeat_cells
-from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import CoenergySpline
-from femfit.model.validity import ValidityBox
+from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign
-from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 
 def alone(n):
@@ -53,26 +49,37 @@ def nested(seed, mounts, runs, readings, missing):
     return table[rng.random(len(table)) >= missing].reset_index(drop=True)
 
 
+def columns_of(table, name):
+    return (table[name].to_numpy()[:, None] == np.unique(table[name])).astype(float)
+
+
+@pytest.mark.parametrize("sloped", [False, True], ids=["mounts and runs", "a slope of each mount"])
 @pytest.mark.parametrize("missing", [0.0, 0.35], ids=["balanced", "unbalanced"])
-def test_mounts_and_runs_have_the_variances_that_statsmodels_finds(missing):
-    table = nested(3, 7, 4, 6, missing)
-    oracle = MixedLM.from_formula("y ~ x", table, groups="m", vc_formula={"run": "0 + C(run)"}, re_formula="1")
+def test_variances_are_those_that_statsmodels_finds(missing, sloped):
+    """A body put back elsewhere changes each reading by the slope of its channel: a random slope and no intercept."""
+    if sloped:
+        table = nested(4, 9, 1, 12, missing)
+        table["y"] += np.random.default_rng(9).normal(0.0, 0.6, 9)[table["m"]] * table["x"]
+        oracle = MixedLM.from_formula("y ~ x", table, groups="m", re_formula="0 + x")
+        random = [columns_of(table, "m") * table[["x"]].to_numpy()]
+    else:
+        table = nested(3, 7, 4, 6, missing)
+        oracle = MixedLM.from_formula("y ~ x", table, groups="m", vc_formula={"run": "0 + C(run)"}, re_formula="1")
+        random = [columns_of(table, name) for name in ("m", "run")]
     expected = oracle.fit(reml=True, method="bfgs", gtol=1e-9)
-    one_of = [(table[name].to_numpy()[:, None] == np.unique(table[name])).astype(float) for name in ("m", "run")]
-    fixed = np.column_stack([np.ones(len(table)), table["x"]])
-    design = design_of(fixed, np.concatenate(one_of, axis=1))
+    design = design_of(np.column_stack([np.ones(len(table)), table["x"]]), np.concatenate(random, axis=1))
+    group, count = np.repeat(np.arange(len(random)), [one.shape[1] for one in random]), len(random) + 1
     contrasts = design.contrasts(table["y"].to_numpy(), 0)
-    group = np.repeat([0, 1], [one.shape[1] for one in one_of])
-    found = restricted_estimate([contrasts], group, np.zeros(len(group), bool), np.ones(3), np.zeros(3))
+    found = restricted_estimate([contrasts], group, np.zeros(len(group), bool), np.ones(count), np.zeros(count))
     assert found.converged
-    want = [float(expected.cov_re.iloc[0, 0]), float(expected.vcomp[0]), expected.scale]
+    want = [float(expected.cov_re.iloc[0, 0]), *map(float, expected.vcomp), expected.scale]
     np.testing.assert_allclose(found.variance, want, rtol=1e-3)
 
 
 def test_a_mean_for_each_setting_is_the_same_as_its_column_among_the_fixed_ones():
     table = nested(5, 3, 2, 30, 0.2)
     cell = table["x"].rank().to_numpy().astype(int) // 5
-    runs = (table["run"].to_numpy()[:, None] == np.unique(table["run"])).astype(float)
+    runs = columns_of(table, "run")
     columns = (cell[:, None] == np.unique(cell)).astype(float)
     follows = np.append(False, np.diff(table["run"]) == 0)
     n = np.arange(len(table))
@@ -209,28 +216,6 @@ def test_a_channel_that_no_distance_changes_has_neither_mounts_nor_stops(levitat
     assert noise.sigma[0] == pytest.approx(NOISE["voltage_V"], rel=0.2)
 
 
-def test_readings_with_another_magnetic_history_are_no_repeats(levitation_model):
-    """Two of four runs turn at half the current; the way down is then 8 sigma lower, as a minor loop's is."""
-    table = campaign(levitation_model, 5, runs=4, distances=8, currents=9, mount_m=0.0, rho=0.0)
-    half = (table.rows["run"] > 2.0).to_numpy()
-    rows = table.rows[~half | (table.rows["current_A"] < 0.75)].reset_index(drop=True)
-    lower = (rows["run"] > 2.0) & (rows["branch"] < 0.0)
-    rows = rows.assign(force_N=rows["force_N"] - 8.0 * NOISE["force_N"] * lower, voltage_V=np.nan, hall_V=np.nan)
-    observations = bench_observations(levitation_model, replace(table, rows=rows))
-    noise = estimate_noise(observations)
-    # About 100 repeats: 7 % standard error
-    assert noise.sigma[noise.channels.index("force_N")] == pytest.approx(NOISE["force_N"], rel=0.2)
-    down = np.flatnonzero(observations.column("branch") < 0.0)
-    cells, run = repeat_cells(observations)[down], observations.column("run")[down]
-    assert not set(cells[run < 2]) & set(cells[run > 1])
-
-
-@pytest.mark.parametrize("step", [1e-4, 0.00122, 3.0])
-def test_the_step_of_a_converter_is_recognised(step):
-    values = np.random.default_rng(1).normal(0.3, 12.0 * step, 200)
-    assert quantisation_step(np.round(values / step) * step) == pytest.approx(step, rel=1e-6)
-
-
 def test_readings_that_were_not_rounded_have_no_step():
     rng = np.random.default_rng(2)
     settings = np.repeat(rng.normal(size=40), 5)  # settings that repeat exactly are no converter's steps
@@ -288,60 +273,11 @@ def test_a_declaration_or_repeats_leave_no_room_for_a_guess(levitation_model):
     assert set(estimate_noise(bench_observations(levitation_model, repeated)).source.values()) == {"repeats"}
 
 
-@pytest.mark.parametrize("missing", [0.0, 0.35], ids=["balanced", "unbalanced"])
-def test_a_slope_of_each_mount_has_the_variance_that_statsmodels_finds(missing):
-    """A body put back elsewhere changes each reading by the slope of its channel: a random slope and no intercept."""
-    table = nested(4, 9, 1, 12, missing)
-    table["y"] += np.random.default_rng(9).normal(0.0, 0.6, 9)[table["m"]] * table["x"]
-    expected = MixedLM.from_formula("y ~ x", table, groups="m", re_formula="0 + x").fit(reml=True, gtol=1e-9)
-    mounts = (table["m"].to_numpy()[:, None] == np.unique(table["m"])).astype(float) * table[["x"]].to_numpy()
-    design = design_of(np.column_stack([np.ones(len(table)), table["x"]]), mounts)
-    contrasts = design.contrasts(table["y"].to_numpy(), 0)
-    found = restricted_estimate([contrasts], np.zeros(9, int), np.zeros(9, bool), np.ones(2), np.zeros(2))
-    np.testing.assert_allclose(found.variance, [float(expected.cov_re.iloc[0, 0]), expected.scale], rtol=1e-3)
-
-
-def test_without_an_order_or_branches_a_setting_has_no_history(levitation_model):
-    table = campaign(levitation_model, 6, runs=2, distances=4, currents=4)
-    for name in ("order", "branch"):
-        given = tuple(one for one in table.given if one != name)
-        rows = table.rows.assign(branch=0.0) if name == "branch" else table.rows
-        observations = bench_observations(levitation_model, replace(table, rows=rows, given=given))
-        assert len(np.unique(repeat_cells(observations))) == (4 * 4 if name == "branch" else 4 * 4 * 2)
-
-
-def lifting_magnet(d, i):
-    """A reluctance that falls with the air gap, no magnet."""
-    return 0.5 * (0.02 + 6e-4 / (d + 0.004)) * i**2
-
-
-def voice_coil(d, i):
-    """A moving coil: its flux linkage changes with its place, its inductance is 4 mH."""
-    return 0.06 * np.exp(-(((d - 0.02) / 0.04) ** 2)) * i + 0.002 * i**2
-
-
-@pytest.fixture(scope="module")
-def devices(levitation_model):
-    def other(name, coenergy, low, high):
-        return replace(
-            levitation_model,
-            name=name,
-            magnetics=CoenergySpline(
-                DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(coenergy, np.linspace(low, high, 8), 2)
-            ),
-            sensor=None,
-            validity=ValidityBox.of_currents((0.015, 0.045), (low, high)),
-        )
-
-    others = (other("voice coil", voice_coil, -1.5, 1.5), other("lifting magnet", lifting_magnet, 0.0, 2.0))
-    return {one.name: one for one in (levitation_model, *others)}
-
-
-@pytest.mark.parametrize("name", ["test-rig", "voice coil", pytest.param("lifting magnet", marks=pytest.mark.nightly)])
-def test_a_clean_sweep_is_not_accused(devices, name):
-    noise = {channel: sigma for channel, sigma in NOISE.items() if channel != "hall_V" or devices[name].sensor}
+@pytest.mark.parametrize("name", ["levitation_model", pytest.param("solenoid", marks=pytest.mark.nightly)])
+def test_a_clean_sweep_is_not_accused(request, name):
+    model = request.getfixturevalue(name)
+    noise = {channel: sigma for channel, sigma in NOISE.items() if channel != "hall_V" or model.sensor}
     verdicts = [
-        compare(devices[name], rising(devices[name], seed, rho=0.5, noise=noise, distances=8, currents=6)).verdict
-        for seed in range(2)
+        compare(model, rising(model, seed, rho=0.5, noise=noise, distances=8, currents=6)).verdict for seed in range(2)
     ]
     assert verdicts == 2 * ["agrees"]

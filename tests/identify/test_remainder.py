@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.core.errors import TableError
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.add_effects import add_effects
-from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.remainder import COENERGY, NAME, given, likeliest_roots, posterior
-from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.carried import Carried, FieldTerm, bounded_basis, carried_effect
-from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
 from femfit.simulation.plant import Plant
@@ -113,16 +110,6 @@ def test_a_remainder_shrinks_where_its_cause_is_found(learnt, levitation_model):
     assert found["force_gain"]["gain_error"] == pytest.approx(0.05, abs=0.01)
 
 
-@pytest.mark.parametrize(("verdict", "offered"), [("unexplained", True), ("nothing_missing", False)])
-def test_a_diagnosis_that_is_unexplained_offers_it(levitation_model, verdict, offered):
-    found = object.__new__(Diagnosis)
-    for name, value in (("verdict", verdict), ("missing", ())):
-        object.__setattr__(found, name, value)
-    with pytest.raises(TableError) as error:
-        add_effects(levitation_model, campaign(levitation_model, 6), found)
-    assert ("Add unexplained" in str(error.value)) == offered
-
-
 def test_evidence_mean_and_covariance_are_those_of_the_normal_distribution():
     rng = np.random.default_rng(2)
     columns, roots = [rng.normal(size=(40, 3)), rng.normal(size=(40, 2))], [np.diag([1.0, 0.5, 2.0]), np.eye(2)]
@@ -152,7 +139,7 @@ def learnt_from_record(model):
     wanted = COGGING_N * PITCH_M / (2.0 * np.pi) * np.cos(2.0 * np.pi * d / PITCH_M)
     rows = basis_matrix(d, knots, 4) @ expand
     spline = TensorSpline(knots, np.array([-9.0, 9.0]), 4, 0, (expand @ np.linalg.lstsq(rows, wanted)[0])[:, None])
-    coenergy = CoenergySpline(DistanceCoordinate(1.0, inverse=False), spline)
+    coenergy = CoenergySpline(DistanceCoordinate(1.0, kind="distance"), spline)
     share = EffectParameter("share", bounds=(0.0, 2.0), plausible=(0.0, 1.0), description="How much of it is there.")
     carried = carried_effect("hidden", "Something.", [share], Carried((FieldTerm("share", coenergy=coenergy),)))
     cogging = AddedEffect(carried, {"share": 1.0})
@@ -168,8 +155,8 @@ def test_a_force_that_comes_and_goes_is_learnt_from_a_record(learnt_from_record)
     fall = {one.channel: one for one in learnt_from_record.fall.channels}["force_balance_N"]
     assert fall.before_over_noise > 2.0
     assert fall.after_over_noise < 1.3
-    assert learnt_from_record.filter.better
-    assert learnt_from_record.filter.mean_square[1] < 0.5 * learnt_from_record.filter.mean_square[0]
+    squares = learnt_from_record.filter["mean_square"]
+    assert 1.0 < squares["after"] < 0.5 * squares["before"]
 
 
 def test_clean_records_teach_nothing(model, clean_record):

@@ -29,10 +29,9 @@ from support.bearing import NAMES as BEARING_COILS
 from support.bearing import table_of
 from support.campaign import hidden
 from support.closed_loop import recorded
-from support.conductivities import KEY, with_conductivity
 from support.eddies import with_eddies
 from support.halves import NAMES, cut_in_two, halves_with_eddies
-from support.impedances import FREQUENCIES, noisy
+from support.impedances import FREQUENCIES, KEY, noisy, with_conductivity
 from support.readings import hall_voltage
 
 NOISE = {"force_N": 0.3, "flux_linkage": 2e-5, "voltage": 2e-3}
@@ -80,7 +79,7 @@ def test_what_is_found_is_added_kept_and_shown(bearing, tmp_path):
     assert "current_gain:lower" in str(suggest(bearing, file, found))
 
 
-def test_only_effects_that_several_circuits_can_have_are_considered():
+def test_only_effects_that_several_circuits_can_have_are_considered(bearing):
     names = list(device_effects(BEARING_COILS))
     assert "current_gain:lower" in names
     assert "current_gain" not in names
@@ -88,6 +87,8 @@ def test_only_effects_that_several_circuits_can_have_are_considered():
     assert list(device_effects(("coil",)))[:3] == ["distance_offset", "remanence", "turns"]
     with pytest.raises(UsageError):
         effect_by_name("hysteresis:lower")
+    with pytest.raises(MissingPartError, match="hysteresis"):
+        with_effects(bearing, [hidden("hysteresis")])
 
 
 def test_turns_and_remanence_scale_the_sources_of_the_one_coenergy(bearing):
@@ -105,11 +106,6 @@ def test_turns_and_remanence_scale_the_sources_of_the_one_coenergy(bearing):
     read = predict_readings(changed, d, i, Conditions(nominal_of(bearing)))
     np.testing.assert_allclose(read["force_N"], changed.magnetics.force(d, i), rtol=1e-12)
     np.testing.assert_allclose(read["flux_linkage_upper_Wb"], changed.magnetics.flux_linkage(d, i)[:, 1], rtol=1e-12)
-
-
-def test_an_effect_of_one_current_is_refused(bearing):
-    with pytest.raises(MissingPartError, match="hysteresis"):
-        with_effects(bearing, [hidden("hysteresis")])
 
 
 def test_halves_are_compared_as_the_whole(levitation_model, tmp_path):
@@ -214,24 +210,13 @@ def test_a_wrong_zero_of_a_hall_element_of_several_circuits_is_named_from_a_reco
 )
 def test_plant_and_filter_read_the_hall_element_of_several_circuits_as_a_bench_does(levitation_model, bearing, effect):
     model = with_hall(bearing, levitation_model, np.linspace(0.2e-3, 0.8e-3, 12), [-2.0, 0.0, 2.0])
-    added, d, i, time = (
-        with_effects(model, [effect]),
-        np.array([0.4e-3, 0.5e-3]),
-        np.array([[1.0, -1.0], [0.2, 0.4]]),
-        3.0,
-    )
+    added, time = with_effects(model, [effect]), 3.0
+    d, i = np.array([0.4e-3, 0.5e-3]), np.array([[1.0, -1.0], [0.2, 0.4]])
     at = Conditions(nominal_of(model), time_s=time, elapsed=time, running=True)
     states = np.column_stack([d, np.zeros(2), i])
     read = hall_voltage(added, states, time)
     np.testing.assert_allclose(read, predict_readings(added, d, i, at)["hall_V"], rtol=1e-12)
     assert np.all(np.abs(read - hall_voltage(model, states)) > 1e-4)
-    field, along, by_current = added.sensor.field.derivatives(d, i)
-    step = 1e-7
-    ends = [added.sensor.field.field(d + sign * step, i) for sign in (1.0, -1.0)]
-    np.testing.assert_allclose(along, (ends[0] - ends[1]) / (2.0 * step), rtol=1e-5)
-    ends = [added.sensor.field.field(d, i + sign * 1e-4 * np.array([1.0, 0.0])) for sign in (1.0, -1.0)]
-    np.testing.assert_allclose(by_current[:, 0], (ends[0] - ends[1]) / 2e-4, rtol=1e-5)
-    np.testing.assert_allclose(field, added.sensor.field.field(d, i), rtol=1e-12)
 
 
 EACH, BOTH, SHORT = NAMES, ("inner_outer",), ("inner_outer_shorted",)
@@ -386,10 +371,6 @@ def test_a_bench_compares_the_hall_voltage_of_several_circuits(levitation_model,
     rows.assign(hall_V=volts + 0.05 + noise).to_csv(tmp_path / "bench.csv", index=False)
     found = diagnose(model, read_measurement(tmp_path / "bench.csv"))
     assert [named.name for named in found.missing] == ["hall_offset"]
-    added = with_effects(model, [hidden("hall_offset", offset_V=0.05)])
-    assert "hall_V" in found.observations.channels
-    read = predict_readings(added, np.array([0.5e-3]), np.array([[1.0, -1.0]]), Conditions(nominal_of(model)))
-    assert read["hall_V"][0] == pytest.approx(model.sensor.output(np.array(0.5e-3), np.array([1.0, -1.0])) + 0.05)
 
 
 def test_a_number_whose_field_is_not_followed_to_a_hall_element_is_looked_for_in_other_readings(
@@ -417,54 +398,13 @@ def test_a_conductivity_that_was_added_is_kept_and_changes_every_impedance(eddie
 
 
 def test_inductances_at_a_low_frequency_are_a_bench_s_channels_too(eddied, tmp_path):
-    d, i = (one.ravel() for one in np.meshgrid(np.linspace(0.016, 0.044, 6), [0.2, 0.8, 1.2], indexing="ij"))
+    grid = np.meshgrid([1, 2], np.linspace(0.016, 0.044, 6), [0.2, 0.8, 1.2], indexing="ij")
+    run, d, i = (one.ravel() for one in grid)
     inductance = eddied.magnetics.state(d, np.stack([i, i], axis=1)).inductance
-    rows = {"distance_m": d, "current_inner_A": i, "current_outer_A": i}
+    inductance = inductance + 1e-6 * np.random.default_rng(2).standard_normal(inductance.shape)
+    rows = {"run": run, "distance_m": d, "current_inner_A": i, "current_outer_A": i}
     rows |= {"inductance_inner_H": inductance[:, 0, 0], "inductance_outer_inner_H": inductance[:, 0, 1]}
-    runs, generator = [], np.random.default_rng(2)
-    for run in (1, 2):
-        readings = pd.DataFrame(rows).assign(run=run)
-        for name in ("inductance_inner_H", "inductance_outer_inner_H"):
-            readings[name] += 1e-6 * generator.standard_normal(len(d))
-        runs.append(readings)
-    pd.concat(runs).to_csv(tmp_path / "l.csv", index=False)
+    pd.DataFrame(rows).to_csv(tmp_path / "l.csv", index=False)
     comparison = compare(eddied, tmp_path / "l.csv")
     assert comparison.verdict == "agrees"
     assert [one.rms for one in comparison.channels] == pytest.approx([1e-6, 1e-6], rel=0.35)  # of 36 readings
-
-
-def test_advice_for_several_circuits_names_the_frequencies_that_decide(eddied, tmp_path):
-    """Far below the eddy currents' frequencies a conductivity changes the inductance as a wrong distance does."""
-    wrong = replace(eddied, eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.1))
-    low = {"frequencies": (20.0, 30.0, 40.0, 50.0), "distances": 3, "bias": (0.0,)}
-    advice = suggest(eddied, impedance_bench(wrong, tmp_path / "z.csv", ("inner",), **low))
-    up = next(one for one in advice.suggestions if one.text.endswith("500 Hz") or "500 Hz" in one.text)
-    assert any({KEY, "distance_offset"} == set(pair[:2]) for pair in up.separates)
-
-
-def test_what_no_inductance_gives_is_set_aside_of_a_circuit_whose_name_could_be_that_of_two(eddied, tmp_path):
-    names, magnetics, eddy = (("coil_1", "coil_2"), eddied.magnetics, eddied.eddy)
-    circuits = tuple(replace(one, name=name) for one, name in zip(eddied.circuits, names, strict=True))
-    renamed = replace(
-        eddied,
-        magnetics=replace(magnetics, names=names),
-        circuits=circuits,
-        eddy=replace(eddy, circuits=names),
-        drawn=(),
-    )
-    path = impedance_bench(renamed, tmp_path / "z.csv", ("coil_1", "coil_1_coil_2"), bias=(0.0,))
-    rows = pd.read_csv(path)
-    beyond = rows["f [kHz]"] > 5.0
-    rows.assign(phase_coil_1_deg=rows["phase_coil_1_deg"].where(~beyond, -80.0)).to_csv(path, index=False)
-    comparison = compare(renamed, path)
-    assert comparison.verdict == "agrees"
-    assert [one.size for one in comparison.findings if one.code == "resonance"] == [beyond.sum()]
-
-
-def test_currents_beyond_those_that_were_swept_are_said(eddied, tmp_path):
-    inside, outside = (
-        compare(eddied, impedance_bench(eddied, tmp_path / "z.csv", ("inner",), bias=bias)).findings
-        for bias in ((0.5,), (5.0,))
-    )
-    assert not any(one.code == "extrapolated" for one in inside)
-    assert any(one.code == "extrapolated" and "A and " in one.text for one in outside)

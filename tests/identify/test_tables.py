@@ -8,6 +8,7 @@ import pytest
 
 from femfit.core.errors import TableError
 from femfit.effects.catalogue import all_effects
+from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.bench import bench_observations, conditions_of
 from femfit.identify.compare import compare
@@ -18,7 +19,6 @@ from femfit.identify.signatures import why_untestable
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of, with_effects
-from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, campaign, settings
 from support.one_current import within
 
@@ -172,39 +172,20 @@ def test_every_proposed_setting_lies_in_the_models_validity_domain(levitation_mo
         assert narrow.validity.contains(rows["distance_m"].to_numpy(), rows[["current_A"]].to_numpy()).all()
 
 
-def test_a_table_in_millimetres_is_refused_with_its_unit(levitation_model):
-    table = campaign(levitation_model, 21, runs=1)
-    table = replace(table, rows=table.rows.assign(distance_m=1e3 * table.rows["distance_m"]))
+def test_a_table_of_other_distances_is_refused_with_both_ranges_and_the_unit(levitation_model):
+    table, box = campaign(levitation_model, 21, runs=1), levitation_model.validity
     with pytest.raises(TableError, match=r"distance_m.* in mm"):
-        bench_observations(levitation_model, table)
-
-
-def test_a_table_of_other_distances_is_refused_with_both_ranges(levitation_model):
-    table = campaign(levitation_model, 21, runs=1)
-    box = levitation_model.validity
-    far = replace(table, rows=table.rows.assign(distance_m=1.5 * box.distance_max_m))
+        bench_observations(levitation_model, with_columns(table, distance_m=1e3 * table.rows["distance_m"]))
     with pytest.raises(TableError) as caught:
-        bench_observations(levitation_model, far)
-    assert f"{box.distance_min_m:g} to {box.distance_max_m:g} m" in str(caught.value)
-    assert f"{1.5 * box.distance_max_m:g}" in str(caught.value)
+        bench_observations(levitation_model, with_columns(table, distance_m=1.5 * box.distance_max_m))
+    for range_m in (f"{box.distance_min_m:g} to {box.distance_max_m:g} m", f"{1.5 * box.distance_max_m:g}"):
+        assert range_m in str(caught.value)
 
 
-def covariates(current, branch, run=1.0, distance=0.02):
-    n = len(current)
-    flat = np.ones(n)
-    return pd.DataFrame(
-        {
-            "run": run * flat,
-            "mount": flat,
-            "distance_m": distance * flat,
-            "current_A": current,
-            "branch": branch,
-            "coil_temperature_C": np.nan * flat,
-            "magnet_temperature_C": np.nan * flat,
-            "order": np.arange(float(n)),
-            "elapsed": np.arange(float(n)),
-        }
-    )
+def covariates(current, branch):
+    time = np.arange(float(len(current)))
+    rows = pd.DataFrame({"current_A": current, "branch": branch, "order": time, "elapsed": time})
+    return rows.assign(run=1.0, mount=1.0, distance_m=0.02, coil_temperature_C=np.nan, magnet_temperature_C=np.nan)
 
 
 CURRENT = np.array([0.2, 0.6, 1.0, 1.4, 1.0, 0.6, 0.2])
@@ -246,34 +227,18 @@ def test_an_ammeter_that_trembles_moves_no_wall(nominal):
 BOTH = ("inductance_H", "resistance_ohm")
 
 
-def bridge_file(model, path, effects=(), seed=1):
-    """An LCR sweep at two runs, in millihenry and ohm."""
+def bridge_file(model, path):
+    """An LCR sweep of four runs, in millihenry and ohm."""
     rows = settings(model, runs=4, distances=8, currents=5)
     rows = rows[rows["branch"] > 0].reset_index(drop=True)
-    at = conditions_of(
-        rows.assign(run=rows["run"].astype(int) - 1, mount=0, elapsed=rows["order"], coil_temperature_C=20.0,
-                    magnet_temperature_C=20.0),
-        nominal_of(model),
-    )  # fmt: skip
     d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
-    read = predict_readings(model, d, i, at, effects, BOTH)
-    noise = np.random.default_rng(seed).standard_normal((2, len(rows)))
+    read = predict_readings(model, d, i, Conditions(nominal_of(model)), channels=BOTH)
+    noise = np.random.default_rng(1).standard_normal((2, len(rows)))
     table = {"run": rows["run"], "mount": 1, "gap [mm]": 1e3 * d, "I [A]": i}
     table["L [mH]"] = 1e3 * (read["inductance_H"] + 2e-6 * noise[0])
     table["R [Ohm]"] = read["resistance_ohm"] + 2e-3 * noise[1]
     pd.DataFrame(table).to_csv(path, index=False)
     return path
-
-
-def test_the_inductance_is_the_slope_of_the_flux_linkage(levitation_model):
-    rows = settings(levitation_model, runs=1).assign(elapsed=0.0)
-    at, step = conditions_of(rows, nominal_of(levitation_model)), 1e-3
-    d, i = np.full(len(rows), 0.02), np.full(len(rows), 0.6)
-    read = predict_readings(levitation_model, d, i, at, channels=BOTH)
-    ahead, behind = (predict_readings(levitation_model, d, i + s, at)["flux_linkage_Wb"] for s in (step, -step))
-    np.testing.assert_allclose(read["inductance_H"], (ahead - behind) / (2.0 * step), rtol=1e-6)
-    np.testing.assert_allclose(read["resistance_ohm"], levitation_model.circuit.resistance_ohm)
-    assert not set(BOTH) & set(predict_readings(levitation_model, d, i, at))
 
 
 def test_a_sweep_of_a_bridge_is_compared(levitation_model, tmp_path):
@@ -283,12 +248,6 @@ def test_a_sweep_of_a_bridge_is_compared(levitation_model, tmp_path):
     assert set(noise) == set(BOTH)
     assert noise["inductance_H"] == pytest.approx(2e-6, rel=0.3)
     assert noise["resistance_ohm"] == pytest.approx(2e-3, rel=0.3)
-
-
-def test_an_inductance_in_another_unit_is_suspected(levitation_model, tmp_path):
-    table = read_measurement(bridge_file(levitation_model, tmp_path / "lcr.csv"), units={"L [mH]": "H"})
-    (finding,) = suspect_units(levitation_model, table)
-    assert (finding.code, finding.column) == ("suspected-unit", "inductance_H")
 
 
 def test_a_turned_hall_element_is_told_from_readings_that_were_clipped(levitation_model, table):
@@ -304,6 +263,5 @@ def test_a_misfit_that_no_effect_changes_is_unexplained(levitation_model, tmp_pa
     rows = pd.read_csv(bridge_file(levitation_model, tmp_path / "lcr.csv"))
     rows["R [Ohm]"] *= 1.0 + 0.02 * rows["gap [mm]"] / 45.0
     rows.drop(columns="L [mH]").to_csv(tmp_path / "r.csv", index=False)
-    table = tmp_path / "r.csv"
-    found = diagnose(levitation_model, table, exclude=("resistance", "coil_temperature"))
+    found = diagnose(levitation_model, tmp_path / "r.csv", exclude=("resistance", "coil_temperature"))
     assert found.verdict == "unexplained"

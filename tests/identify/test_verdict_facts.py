@@ -1,45 +1,66 @@
 """Ties, certainty, dominant causes and units of a diagnosis; springs, cores and magnets that are named or not."""
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import femfit as ff
 from femfit.audit.audit_model import audit_model
 from femfit.core.errors import MissingPartError, TableError
 from femfit.device.electrics import Drive
-from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
-from femfit.identify.add_result import EffectSize
 from femfit.identify.bench import bench_observations, placed
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.plan import possible_experiments
 from femfit.identify.signatures import why_untestable
 from femfit.identify.suggest import suggest
+from femfit.model.bspline import DistanceCoordinate
 from femfit.model.carried import FieldTerm
-from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
-from femfit.model.with_effects import nominal_of, with_effects
+from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import CHANNELS
-from support.campaign import campaign, hidden, ripple, without
+from femfit.tables.sweep_table import SweepTable
+from support.campaign import campaign, hidden, without
 from support.closed_loop import recorded
-from support.magnet_pair import bench_csv, force, magnet_pair
-from support.reference import REFERENCE
-from support.replays import STEP_S, damped, series
+from support.levitation import REFERENCE_DISTANCE, fitted_spline
 from support.solenoids import solenoid
-from support.splines import REFERENCE_DISTANCE, fitted_spline
-from support.steps import runge_kutta_step
-from support.switching import logged, switched
+
+PAIR = {"fixed_magnet": True, "moving_magnet": True, "fixed_iron": False, "moving_iron": False, "coil": False}
+
+
+def force(distance):
+    """Two disks of 10 mm that attract each other like charges on their faces, in N."""
+    d = 1e3 * np.asarray(distance)
+    return 400.0 * (1.0 / (d + 4.0) ** 2 - 1.4 / (d + 9.0) ** 2 + 0.5 / (d + 14.0) ** 2)
+
+
+def magnet_pair(passed_m=0.0):
+    """Its model, fitted to a sweep in distance, with the face moved into the fixed one by a length."""
+    d = np.geomspace(0.2e-3, 20e-3, 24)
+    rows = pd.DataFrame({"current_A": 0.0, "distance_m": d - passed_m, "force_N": force(d), "status": "ok"})
+    entry = {"name": "pair", "mass_kg": 0.02, "gravity_m_s2": 0.0, "kind": {**PAIR, "saturates": False}}
+    return fit_model(SweepTable(rows, {"actuator": entry}), law="coenergy").model
+
+
+def bench_csv(path, *, shift_m=0.0, passed_m=0.0, runs=3, noise_N=2e-3):
+    """Write a bench table of distance and force, as somebody without a coil would."""
+    generator, d = np.random.default_rng(5), np.linspace(0.5e-3, 18e-3, 12)
+    lines = ["run,distance_mm,force_N"]
+    for run in range(runs):
+        read = force(d + shift_m) + generator.normal(0.0, noise_N, len(d))
+        lines += [f"{run + 1},{1e3 * (one - passed_m):.4f},{value:.5f}" for one, value in zip(d, read, strict=True)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
 
 COORDINATE = DistanceCoordinate(REFERENCE_DISTANCE)
 CURRENTS = np.linspace(0.0, 1.4, 8)
@@ -154,54 +175,6 @@ def test_what_is_certain_among_the_catalogue_says_that_no_dimension_was_suspecte
     assert not found.to_dict()["dimensions_suspected"]
 
 
-def test_a_cause_of_nearly_all_of_an_unexplained_misfit_is_named_with_its_size_and_part(levitation_model):
-    table = campaign(
-        levitation_model, 5, [hidden("resistance", resistance_error=5.0)], change=ripple("force_N", 4e-3), **SMALL
-    )
-    found = ff.diagnose(levitation_model, table)
-    assert (found.verdict, found.missing) == ("unexplained", ())
-    fact = found.to_dict()["dominant"]
-    assert (fact["name"], fact["tie"]) == ("resistance", ["resistance"])
-    low, high = fact["ci95"]["resistance_error"]
-    assert low < 5.0 < high
-    assert 0.99 < fact["explained_share"] < 1.0
-
-
-def test_a_record_without_a_fluxmeter_is_not_said_to_hide_the_drift_of_one(model, loops):
-    found = ff.diagnose(model, recorded(loops[loops["time_s"] < 1.0]))
-    notes = {one.name: one.note for one in found.ranking}
-    assert notes["flux_integrator_drift"] == "these data lack flux_linkage_Wb"
-    assert notes["force_gain"] == "these data lack force_N"
-
-
-def test_what_a_direct_reading_may_separate_is_not_called_inseparable(solenoid):
-    gain = [hidden("force_gain", gain_error=0.05)]
-    size = {"runs": 3, "distances": 8, "currents": 4}
-    table = campaign(solenoid, 1, gain, noise={"force_N": 3e-2}, mount_m=5e-6, **size)
-    found = ff.diagnose(solenoid, table)
-    advice = ff.suggest(solenoid, table, found)
-    pair = ("force_gain", "lateral_misalignment")
-    assert pair in [one[:2] for one in advice.perhaps]
-    assert pair not in advice.never
-    weight = effect_by_name("force_gain").check
-    assert weight in [one[2] for one in advice.perhaps]
-    assert advice.to_dict()["perhaps"][0][3] > 1.6
-
-
-INTERVAL = re.compile(r"(-?[\d.]+) (\S+) [^()]*\(95 %: (-?[\d.]+) to (-?[\d.]+) (\S+)\)")
-
-
-def test_every_printed_interval_contains_its_printed_value(found_shift):
-    """0.302 mm between 0.301 and 0.303 mm is no 0.30 mm."""
-    sizes = [EffectSize("gain", "voltage_V", 0.1345, (0.133, 0.136), 0.1, 0.02, 1.0)]
-    lines = [line for text in (found_shift, *sizes) for line in str(text).splitlines() if "(95 %:" in line]
-    assert len(lines) == 2
-    for line in lines:
-        value, unit, low, high, of_interval = INTERVAL.search(line).groups()
-        assert unit == of_interval
-        assert float(low) <= float(value) <= float(high)
-
-
 SIZE = {"noise": {"force_N": 0.02}, "mount_m": 2e-6, "rho": 0.0, "distances": 9, "currents": 5}
 
 
@@ -250,35 +223,6 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
     assert "drawing has a spring" in why_untestable(effect_by_name("spring"), bench_observations(drawn, table))
 
 
-def suspended(stiffness):
-    """A body that swings on a suspension at rest in the middle of its travel."""
-    spring = Spring(stiffness, 0.0, 3e-3)
-    return replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(spring,), viscous_N_s_per_m=0.5))
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("hidden", [2300.0, 2600.0])
-def test_a_stiffer_suspension_is_no_pair_of_stops_and_no_other_preload(hidden):
-    """15 % and 30 % stiffer than drawn."""
-    drawn, true = suspended(2000.0), suspended(hidden)
-    swing = logged([switched([0.0], [0.4], 0.12, model=true, start_m=1.2e-3)], noise=(5e-4, 2e-6))
-    found = diagnose(drawn, swing)
-    assert (found.verdict, found.missing[0].name) == ("named", "spring_stiffness")
-    assert found.missing[0].parameters["stiffness_error"] == pytest.approx(hidden / 2000.0 - 1.0, rel=0.05)
-    both = ff.add_effects(drawn, swing, ["spring_stiffness", "spring_preload"])
-    low, high = both.added[1].ci95["preload"]
-    assert low < 0.0 < high
-
-
-@pytest.mark.nightly
-def test_an_effect_that_raises_the_error_on_runs_left_out_is_not_accepted_without_a_word():
-    """Two swings with suspensions 40 % stiffer and 40 % softer: what one of them shows is wrong of the other."""
-    drawn, stiff, soft = (suspended(k) for k in (2000.0, 2800.0, 1200.0))
-    swings = [switched([0.0], [0.4], 0.06, model=true, start_m=1.2e-3) for true in (stiff, soft)]
-    result = ff.add_effects(drawn, logged(swings, noise=(5e-4, 2e-6)), "spring_stiffness")
-    assert max(result.left_out[one.channel] / one.rms_before for one in result.fall.channels) > 1.2
-
-
 def test_a_late_position_sensor_is_named_with_its_delay(model, loops):
     samples = loops[loops["run"] == 1.0]
     shifted = np.interp(samples["time_s"] - 2e-3, samples["time_s"], samples["distance_m"])
@@ -318,12 +262,11 @@ def shifted_pair(tmp_path_factory):
 
 @pytest.mark.parametrize("passed_m", [0.0, 6e-3], ids=["before the face", "beyond it"])
 def test_a_gap_that_is_larger_is_named_though_a_table_has_no_currents(tmp_path, passed_m):
-    device = magnet_pair(passed_m) if passed_m else magnet_pair()
-    more = {"passed_m": passed_m} if passed_m else {}
-    found = diagnose(device, bench_csv(tmp_path / "shifted.csv", shift_m=0.1e-3, **more))
+    device = magnet_pair(passed_m)
+    found = diagnose(device, bench_csv(tmp_path / "shifted.csv", shift_m=0.1e-3, passed_m=passed_m))
     assert found.missing[0].name == "distance_offset"
     assert found.missing[0].parameters["offset_m"] == pytest.approx(0.1e-3, rel=0.2)
-    assert diagnose(device, bench_csv(tmp_path / "clean.csv", **more)).verdict == "nothing_missing"
+    assert diagnose(device, bench_csv(tmp_path / "clean.csv", passed_m=passed_m)).verdict == "nothing_missing"
 
 
 def test_only_effects_that_it_can_have_are_considered(pair, shifted_pair):
@@ -344,55 +287,6 @@ def test_a_circuit_asks_for_currents_and_is_asked_of_no_magnet_alone(pair, levit
     findings = audit_model(pair).findings
     assert not [one for one in findings if one.severity == "wrong"]
     assert "inductance" not in {one.code for one in findings}
-
-
-@pytest.mark.nightly
-def test_a_mass_that_is_much_larger_is_not_lost_where_something_else_stays(model, loops):
-    """The search takes up what is likely, and 62 % more mass is not."""
-    samples = loops[loops["run"] == 1.0]
-    wave = np.sin(2.0 * np.pi * samples["distance_m"] / 2e-3)
-    samples = samples.assign(voltage_V=samples["voltage_V"] * (1.0 + 0.01 * wave))
-    light = replace(model, motion=Mechanics(model.motion.mass_kg / 1.62))
-    found = ff.diagnose(light, recorded(samples))
-    assert found.verdict == "unexplained"
-    assert found.dominant.tie == ("mass_error",)
-    assert found.dominant.parameters["mass_error"] == pytest.approx(0.62, abs=0.01)
-    assert found.dominant.explained_share > 0.9
-
-
-STRANGER = REFERENCE / "strangers" / "push.toml"
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(not STRANGER.is_file(), reason="the newcomer's drawing is not there")
-def test_the_newcomers_return_spring_is_found(tmp_path):
-    """1 N at 8 mm and 0.5 N/mm on a saturating push solenoid; the sweep takes one to two minutes."""
-    model = fit_model(run_sweep(read_actuator(STRANGER), tmp_path, workers=1)).model
-    found = diagnose(model, STRANGER.parent / "spring.csv")
-    assert (found.verdict, [one.members for one in found.missing]) == ("named", [("spring",)])
-    stiffness, preload = spring_of(model, found.missing[0])
-    assert stiffness[0] < 500.0 < stiffness[1] < 550.0
-    assert preload[0] < 1.0 < preload[1] < 1.1
-    assert found.lack_of_fit_before.p_value < 1e-6
-    force = found.error_fall.channels[0]
-    assert force.rms_after < 0.03 * force.rms_before
-
-
-@pytest.mark.nightly
-def test_friction_that_grows_with_the_current_squared_is_told_from_dry_friction():
-    model, generator, k = damped(), np.random.default_rng(4), np.arange(4000)
-    sticky = with_effects(model, [hidden("side_pull_friction", share=0.05)])
-    volts = 14.0 + 10.0 * np.sign(np.sin(k / 150.0)) * (1.0 + 0.5 * np.sin(k / 900.0))
-    state, truth = np.array([[3.5e-3, 0.0, 0.2]]), np.empty((len(k), 3))
-    for row in k:
-        truth[row] = state[0]
-        state = runge_kutta_step(sticky, state, volts[row : row + 1], STEP_S, 4)
-    noise = generator.standard_normal((2, len(k)))
-    record = series(volts, truth[:, 2] + 2e-3 * noise[0], truth[:, 0] + 5e-6 * noise[1])
-    rows = record.rows.assign(coil_temperature_C=np.nan, magnet_temperature_C=np.nan)
-    found = diagnose(model, replace(record, rows=rows))
-    assert [one.members for one in found.missing] == [("side_pull_friction",)]
-    assert found.missing[0].parameters["share"] == pytest.approx(0.05, rel=0.1)
 
 
 def test_no_flux_linkage_is_suggested_where_there_is_no_winding(pair, tmp_path):

@@ -31,7 +31,6 @@ ODD = {
     "no sample": GOOD.iloc[:0],
     "a clock that runs back": GOOD.assign(time_s=TIME[::-1]),
     "a gap of days": GOOD.assign(time_s=np.where(TIME > 1.0, TIME + 1e6, TIME)),
-    "a voltage that no coil has": GOOD.assign(coil_voltage_V=1e300),
     "words": GOOD.assign(coil_voltage_V="much"),
     "no voltage": GOOD.drop(columns="coil_voltage_V"),
 }

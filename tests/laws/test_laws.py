@@ -9,10 +9,8 @@ import pytest
 from scipy.integrate import quad
 
 import femfit.laws
-from femfit.fit.law_columns import FUNCTIONS
 from femfit.laws.catalogue import BUILT_IN
 from femfit.laws.law import ForceLaw
-from support.counting import Counting
 
 ROWS = pd.read_csv(Path(__file__).with_name("reference_rows.csv"), comment="#", keep_default_na=False)
 ROWS = ROWS.set_index("law")
@@ -102,28 +100,6 @@ def test_unit_of_each_coefficient_makes_a_newton(law):
     for k, unit in enumerate(law.coefficient_units):
         n = 0 if unit == "N" else int(unit.removeprefix("N m^"))
         np.testing.assert_allclose(powers[:, k], n, atol=1e-9)
-
-
-@every_law
-def test_operation_count_is_what_an_evaluation_does(law):
-    counter = [0]
-    phi = law.columns(np.array([Counting(counter)], dtype=object), shape_of(law))[0]
-    assert counter[0] == law.column_operations
-    for name, powers in FUNCTIONS.items():
-        counter[0] = 0
-        law.columns(np.array([Counting(counter)], dtype=object), shape_of(law))
-        total = None
-        for column in phi:
-            current = Counting(counter)
-            # Horner's rule: c_0 + i (c_1 + i c_2); the constants are known beforehand and cost nothing.
-            coefficient = Counting(counter)
-            for lower in range(max(powers) - 1, -1, -1):
-                coefficient = coefficient * current
-                if lower in powers:
-                    coefficient = coefficient + 1.0
-            term = coefficient * column
-            total = term if total is None else total + term
-        assert counter[0] == law.operations_with([powers] * len(law.basis)), name
 
 
 @every_law

@@ -5,12 +5,11 @@ import inspect
 import os
 import shutil
 
-import numpy as np
-import pandas as pd
 import pytest
 
 import femfit
 from support.actuators import GEOMETRY, rig_at
+from support.small_records import coil_record, loop_record
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 NAMES = [name for name in femfit.__all__ if not name.startswith("_")]
@@ -29,24 +28,9 @@ def bench(tmp_path_factory):
         distance_m=1e3 * table.rows["distance_m"]
     )
     forces.rename(columns={"distance_m": "distance"}).to_csv(place / "forces.csv", index=False)
-    write_records(place)
+    loop_record(place / "loop.csv", 2.0, 1.0)
+    coil_record(place / "record.csv", 2.0)
     return place
-
-
-def write_records(place):
-    """A record of a loop, and one of a coil's voltage."""
-    time = np.arange(0.0, 2.0, 1e-3)
-    swing = np.sin(2 * np.pi * time)
-    loop = {
-        "time_s": time,
-        "distance_m": 0.022 + 1e-3 * swing,
-        "current_A": 0.4 + 0.1 * swing,
-        "hall_V": 2.6 + 0.01 * swing,
-    }
-    pd.DataFrame(loop).to_csv(place / "loop.csv", index=False)
-    field = 0.1 * (1.0 - np.cos(2 * np.pi * time))
-    coil = {"time_s": time, "coil_voltage_V": 0.05 * np.gradient(field, time) + 1e-5, "hall_T": field}
-    pd.DataFrame(coil).to_csv(place / "record.csv", index=False)
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +47,7 @@ def one_process(monkeypatch):
 SLOW = ("CalibrationResult", "calibrate", "observe", "suggest", "write_report")
 """They take from five to twenty seconds each."""
 
-TWICE = ("AddResult", "Diagnosis", "LoopSummary", "Observation")
+TWICE = ("AddResult", "Comparison", "Diagnosis", "LoopSummary", "Observation")
 """What they show is made by a function whose own example is run."""
 
 

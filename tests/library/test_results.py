@@ -13,28 +13,12 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.whitening import Whitening
 from support.actuators import GEOMETRY
 from support.campaign import campaign
+from support.small_records import coil_record, loop_record
 from support.snapshot import check_snapshot
 
 
 def unpickled(given):
     return pickle.loads(pickle.dumps(given))  # noqa: S301  made here
-
-
-def coil_record(place):
-    time = np.arange(0.0, 1.0, 1e-3)
-    field = 0.1 * (1.0 - np.cos(2 * np.pi * time))
-    record = {"time_s": time, "coil_voltage_V": 0.05 * np.gradient(field, time) + 1e-5, "hall_T": field}
-    pd.DataFrame(record).to_csv(place / "coil.csv", index=False)
-    return place / "coil.csv"
-
-
-def loop_record(place):
-    time = np.arange(0.0, 0.5, 1e-3)
-    swing = np.sin(4 * np.pi * time)
-    loop = {"time_s": time, "distance_m": 0.022 + 1e-3 * swing, "current_A": 0.4 + 0.1 * swing}
-    loop["hall_V"] = 2.6 + 0.01 * swing
-    pd.DataFrame(loop).to_csv(place / "loop.csv", index=False)
-    return place / "loop.csv"
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +32,7 @@ def results(tmp_path_factory, levitation_model):
     table = ff.read_sweep(place / "sweep.csv")
     offset = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
     bench = campaign(levitation_model, 1, [offset], runs=2, distances=5, currents=4)
-    series = ff.read_measurement(loop_record(place))
+    series = ff.read_measurement(loop_record(place / "loop.csv", 0.5, 2.0))
     found, added = ff.diagnose(levitation_model, bench), ff.add_effects(levitation_model, bench, EFFECT)
     others = [name for name in ff.list_effects() if name != "hall_offset"]
     return {
@@ -71,7 +55,7 @@ def results(tmp_path_factory, levitation_model):
         "open-loop": ff.simulate(levitation_model, voltage_V=1.5, duration_s=0.002, start_m=0.022),
         "profile": ff.Profile("voltage", [0.0, 0.02], [12.0, 0.0]),
         "loop": ff.close_loop(levitation_model, runs=1, seconds=0.05),
-        "coil-integral": ff.integrate_coil(coil_record(place), coil_area_m2=0.05),
+        "coil-integral": ff.integrate_coil(coil_record(place / "coil.csv", 1.0), coil_area_m2=0.05),
         "export": ff.export(levitation_model, place / "build"),
     }
 

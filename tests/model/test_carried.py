@@ -8,17 +8,9 @@ import pytest
 
 from femfit.core.errors import ModelFileError
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.model.bspline import TensorSpline
-from femfit.model.carried import (
-    Brake,
-    Carried,
-    Curve,
-    FieldTerm,
-    bounded_basis,
-    carried_effect,
-)
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.effects.effect import AddedEffect, EffectParameter, FieldPoint
+from femfit.model.bspline import DistanceCoordinate, TensorSpline
+from femfit.model.carried import Brake, Carried, Curve, FieldTerm, bounded_basis, carried_effect
 from femfit.model.hall import HallSpline
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import CoenergySpline
@@ -42,7 +34,7 @@ def bounded(rng, *ranges, size):
 
 @pytest.fixture(scope="module")
 def carried():
-    rng, plain = np.random.default_rng(3), DistanceCoordinate(1.0, inverse=False)
+    rng, plain = np.random.default_rng(3), DistanceCoordinate(1.0, kind="distance")
     coenergy, hall = (bounded(rng, RANGE_M, RANGE_A, size=size) for size in (1e-5, 1e-3))
     brake = bounded(rng, (0.0, 1.0), size=1e-3)
     return Carried(
@@ -75,7 +67,7 @@ def change(effect, base, d, i, order):
     coenergy, at = coenergy_of(base), Conditions(nominal_of(base))
 
     def added(d, i, h):
-        return effect.coenergy(coenergy, d, i, h, at, {"share": 1.0}) - coenergy(d, i, h)
+        return effect.coenergy(coenergy, FieldPoint(d, i, h, at), {"share": 1.0}) - coenergy(d, i, h)
 
     return partials(added, d, i, (order,))[0]
 

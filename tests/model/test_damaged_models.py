@@ -72,7 +72,7 @@ def try_many(folder, count, seed, use):
     sys.stdout.write(str(read))
 
 
-@pytest.mark.parametrize(("count", "use"), [(150, "model_of"), pytest.param(300, "used", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(("count", "use"), [(60, "model_of"), pytest.param(300, "used", marks=pytest.mark.nightly)])
 def test_damaged_models_are_used_or_refused_and_the_interpreter_goes_on(tmp_path, count, use):
     program = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_damaged_models as t; t."
     done = subprocess.run(

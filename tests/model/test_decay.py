@@ -10,12 +10,11 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 from femfit.core.graph import GraphFunction, building
-from femfit.model.decay import decayed
+from femfit.model.decay import ResponseTable, decayed
 from femfit.model.equations import _slowed
-from femfit.model.responses import ResponseTable
 from support.eddies import with_eddies
 from support.halves import cut_in_two
-from support.model_kinds import voltage_of
+from support.model_kinds import states_of, voltage_of
 from support.solenoids import solenoid
 from support.steps import exponential_step
 
@@ -93,15 +92,7 @@ def test_no_current_grows_more_than_e_fold_where_an_inductance_falls(circuits):
 PATTERNS = [(10e-3, 3e-3, 0.5e-3), (1e-6, 2e-5, 0.1)]
 
 
-def states_of(model, low_m, high_m, points=300):
-    """Random states in a random order, and voltages."""
-    random, n = np.random.default_rng(3), len(model.circuits)
-    result = random.normal(0.0, 0.3, (points, model.order))
-    result[:, 0], result[:, 1] = random.uniform(low_m, high_m, points), random.normal(0.0, 0.1, points)
-    return result, voltage_of(model, random.uniform(-3.0, 3.0, (points, n)))
-
-
-@pytest.fixture(scope="module", params=[(circuits, times) for circuits in (1, 2) for times in PATTERNS])
+@pytest.fixture(scope="module", params=[*zip((1, 2), PATTERNS, strict=True)])
 def decaying(request, levitation_model):
     """A model with patterns of eddy currents."""
     circuits, times = request.param
@@ -113,7 +104,8 @@ def test_a_step_by_the_table_is_that_by_poles(decaying, points):
     """Beyond the knots as well, from 15 to 45 mm, where splines are continued; steps of their own go by poles."""
     model = decaying
     assert model.equations.linear
-    states, volts = states_of(model, 0.010, 0.050, points)
+    states, volts = states_of(model, points)
+    states[:, 0], volts = RANDOM.uniform(0.010, 0.050, points), voltage_of(model, volts)
     step = model.sample_time_s
     found = exponential_step(model, states, volts, step)
     wanted = exponential_step(model, states, volts, np.full((points, 1), step))
@@ -144,12 +136,8 @@ def test_a_table_is_as_good_as_asked_and_holds_its_ends_where_no_winding_is():
     with building():
         d = SX.sym("d")
         function = GraphFunction([d], ca.vertcat(*(ca.vec(part) for part in table.at(d))))
-    with building():
-        matrix = SX.sym("L", 4)
-        parts = decayed(ca.reshape(matrix, 2, 2), ca.diag(SX(resistances)), SX.eye(2), SX(step))
-        by_poles = GraphFunction([matrix], ca.vertcat(*(ca.vec(part) for part in parts)))
     at = np.sort(np.random.default_rng(0).uniform(1.0, 3.0, 2000))
-    wanted = by_poles(inductance(at).reshape(-1, 4).T)
+    wanted = function_of(2)(inductance(at).reshape(-1, 4).T, resistances, np.eye(2).ravel(), np.array([step]))
     size = np.abs(wanted).max(axis=1, keepdims=True)
     errors = (np.abs(function(at[None]) - wanted) / size).max(axis=1).reshape(3, 4).max(axis=1)
     assert (errors < [2e-9, 1e-8, 1e-7]).all()  # of the poles; the table's own is 1e-11

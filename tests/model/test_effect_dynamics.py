@@ -17,13 +17,6 @@ from support.readings import hall_voltage
 from support.steps import runge_kutta_step
 
 
-def states(model, runs=5):
-    """States off every knot and kink, those of effects off their rest."""
-    t = np.arange(runs)
-    own = [0.1 + 0.05 * np.cos(k + t) for k in range(len(model.memory_names))]
-    return np.stack([0.0207 + 0.0011 * t, 0.03 + 0.01 * t, 0.4 + 0.03 * np.sin(t), *own], axis=1)
-
-
 def linkage(model, x):
     """Flux linkage at the states of effects."""
     at = Conditions(nominal_of(model), memory=dict(zip(model.memory_names, x[:, 3:].T, strict=True)))
@@ -51,19 +44,6 @@ def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials
     assert x[0, 2] == pytest.approx(expected[0], rel=1e-8)
     scale = nominal_of(base).peak_current_A
     assert x[0, 3] * scale == pytest.approx(expected[1], rel=1e-7)
-
-
-def test_an_eddy_current_brakes_the_motion(levitation_model):
-    plain = replace(levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=100.0),))
-    model = with_effects(plain, [added("eddy_current_lag", ring_share=0.5, time_s=0.02)])
-    x = np.array([[0.02, 0.2, 0.0, 0.0, 0.0]])
-    y = x[:, :3]
-    for _ in range(100):
-        x = runge_kutta_step(model, x, np.zeros(1), 1e-5, substeps=1)
-        y = runge_kutta_step(plain, y, np.zeros(1), 1e-5, substeps=1)
-    # What falls away induces a current that holds it back: both attract
-    assert x[0, 3] < 0.0
-    assert x[0, 1] < y[0, 1]
 
 
 def states_along(current, start, parameters, nominal):

@@ -29,14 +29,6 @@ def test_a_model_is_evaluated_at_numbers_and_arrays_of_its_validity_domain(levit
         assert not np.isfinite(distance) or np.isfinite(evaluate(distance, current, extrapolate=True))
 
 
-@pytest.mark.parametrize("extrapolate", [False, True])
-def test_distances_and_currents_that_do_not_broadcast_are_refused_with_their_shapes(levitation_model, extrapolate):
-    with pytest.raises(DomainError, match=r"\(2,\) and shape \(3,\)"):
-        levitation_model.force([0.02, 0.03], [0.1, 0.2, 0.3], extrapolate=extrapolate)
-    with pytest.raises(DomainError, match="no such array"):
-        levitation_model.force("far", 0.2, extrapolate=extrapolate)
-
-
 def test_the_validity_box_holds_its_edges_and_no_nan_and_spans_a_grid_of_all_currents():
     rows = [
         (0.015, 0.0, True), (0.045, 1.4, True), (0.015 - 1e-12, 0.0, True), (0.0149, 0.5, False), (0.0451, 0.5, False),

@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from casadi import SX
-from scipy.integrate import solve_ivp
 
 from femfit.core.errors import MissingPartError
 from femfit.core.graph import GraphFunction, building
@@ -24,9 +23,8 @@ from support.added_effects import added
 from support.bearing import hall_field, table_with_hall
 from support.halves import NAMES, cut_in_two
 from support.one_current import flat
-from support.pickups import SHARE, STEP_S, flux_linkage, searched
 from support.readings import predict_sensors
-from support.solenoids import inductance, solenoid
+from support.solenoids import SHARE, STEP_S, flux_linkage, inductance, searched, solenoid
 
 LASER = PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", delay_s=1e-3)
 SHUNT = CurrentSensor(name="shunt", noise=1e-3, minimum=-2.0, maximum=2.0, bits=8, circuit="coil", gain=0.99)
@@ -124,19 +122,6 @@ def test_what_the_winding_would_pull_is_the_slope_of_its_flux_linkage(searching)
     _, slope, mutual = coil(searching).flux.derivatives(d, i[:, None])
     np.testing.assert_allclose(-slope, SHARE * flat(searching.magnetics).state(d, i).motional_constant, rtol=1e-3)
     np.testing.assert_allclose(mutual[:, 0], SHARE * flat(searching.magnetics).inductance(d, i), rtol=1e-4)
-
-
-def test_the_voltage_of_a_motion_adds_up_to_the_change_of_flux_linkage(searching):
-    def rates(_, x):
-        state = x[None, :3]
-        volts = np.array([12.0])
-        reading = predict_sensor(searching, coil(searching), state, voltage=volts)
-        return np.concatenate([state_derivative(searching, state, volts)[0], reading])
-
-    start = np.array([3.5e-3, 0.0, 0.1])
-    end = solve_ivp(rates, (0.0, 5e-3), [*start, 0.0], rtol=1e-10, atol=1e-13).y[:, -1]
-    change = coil(searching).flux.field(end[:1], end[2:3]) - coil(searching).flux.field(start[:1], start[2:3])
-    assert end[3] == pytest.approx(change[0], rel=1e-8)
 
 
 def test_readings_add_up_to_the_change_of_flux_linkage_between_samples(searching):

@@ -8,9 +8,8 @@ import pytest
 from femfit.effects.conditions import Conditions
 from femfit.model.at_rest import at_rest
 from femfit.model.readings import predict_readings
-from femfit.model.with_effects import coenergy_of, nominal_of, with_effects
+from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added
-from support.coenergies import partials
 from support.model_kinds import states_of
 from support.one_current import flat
 
@@ -23,14 +22,6 @@ def points(levitation_model):
     d = np.linspace(box.distance_min_m, box.distance_max_m, 7)[1:-1]
     i = np.linspace(box.current_min_A, box.current_max_A, 7)[1:-1]
     return [x.ravel() for x in np.meshgrid(d, i)]
-
-
-def test_the_base_coenergy_is_the_model(levitation_model, points):
-    d, i = points
-    d_w, ii_w, h_w = partials(coenergy_of(levitation_model), d, i, ((1, 0, 0), (0, 2, 0), (0, 0, 1)))
-    np.testing.assert_allclose(-d_w, flat(levitation_model.magnetics).force(d, i), rtol=1e-12)
-    np.testing.assert_allclose(ii_w, flat(levitation_model.magnetics).inductance(d, i), rtol=1e-12)
-    np.testing.assert_allclose(h_w, flat(levitation_model.sensor.field).field(d, i), rtol=1e-12)
 
 
 def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, points):

@@ -9,8 +9,7 @@ import pytest
 from femfit.core.numerics import MU_0
 from femfit.device.electrics import Circuit, HallElement
 from femfit.device.parts import Coil
-from support.actuators import magnet, rectangle
-from support.devices import device, linear, loudspeaker
+from support.actuators import device, magnet, rectangle
 from support.field import prepared
 from support.validation_cases import pair_of_loops, thin_coil
 
@@ -56,18 +55,3 @@ def test_coils_in_series_are_one_coil_of_all_their_turns():
     first, second = (prepared(actuator, 0.01).solve(0.01) for actuator in (one, two))
     np.testing.assert_allclose(second.force[0], first.force[0], rtol=2e-4, atol=1e-9)
     np.testing.assert_allclose(second.flux_linkage, first.flux_linkage, rtol=5e-4)
-
-
-def test_a_voice_coils_force_per_current_adds_up_to_its_change_of_flux_linkage():
-    # dF/di = -d(flux linkage)/dd, integrated over 2 mm, each distance with a mesh of its own.
-    low, high = -8e-3, -6e-3
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    between = 0.5 * (low + high) + 0.5 * (high - low) * nodes
-    distances = (low, *between, high)
-    speaker = linear(loudspeaker(distances=distances))
-    first, *middle, last = (prepared(speaker, float(d)).solve(float(d)) for d in distances)
-    change = (first.flux_linkage - last.flux_linkage)[0]
-    constant = 2.0 * np.array([solution.force[0, 1] for solution in middle])
-    assert 0.5 * (high - low) * weights @ constant == pytest.approx(change[0], rel=2e-4)
-    reluctance = np.array([solution.force[1, 1] for solution in middle])
-    assert 0.5 * (high - low) * weights @ reluctance == pytest.approx(0.5 * change[1], rel=2e-3)

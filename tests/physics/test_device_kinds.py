@@ -5,17 +5,16 @@ import math
 import ngsolve as ng
 import numpy as np
 import pytest
-from scipy import special
 
 from femfit.core.numerics import MU_0
 from femfit.device.electrics import HallElement
+from femfit.device.load import read_actuator
 from femfit.device.outlines import circle
 from femfit.device.parts import Coil, LinearMaterial, Region
 from femfit.field.drawing import build_mesh
 from femfit.field.layout import layout_of
 from femfit.field.tolerance import SolverSettings
-from support.actuators import magnet, rectangle
-from support.devices import ball, bearing, device, linear
+from support.actuators import GEOMETRY, STEEL, device, linear, magnet, rectangle, swept_at
 from support.field import prepared
 
 
@@ -51,25 +50,6 @@ def test_a_magnet_that_passes_through_a_ring_is_pushed_evenly_on_both_sides():
     assert abs(high) > 1.0
 
 
-def force_of_two_cylinders(remanence, radius, height, gap):
-    """Force in N between two equal coaxial cylinders of uniform magnetisation: four charged discs, one integral."""
-    x, w = np.polynomial.legendre.leggauss(40)
-    panel, total = 1.0 / radius, 0.0
-    for start in np.arange(0.0, 4000.0 * panel, 2.0 * panel):
-        k = start + panel * (x + 1.0)
-        discs = np.exp(-k * gap) * np.expm1(-k * height) ** 2
-        total += panel * np.sum(w * special.j1(k * radius) ** 2 / k * discs)
-    return math.pi * (remanence * radius) ** 2 / MU_0 * total
-
-
-@pytest.mark.parametrize("gap", [pytest.param(1e-4, marks=pytest.mark.nightly), 0.01, 0.04])
-def test_pull_of_a_magnet_pair_without_any_circuit_is_exact(gap):
-    lower = magnet(1.32, 0.0225, 0.03, z_min=-0.03, name="lower")
-    pair = device("pair", fixed=[lower], moving=[magnet(1.32, 0.0225, 0.03)], distances=(gap,))
-    rows = prepared(pair, gap).rows(gap, (0.0,))
-    assert rows["force_N"][0] == pytest.approx(force_of_two_cylinders(1.32, 0.0225, 0.03, gap), rel=1e-5)
-
-
 def test_a_small_permeable_ball_feels_the_force_on_its_dipole():
     # m = 4 pi a^3 (mu_r - 1) / (mu_r + 2) B / mu_0 and F = m dB/dz; the coil is fifty times larger than the ball.
     radius, coil_radius, turns, height, permeability = 0.002, 0.1, 1000.0, 0.05, 500.0
@@ -90,7 +70,7 @@ def test_a_small_permeable_ball_feels_the_force_on_its_dipole():
 
 
 def test_a_ball_is_meshed_round_and_refined_at_no_corner():
-    actuator, settings = ball(), SolverSettings()
+    actuator, settings = swept_at(read_actuator(GEOMETRY / "ball.toml"), (8e-3,)), SolverSettings()
     mesh = build_mesh(actuator, 8e-3, layout_of(actuator, settings), settings)
     body = mesh.Materials("moving:ball")
     volume = ng.Integrate(2.0 * math.pi * ng.x, mesh, order=8, definedon=body)
@@ -106,7 +86,8 @@ def test_a_bearings_stiffness_and_force_per_current_are_those_of_its_gaps():
     area = inner * outer / (inner + outer)
     force_per_current = 2.0 * turns**2 * MU_0 * area * bias / gap**2
     distances = (gap - step, gap, gap + step)
-    actuator = linear(bearing(distances=distances), LinearMaterial("iron", 1e5))
+    bearing = swept_at(read_actuator(GEOMETRY / "bearing.toml"), distances)
+    actuator = linear(bearing, LinearMaterial("iron", 1e5))
     sources = np.array([1.0, bias, bias])
     low, middle, high = (prepared(actuator, d, SolverSettings(order=3)).solve(d).force for d in distances)
     control = np.array([0.0, 1.0, -1.0])
@@ -121,8 +102,8 @@ def test_a_bearings_stiffness_and_force_per_current_are_those_of_its_gaps():
 def test_a_saturating_bearings_circuits_are_reciprocal():
     # dF/di_k = -d(flux linkage_k)/dd and dlambda_1/di_2 = dlambda_2/di_1, by differences between meshes of their own.
     step, change = 2e-5, 0.2
-    currents, distances = (4.0 - change, 4.0, 4.0 + change), (0.45e-3 - step, 0.45e-3, 0.45e-3 + step)
-    actuator = bearing(currents=currents, distances=distances)
+    distances = (0.45e-3 - step, 0.45e-3, 0.45e-3 + step)
+    actuator = linear(swept_at(read_actuator(GEOMETRY / "bearing.toml"), distances), STEEL)
     points = np.array([(4.0, 4.0), (4.0 - change, 4.0), (4.0 + change, 4.0)])
     low, middle, high = (rows_at_points(actuator, d, points[:n]) for d, n in zip(distances, (1, 3, 1), strict=True))
     slope = -(high["flux_linkage_lower_Wb"][0] - low["flux_linkage_lower_Wb"][0]) / (2.0 * step)

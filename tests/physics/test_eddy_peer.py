@@ -12,8 +12,8 @@ from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.weak_form import materials
-from support.eddy_pot import POT
 from support.eddy_transient import mesh_for
+from support.small_drawing import POT
 
 
 def inductance(actuator, moving, frequency, refinements):

@@ -3,31 +3,10 @@
 import numpy as np
 import pytest
 
-from femfit.device.load import actuator_from_toml
-from femfit.field.eddy_probe import EddyActuator, EddyProbe, PatternFields
+from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from support import falling_magnet as fall
-from support.eddy_pot import POT
-from support.eddy_transient import departures, mesh_for, pot_step, step_of_voltage, step_of_windings
-
-OHMS = 5.0  # of the pot's winding
-
-
-@pytest.mark.nightly
-def test_patterns_of_one_distance_follow_a_step_of_voltage():
-    actuator, distance, shifts = actuator_from_toml(POT), 1.5e-3, 2.0 * np.pi * np.geomspace(3.0, 3e3, 4)
-    moving = mesh_for(actuator, distance, 1000.0)
-    probe = EddyProbe(actuator, moving, distance, ORDER)
-    _, fields = probe.transfers(np.geomspace(10.0, 1e3, 3))
-    rows = probe.patterns(fields, shifts, probe.points, 0.01)
-    rows = rows / np.sqrt(np.diag(probe.points.products(rows)))[:, None]  # of 1 ohm each
-    patterns = PatternFields(actuator, moving, ORDER, rows)
-    linked = EddyActuator(actuator, moving, patterns, ORDER).forms(distance).flux_linkage[:, 1:]
-    ohms = np.concatenate([[OHMS], np.ones(len(linked) - 1)])
-    times, *exact = step_of_voltage(actuator, moving, 1.0, 2e-5, 0.1, 3)
-    assert max(departures(step_of_windings(linked, ohms, 1.0, times), exact)) < 0.005  # its own time steps': 0.2 %
-    alone = step_of_windings(linked[:1, :1], ohms[:1], 1.0, times)
-    assert departures(alone, exact)[0] > 0.02  # the eddy currents matter
+from support.eddy_transient import mesh_for, pot_step
 
 
 def test_without_a_winding_there_is_braking_and_nothing_else():

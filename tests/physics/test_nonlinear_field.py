@@ -15,7 +15,6 @@ from femfit.field.problem import LinearActuator
 from femfit.field.tolerance import SolverSettings
 from support.actuators import assembly, magnet, rectangle, swept_at
 from support.field import prepared
-from support.reference import REFERENCE, needs_reference
 from support.saturating import STEEL, bobbin, rig_with_core, rows_at, straight
 
 TURNS, LENGTH, ROD, INNER, OUTER = 100.0, 0.04, 0.005, 0.007, 0.012
@@ -56,8 +55,8 @@ SMALL = SolverSettings(region_fraction=0.25)
 
 @pytest.fixture(scope="module")
 def pot():
-    """Rows of the closed pot from 125 A/m to 500 kA/m, 0.3 to 2.7 T."""
-    currents = (0.0, 0.05, 0.1, 0.5, 4.0, 20.0, 200.0)
+    """Rows of the closed pot from 250 A/m to 500 kA/m, 0.6 to 2.7 T."""
+    currents = (0.0, 0.1, 0.5, 4.0, 200.0)
     rows = rows_at(closed_pot(currents), settings=SMALL)
     assert (rows["status"] == "ok").all()
     return np.array(currents), rows
@@ -70,7 +69,7 @@ def test_flux_of_a_closed_core_is_that_of_the_magnetisation_curve(pot):
 
 
 def test_inductance_and_coenergy_of_a_closed_core_are_derivative_and_integral_of_its_flux(pot):
-    chosen = [0, 2, 3, 4]
+    chosen = [0, 1, 2, 3]
     currents, rows = pot[0][chosen], {name: np.asarray(values)[chosen] for name, values in pot[1].items()}
     step = 1e-4
     slope = [
@@ -86,9 +85,8 @@ def test_inductance_and_coenergy_of_a_closed_core_are_derivative_and_integral_of
     np.testing.assert_allclose(rows["coenergy_J"][1:] - rows["coenergy_J"][0], integral, rtol=2e-5)
 
 
-@pytest.mark.parametrize("permeability", [450.0, 1.0])
-def test_a_straight_magnetisation_curve_gives_the_linear_solvers_rows(permeability):
-    distances = (0.018, 0.02, 0.021)  # one group: from the reference distance, on a stretched mesh
+def test_a_straight_magnetisation_curve_gives_the_linear_solvers_rows():
+    permeability, distances = 450.0, (0.018, 0.02, 0.021)  # one group: from the reference distance, on a stretched mesh
     actuator = rig_with_core(straight(permeability), distances)
     linear = rig_with_core(LinearMaterial("linear", permeability), distances)
     problem = LinearActuator(linear, distances, layout_of(linear, SolverSettings()), SolverSettings())
@@ -118,31 +116,8 @@ def magnet_with_steel_back():
     return [magnet(1.3, 0.0055, 0.003, permeability=1.05), back]
 
 
-def test_self_force_of_a_magnet_with_a_steel_back_is_the_error_of_the_plain_stress():
+def test_self_force_of_a_magnet_with_a_steel_back_alone_is_removed_entirely():
     rough = SolverSettings(order=2, corner_fraction=0.5, region_fraction=1.0, grading=0.5)
-    actuator = bobbin(distances=(0.015,), currents=(0.5,), mover=magnet_with_steel_back())
-    problem = prepared(actuator, 0.015, rough)
-    solution = problem.solve(0.015, (0.5,))[0].solution
-    fine = rows_at(actuator)["force_N"][0]
-    assert abs(solution.force + solution.self_force - fine) > 5.0 * abs(solution.force - fine)
-
-
-@needs_reference
-def test_forces_on_a_steel_disc_agree_with_the_peers_within_the_peers_error():
-    import pandas as pd
-
-    tables = [pd.read_csv(REFERENCE / name) for name in ("steel_xfemm.csv", "steel_xfemm_saturated.csv")]
-    peer = pd.concat(tables, ignore_index=True)
-    peer = peer[peer["current_A"].isin([1.0, 6.0, 12.0]) & peer["distance_m"].round(6).isin([0.002, 0.012])]
-    ours = {
-        d: rows_at(bobbin(distances=(d,), currents=(1.0, 6.0, 12.0)))
-        for d in sorted(peer["distance_m"].round(6).unique())
-    }
-    for row in peer.itertuples():
-        rows, k = ours[round(row.distance_m, 6)], [1.0, 6.0, 12.0].index(row.current_A)
-        # Its notes give 0.12 % for the flux; its boundary lies at a fifth of our distance.
-        assert row.flux_linkage_Wb == pytest.approx(rows["flux_linkage_Wb"][k], rel=3e-3)
-        # Its two bodies differ by 3 to 8 %, its self-force is not removed, and grows with the stray field of a
-        # saturated core: 0.5 % below saturation, 3.5 % at 12 A, where ours moves by 0.06 % with ten times the work.
-        assert row.force_N == pytest.approx(rows["force_N"][k], rel=6e-3 if row.current_A < 4.0 else 4e-2)
-    assert len(peer) == 6
+    assert (
+        abs(rows_at(assembly(moving=magnet_with_steel_back(), distances=(0.015,)), settings=rough)["force_N"][0]) < 1e-9
+    )

@@ -7,13 +7,13 @@ import pytest
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.electrics import PickupCoil
+from femfit.device.load import read_actuator
 from femfit.device.parts import Coil
 from femfit.field.layout import layout_of
 from femfit.field.nonlinear_point import NonlinearActuator
 from femfit.field.problem import LinearActuator, section_nodes
 from femfit.field.tolerance import SolverSettings
-from support.actuators import magnet, rectangle
-from support.devices import coil_on_a_magnet, device, push_solenoid
+from support.actuators import GEOMETRY, coil_on_a_magnet, device, magnet, rectangle, swept_at
 from support.field import prepared
 from support.validation_cases import loops_exact, thin_coil
 
@@ -65,7 +65,7 @@ def test_a_pickup_coil_links_what_a_coil_in_its_place_links_while_the_mesh_stret
 
 
 def test_in_saturating_iron_a_pickup_on_the_coil_links_a_share_of_its_turns():
-    solenoid = push_solenoid(currents=(0.5, 1.5), distances=(2e-3,))
+    solenoid = swept_at(read_actuator(GEOMETRY / "solenoid.toml"), (2e-3,), (0.5, 1.5))
     (coil,) = solenoid.coils
     search = replace(winding(coil), turns=0.1 * coil.turns)
     with_search = replace(solenoid, sensors=(search,))

@@ -36,13 +36,12 @@ class Stage:
     volts = R i + s (load w - flux).
     """
 
-    def __init__(self, system, points, actuator, *, conducts=True):
-        self.system, self.points, self.conducts = system, points, conducts
+    def __init__(self, system, points, actuator):
+        self.system, self.points = system, points
         self.resistance, self.load = actuator.circuits[0].resistance_ohm, system.circuits[0]
         self._s = ng.Parameter(1.0)
         self._form = system.points.tangent_on(system.space)
-        if conducts:
-            add_eddy_form(self._form, conductors(actuator), self._s)
+        add_eddy_form(self._form, conductors(actuator), self._s)
         self._inverse, self.ready = SummedInverse(system.space), False
 
     def set(self, s, held, flux, volts):
@@ -62,12 +61,12 @@ class Stage:
 
     def lag(self, w):
         """M w - held, as rows of the conductors' points."""
-        return (self.points.rows(w[None])[0] - self.held) if self.conducts else 0.0 * self.held
+        return self.points.rows(w[None])[0] - self.held
 
     def evaluate(self, w, _):
         """The energy, its derivative and the state's square."""
         static, i, s = self.system.evaluate(w, np.zeros(1)), self.current(w), self.s
-        rows = self.points.rows(w[None])[0] * self.conducts
+        rows = self.points.rows(w[None])[0]
         cost = s * inner(self.points.weight, rows * (0.5 * rows - self.held))
         induced = s * self.points.loads(self.lag(w)[None])[0]
         square = s * inner(self.points.weight, rows**2) + s / self.resistance * inner(self.load, w) ** 2
@@ -94,13 +93,13 @@ class Stage:
 class PullIn:
     """The field of an actuator with one circuit, at distances of one stretched mesh."""
 
-    def __init__(self, actuator, distances, order, skin_frequency_Hz, *, conducts=True):
+    def __init__(self, actuator, distances, order, skin_frequency_Hz):
         settings = SolverSettings(order=order, skin_frequency_Hz=skin_frequency_Hz)
         self.actuator = actuator
         self.moving = MovingMesh(actuator, tuple(sorted(distances)), layout_of(actuator, settings), settings)
         self.system = NonlinearSystem(self.moving, actuator, order)
         self.points = ConductorPoints(self.system.space, actuator, self.moving.reference)
-        self.stage = Stage(self.system, self.points, actuator, conducts=conducts)
+        self.stage = Stage(self.system, self.points, actuator)
         self.layer = LayerForce(self.system.space, self.moving.mover_weight)
 
     def force(self, w, current):
@@ -155,10 +154,9 @@ class PullIn:
         return float(motion.acceleration(np.array(distance), np.array(velocity), np.array(force), 1e-3))
 
 
-def switched_field(volts, step, *, conducts=True):
+def switched_field(volts, step):
     """The pull-in of the flat solenoid by the field, as of :meth:`PullIn.run`; the first step in fifths."""
-    highest = 1000.0 if conducts else 0.0
-    field = PullIn(actuator_from_toml(FLAT), np.linspace(NEAR, FAR, 7), 3, highest, conducts=conducts)
+    field = PullIn(actuator_from_toml(FLAT), np.linspace(NEAR, FAR, 7), 3, 1000.0)
     return field.run(volts, FAR, np.r_[np.full(5, step / 5.0), np.full(1000, step)], until=NEAR)
 
 
@@ -195,15 +193,6 @@ def model(tmp_path_factory):
 
 
 @pytest.mark.nightly
-def test_without_conductors_the_model_switches_with_the_field(model):
-    times, distances, currents, *_ = switched_field(12.0, STEP, conducts=False)
-    end, found = switched_model(model.without_eddies, 12.0, times)
-    assert end == pytest.approx(arrival(times, distances), rel=0.003)
-    before = times < 0.95 * end
-    assert np.abs(found - currents)[before].max() < 0.01 * currents.max()
-
-
-@pytest.mark.nightly
 @pytest.mark.parametrize("volts", [6.0, 12.0, 24.0])
 def test_solid_steel_switches_late_and_the_model_says_by_how_much(model, volts):
     times, distances, currents, *_ = switched_field(volts, STEP * 12.0 / volts)
@@ -217,6 +206,7 @@ def test_solid_steel_switches_late_and_the_model_says_by_how_much(model, volts):
     assert off < 0.75 * unlagged
 
 
+@pytest.mark.nightly
 def test_the_field_in_time_ends_in_the_static_state():
     actuator = actuator_from_toml(FLAT)
     field = PullIn(actuator, [FAR], 2, 30.0)

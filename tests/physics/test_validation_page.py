@@ -1,13 +1,9 @@
 """The field solver has every known answer of the validation page, which says what is computed."""
 
-import json
-
 import pytest
 
 from support import pot_transfers
-from support import validation_cases as cases
-from support.exact import axis_field_of_cylinder
-from support.reference import REFERENCE, needs_reference
+from support.reference import needs_reference
 from support.validation_page import PAGE, cells_of, reference_of, rows
 
 ROWS = {row.case: row for row in rows()}
@@ -62,24 +58,3 @@ def test_the_page_says_what_takes_longer_to_compute(name):
 @pytest.mark.nightly
 def test_the_solid_pot_has_as_many_states_as_the_page_says():
     assert pot_transfers.states() == 8
-
-
-def test_the_closed_form_of_a_brooks_coil_has_grovers_figure():
-    assert cases.brooks_exact() == pytest.approx(0.025491e-6, rel=3e-5)
-
-
-@needs_reference
-def test_closed_forms_are_the_reference_ones():
-    exact = json.loads((REFERENCE / "exact_references.json").read_text())
-    for row in exact["loops"]:
-        assert cases.loops_exact(row["a"], row["b"], row["z"]) == pytest.approx((row["M_H"], row["dMdz"]), rel=1e-8)
-    for row in exact["sphere"]:
-        assert cases.sphere_exact(row["mur"]) == pytest.approx(row["Bin_over_B0"], rel=1e-12)
-    for row in exact["shell"]:
-        assert cases.shell_exact(row["mur"], row["a"] / row["b"]) == pytest.approx(row["Hin"], rel=1e-12)
-    for row in exact["cyl_axis"]:
-        assert axis_field_of_cylinder(row["J"], row["R"], row["h"], row["z_face"]) == pytest.approx(row["B"], rel=1e-12)
-    for offset, force in zip(
-        (0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04), exact["coil_magnet_ex"]["F_thin_zc0to40"], strict=True
-    ):
-        assert cases.coil_on_magnet_exact(offset) == pytest.approx(abs(force), rel=1e-9, abs=1e-12)

@@ -1,7 +1,5 @@
 """A report's content without field solver and closed loop: analytic sweep, made-up field and study."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -14,8 +12,9 @@ from femfit.report.field_sample import FieldSample
 from femfit.report.page import ReportContent
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.study import ClosedLoopStudy
-from femfit.simulation.summary import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
+from femfit.simulation.loop import LoopResult, TimeSeries
+from femfit.simulation.study import ClosedLoopStudy, StepRow
+from femfit.simulation.summary import LoopSummary, Spread
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
@@ -67,73 +66,39 @@ def made_up_field(distance=0.022):
     )
 
 
+def made_up_loop(design, controller, held, runs):
+    """A loop over reference steps whose series are typed in; one that is lost is lost after 20 ms."""
+    time = np.arange(300) * 5e-4
+    path = 0.022 + 0.008 * np.clip((time - 0.05) / 0.05, 0.0, 1.0)
+    known = np.where((time < 0.02) | (held > 0), 1.0, np.nan)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(len(time))
+    still, amperes, volts = 0.0 * path, path * 0 + 0.4, 1.0 + path
+    arrays = [path, still, amperes[:, None], path + noise, still, amperes[:, None], volts[:, None], path[:, None]]
+    columns = [(known * array.T).T[:, None] for array in (*arrays, path, 1.0 + still)]
+    outcome = np.where(np.arange(runs) < held, 0, 2)
+    result = LoopResult(time, TimeSeries(*columns), None, outcome, np.where(outcome, 0.02, np.nan))
+    lost_s, nan = None if held == runs else 0.02, Spread(np.nan, np.nan)
+    outcomes, band = {"HELD": held, "FELL": runs - held}, ConsistencyBand(0.98, 1.02)
+    experiment = Experiment(controller, "ukf", design.targets_m)
+    return LoopSummary(design, experiment, None, runs, 300, outcomes, lost_s, lost_s, nan, nan, 1.0, band, None, result)
+
+
 def made_up_study(design, held=2, runs=2):
     """A study whose numbers are typed in; none held makes every mean NaN."""
     known = 1.0 if held else np.nan
-    outcomes = {"HELD": held, "FELL": runs - held}
-    t = np.arange(300) * 5e-4
-    path = 0.022 + 0.008 * np.clip((t - 0.05) / 0.05, 0.0, 1.0)
-    noise = 1e-4 * np.random.default_rng(0).standard_normal(len(t))
-    place = Experiment("pid", "ukf4", (0.022,), offset=0.02)
-
-    def series(controller, observer):
-        known = np.where((t < 0.02) | (held > 0), 1.0, np.nan)  # lost after 20 ms
-        arrays = (path, path, path + noise, path + 0.1 * noise, 1.0 + path, path * 0 + 0.4)
-        return StepSeries(controller, observer, t, *(known * a for a in arrays))
-
-    frequency, flat = np.linspace(0.0, 1000.0, 64), np.full(64, known)
-    band = ConsistencyBand(0.98, 1.02)
-    nan = float("nan")
-    return ClosedLoopStudy(
-        design=design,
-        seed=7,
-        seconds=0.15,
-        steps=tuple(
-            StepRow(c, m, known * rms, held, runs)
-            for c in CONTROLLERS
-            for m, rms in (("direct", 1.46e-4), ("ukf", 2.66e-5))
-        ),
-        holds=tuple(
-            HoldRow(c, f, 0.022, known * 7.8e-5, known * rms, known * 5.5, 5.47, known, band, held, runs)
-            for c in CONTROLLERS
-            for f, rms in (("ukf", 1.4e-5), ("ekf", 1.428e-5))
-        ),
-        faults=(
-            FaultRow(Experiment("pid", "direct", (0.022,)), runs, {"PULLED_IN": runs}, 0.071, *[nan] * 5),
-            FaultRow(place, runs, {"FILTER_DIVERGED": runs}, 0.0, *[nan] * 5),
-            FaultRow(
-                replace(place, observer="ukf", offset=-0.02),
-                runs,
-                outcomes,
-                None if held else 0.1,
-                *(known * x for x in (1e-5, 3e-7, 1e-6, 4e-7, 3e-7)),
-            ),
-            FaultRow(
-                replace(place, offset=0.0, force_scale=1.01),
-                runs,
-                outcomes,
-                None if held else 0.1,
-                *(known * x for x in (1e-5, 1e-5, 1e-5, 1e-4, 1e-6)),
-            ),
-        ),
-        series=tuple(series(c, "ukf") for c in CONTROLLERS),
-        spectra=tuple(SpectrumPair(c, frequency, 1e-5 * flat, 1e-6 * flat) for c in CONTROLLERS),
-    )
-
-
-def reference(table):
-    """The co-energy model that a report describes."""
-    return fit_model(table).model
+    measured = (("direct", 1.46e-4), ("ukf", 2.66e-5))
+    steps = tuple(StepRow(c, name, known * rms, held, runs) for c in CONTROLLERS for name, rms in measured)
+    return ClosedLoopStudy(design, 7, tuple(made_up_loop(design, c, held, runs) for c in CONTROLLERS), steps)
 
 
 @pytest.fixture(scope="session")
 def rig_content():
-    """A levitation rig with everything."""
+    """A levitation rig with everything but laws."""
     actuator = read_actuator(GEOMETRY / "emaws-rig.toml")
     table = sweep_of(actuator)
-    fit = fit_model(table, law="all")
+    fit = fit_model(table)
     return ReportContent(
-        model=reference(table),
+        model=fit.model,
         actuator=actuator,
         sweep=table,
         fit=fit,
@@ -146,16 +111,14 @@ def rig_content():
 
 @pytest.fixture(scope="session")
 def plunger_content():
-    """An actuator without magnet, Hall element and loop, and without a sampled field."""
+    """An actuator without magnet, Hall element, loop and laws, and without a sampled field."""
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     table = sweep_of(actuator, magnet=0.0)
-    fit = fit_model(table, law="all")
-    model = reference(table)
-    heat = temperatures_at_supply(actuator)
-    return ReportContent(model, actuator, table, fit, heat=heat, no_study="The model has no sensor.")
+    fit, heat = fit_model(table), temperatures_at_supply(actuator)
+    return ReportContent(fit.model, actuator, table, fit, heat=heat, no_study="The model has no sensor.")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def lost_study(rig_content):
     """A study in which no run was held."""
     return made_up_study(rig_content.study.design, held=0)

@@ -123,8 +123,6 @@ def stepping(model, step, volts):
         ("rigid", 0.2),
         ("with eddy currents", 0.2),
         ("in halves", 0.0),
-        pytest.param("with eddy currents", 0.0, marks=pytest.mark.nightly),
-        pytest.param("in halves", 0.2, marks=pytest.mark.nightly),
     ],
 )
 def test_plant_and_filters_stay_on_a_stop_with_the_current_of_a_motion_with_events(kind, restitution):
@@ -204,30 +202,6 @@ def test_a_blocked_winding_leaves_its_core_the_eddy_currents():
     linked = table["flux_linkage_Wb"][after]
     rate = np.polyfit(table["time_s"][after][-50:], np.log(np.abs(linked[-50:])), 1)[0]
     assert -1.0 / rate == pytest.approx(slowest, rel=1e-2)
-
-
-@pytest.mark.parametrize("bandwidth", [None, 2000.0])
-def test_behind_an_amplifier_eddy_currents_answer_a_current_that_is_given(bandwidth):
-    drive = Drive("current", bandwidth_Hz=bandwidth)
-    model = with_eddies(solenoid(HELD, drive), (20e-3, 2e-3))
-    model = replace(model, circuits=(replace(model.circuit, voltage_min_V=-500.0, voltage_max_V=500.0),))
-    command = Profile("current", np.array([0.0, 0.02]), np.array([0.0, 0.5]), "linear")
-    motion = simulate(model, drive=command, duration_s=0.02, start_m=4e-3, sample_time_s=1e-5)
-    time, current = motion.table["time_s"], motion.table["current_A"]
-    if bandwidth is None:
-        np.testing.assert_allclose(current, 25.0 * time, atol=1e-6)
-    there = model.windings.magnetics.state(np.array(4e-3), np.zeros(3)).inductance
-    # A e' = -e - L_ei i' with e(0) = 0: e = -(1 - exp(-t / A)) L_ei i' of a ramp
-    times, modes = np.linalg.eigh(there[1:, 1:])
-    along = modes.T @ there[1:, 0] * 25.0
-    patterns = -(modes @ (along[:, None] * (1.0 - np.exp(-time / times[:, None])))).T
-    flux = there[0, 0] * 25.0 * time + patterns @ there[0, 1:]
-    late = time > 0.01
-    shift = 0.0 if bandwidth is None else there[0, 0] * 25.0 / (2.0 * np.pi * bandwidth)
-    found = motion.table["flux_linkage_Wb"]
-    constant = found[0]  # nothing moves: what the patterns' magnets link is constant
-    np.testing.assert_allclose((found - constant)[late], flux[late] - shift, atol=2e-3 * flux.max())
-    assert closes(motion)
 
 
 def test_the_energy_of_two_circuits_and_of_a_fall_past_a_ring_is_all_there(levitation_model):

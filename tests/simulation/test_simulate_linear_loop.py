@@ -1,22 +1,34 @@
-"""The linear loop: margins against brute force, decay against the simulation, the regulator, the levitation's bound."""
+"""The linear loop: margins against brute force, decay against the simulation, what a default design keeps."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.linalg
+from scipy.linalg import expm, solve_discrete_lyapunov
+from scipy.signal import ss2tf
 
+import femfit as ff
 from femfit.core.errors import DomainError
-from femfit.device.electrics import PositionSensor
+from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import Backstepping, pid_of_parts
 from femfit.simulation.design import design_loop
-from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.linear_loop import LinearController, closed_loop_matrix, linear_controller, linear_plant
-from femfit.simulation.margins import gain_margins, phase_and_delay_margin
+from femfit.simulation.experiment import Experiment, LoopRuns
+from femfit.simulation.linear_loop import (
+    LinearController,
+    LinearPlant,
+    closed_loop_matrix,
+    linear_controller,
+    linear_plant,
+)
+from femfit.simulation.loop import run_loop
+from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin, worst_of
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.sensor import loop_sensors
-from support.pickups import searched
+from support.readings import LASER_10_V
+from support.solenoids import searched
 
 
 @pytest.fixture(scope="module")
@@ -37,12 +49,8 @@ def late(levitation_model):
 def parts(design, name="backstepping", observer="ekf"):
     bench = design.bench(observer)
     k = bench.middle
-    linear = joined(design.model, bench.points[k], bench.observers[k], design.controller(name), design.latency)
-    return bench.points[k], bench.plants[k], linear
-
-
-def joined(model, point, observer, controller, latency):
-    return LinearController(*observer, *linear_controller(model, point, controller, len(observer[0])), latency)
+    own = linear_controller(design.model, bench.points[k], design.controller(name), len(bench.observers[k][0]))
+    return bench.points[k], bench.plants[k], LinearController(*bench.observers[k], *own, design.latency)
 
 
 def test_the_linear_plant_is_the_matrix_exponential_of_the_equations(levitation_model, design):
@@ -70,17 +78,20 @@ def test_poles_and_response_of_the_loop_belong_together(request, kind, name):
     np.testing.assert_allclose(difference, rational, rtol=2e-5)
 
 
-@pytest.mark.parametrize("kind", ["design", pytest.param("late", marks=pytest.mark.nightly)])
-def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(request, kind):
+def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(design):
     """Without noise, from a small error, on the exact plant with the filter of the linear loop."""
-    loop = request.getfixturevalue(kind)
-    _, plant, linear = parts(loop)
+    loop, (_, plant, linear) = design, parts(design)
     poles = np.linalg.eigvals(closed_loop_matrix(plant, linear))
     slowest = np.log(np.abs(poles).max()) / loop.model.sample_time_s
-    free = replace(loop.model, sensor=loop.model.sensor and replace(loop.model.sensor, adc_bits=0))
-    quiet = replace(loop, model=free)
-    experiment = Experiment("backstepping", "ekf", (0.026,), noise_scale=0.0, start_error_m=2e-5)
-    (result,) = run_experiments(quiet, [experiment], np.random.default_rng(0), runs=1, steps=1600)
+    noisy = LoopRuns(loop, Experiment("backstepping", "ekf", (0.026,)), None, 1, 1600, 1600, 0).loop
+    sensors = [replace(sensor, reading=replace(sensor.reading, noise=0.0, bits=0)) for sensor in noisy.sensors]
+    off, filter_ = np.array([2e-5, 0.0, 0.0]), noisy.observer
+    observer = SimpleNamespace(
+        start=lambda mean: filter_.start(mean - off), update=filter_.update, step=filter_.step
+    )  # which believes the body to be at rest
+    start = operating_point(loop.model, 0.026).state + off
+    quiet = replace(noisy, sensors=tuple(sensors), observer=observer)
+    result = run_loop(quiet, start[None], np.random.default_rng(0))
     size = np.abs(result.series.distance_m[:, 0] - 0.026)
     # Five windows, of less than a turn of the slowest pair of poles; rounding leaves 7e-17 m
     window = np.array([size[k : k + 200].max() for k in range(200, 1600, 200)])
@@ -134,3 +145,110 @@ def test_the_linear_loop_reads_a_late_or_slow_pickup_coil_as_late_as_it_is(delay
     late = -np.angle(response(model, z) / response(searched(noise=1e-3), z)) / angle
     # A line between two samples turns by its part of a sample to (2 pi 0.03)^2 / 12
     np.testing.assert_allclose(late, delay + 0.5 * (period - 1), atol=3e-3)
+
+
+STEP = 1e-3
+
+
+def sampled(A, B):
+    """A continuous plant whose first state is read, held over the samples."""
+    n = len(A)
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n], block[:n, n] = A, B
+    whole = expm(STEP * block)
+    return LinearPlant(whole[:n, :n], whole[:n, n:], np.eye(n)[:1, None], np.array([1e-6]))
+
+
+def pid(kp, ki, kd, rate):
+    """u = -(kp + ki / s + kd s / (1 + s / rate)) y, behind an observer that gives y itself."""
+    poles = np.array([1.0, np.exp(-rate * STEP)])
+    M, E = np.diag(poles), np.ones((2, 1))
+    N, D = np.array([[-ki * STEP, kd * rate * (1.0 - poles[1])]]), np.array([[-(kp + kd * rate)]])
+    used = [0, 1] if ki else [1]
+    none, all_of_it = np.zeros((1, 1)), np.ones((1, 1))
+    return LinearController(none, none, all_of_it, M[np.ix_(used, used)], E[used], N[:, used], D, 0)
+
+
+def largest_root(plant, controller, factor):
+    """Of the loop's characteristic polynomial with the commands times a factor."""
+    above, below = ss2tf(plant.A, plant.B, plant.C[:, 0], np.zeros((1, 1)))
+    own_above, own_below = ss2tf(controller.M, controller.E, controller.N, controller.D)
+    closed = np.polysub(np.polymul(below, own_below), factor * np.polymul(above[0], own_above[0]))
+    return np.abs(np.roots(closed)).max()
+
+
+DAMPED = sampled(np.array([[0.0, 1.0], [-400.0, -30.0]]), np.array([0.0, 1.0]))
+UNSTABLE = sampled(np.array([[0.0, 1.0], [2500.0, 0.0]]), np.array([0.0, 1.0]))
+SLOW = sampled(np.array([[0.0, 1.0], [-100.0, -4.0]]), np.array([0.0, 1.0]))
+LOOPS = {
+    "lightly damped body, an integral alone": (SLOW, pid(0.0, 22.0, 0.0, 400.0)),
+    "damped body, with an integral": (DAMPED, pid(200.0, 4000.0, 8.0, 400.0)),
+    "damped body, integral that leads": (DAMPED, pid(-300.0, 2000.0, 20.0, 400.0)),
+    "damped body, pushed away": (DAMPED, pid(-300.0, 0.0, 20.0, 400.0)),
+    "unstable body, with an integral": (UNSTABLE, pid(9000.0, 60000.0, 120.0, 1500.0)),
+    "unstable body, without an integral": (UNSTABLE, pid(9000.0, 0.0, 120.0, 1500.0)),
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_gain_margins_are_where_the_swept_loop_turns_unstable(name):
+    plant, controller = LOOPS[name]
+    assert largest_root(plant, controller, 1.0) < 1.0
+    found = margins(plant, controller, STEP, np.array([1.0]))
+    assert found.stable
+    # 600 frequencies over four decades are 1.5 % apart; between them the response is taken as a straight line
+    low, high = max(0.995 * found.gain_below, 1e-3), min(1.005 * found.gain_above, 1e3)
+    within = np.geomspace(max(1.005 * found.gain_below, 1e-3), min(0.995 * found.gain_above, 1e3), 200)
+    assert max(largest_root(plant, controller, factor) for factor in within) < 1.0 + 1e-12
+    assert (largest_root(plant, controller, low) > 1.0) == (found.gain_below > 0.0)
+    assert (largest_root(plant, controller, high) > 1.0) == np.isfinite(found.gain_above)
+
+
+@pytest.mark.parametrize("name", ["damped body, with an integral", "unstable body, without an integral"])
+def test_the_share_of_noise_is_that_of_lyapunovs_equation(name):
+    plant, own = LOOPS[name]
+    c, room = plant.C[:, 0], 0.02
+    whole = np.block([[plant.A + plant.B @ own.D @ c, plant.B @ own.N], [own.E @ c, own.M]])
+    enters = np.concatenate([plant.B @ own.D, own.E])
+    states = solve_discrete_lyapunov(whole, plant.noise[0] ** 2 * enters @ enters.T, method="bilinear")
+    told = np.concatenate([own.D @ c, own.N], axis=1)
+    variance = (told @ states @ told.T + plant.noise[0] ** 2 * own.D @ own.D.T).item()
+    found = margins(plant, own, STEP, np.array([room])).noise_share
+    # The sum over frequencies that are 1.5 % apart
+    assert found == pytest.approx(np.sqrt(variance) / room, rel=5e-3)
+
+
+def test_gains_of_two_circuits_that_share_a_force_are_those_of_one_beside_the_other():
+    """Each half of a command bears twice the factor of the whole, less one, while the other half stays as it is."""
+    one = pid(9000.0, 0.0, 120.0, 1500.0)
+    shared = replace(UNSTABLE, B=np.hstack([UNSTABLE.B, UNSTABLE.B]))
+    halves = replace(one, G=np.zeros((1, 2)), N=0.5 * np.vstack([one.N, one.N]), D=0.5 * np.vstack([one.D, one.D]))
+    single = margins(UNSTABLE, one, STEP, np.ones(1))
+    both = margins(shared, halves, STEP, np.ones(2))
+    assert both.gain_below == pytest.approx(max(0.0, 2.0 * single.gain_below - 1.0), rel=5e-3)
+    assert both.gain_above == pytest.approx(2.0 * single.gain_above - 1.0, rel=5e-3)
+
+
+@pytest.fixture(scope="module")
+def sensed(levitation_model):
+    """The rig with a laser of 20 um and an ammeter of 4 mA in place of its Hall element."""
+    ammeter = CurrentSensor(name="ammeter", noise=4e-3, circuit=levitation_model.circuit.name)
+    return replace(levitation_model, sensor=None, other_sensors=(LASER_10_V, ammeter))
+
+
+def test_a_loop_of_good_sensors_keeps_45_degrees_and_half_a_modulus_margin(sensed):
+    loop = ff.close_loop(sensed, estimator="ukf", runs=2, seconds=0.2)
+    kept = worst_of(loop.design.margins(loop.experiment.controller, "ukf"))
+    assert np.degrees(kept.phase_rad) >= 45.0
+    assert kept.modulus >= 0.5
+    assert kept.noise_share <= 0.1
+    assert not kept.thin
+    assert loop.held == 2
+
+
+def test_a_filter_that_allows_for_an_error_of_the_commands_leaves_more_margin(sensed):
+    design = design_loop(sensed)
+    trusting = replace(design, command_error=1.0)
+    assert design.command_error > 1.0
+    for name in ("backstepping", "state-feedback"):
+        assert worst_of(design.margins(name, "ekf")).modulus > worst_of(trusting.margins(name, "ekf")).modulus

@@ -1,10 +1,8 @@
-"""Closed loops: what holds, what is lost and under which name."""
+"""Closed loops: what holds, what is lost and under which name, and why."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from femfit.core.errors import DomainError, MissingPartError
@@ -12,74 +10,58 @@ from femfit.model.validity import ValidityBox
 from femfit.simulation.close_loop import close_loop, run_loops
 from femfit.simulation.constants import UNCERTAIN
 from femfit.simulation.design import design_loop
-from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
+from femfit.simulation.experiment import Experiment, direct_distance
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.plant import with_force_scale
 from femfit.simulation.summary import series_table
+from support.closed_loop import run
+from support.expected import unmentioned
 from support.readings import LASER_10_V
-
-SUPPORT = 300
-
-
-def run(design, *experiments, runs=4, steps=600, seed=1, **options):
-    options = {"supported_steps": SUPPORT, "windows": (slice(steps // 2, steps),), **options}
-    return run_experiments(design, experiments, np.random.default_rng(seed), runs=runs, steps=steps, **options)
 
 
 def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(design):
     experiment = Experiment("backstepping", "ukf", (0.022,))
-    first, second, other = (run(design, experiment, steps=50, seed=s)[0].series.distance_m for s in (3, 3, 4))
+    first, second, other = (run(design, experiment, steps=50, seed=s).series.distance_m for s in (3, 3, 4))
     np.testing.assert_array_equal(first, second)
     assert np.all(first[-1] != other[-1])
 
 
-def test_runs_do_not_depend_on_the_batch_they_are_in(design):
-    experiments = [Experiment("backstepping", "ukf", (0.022,)), Experiment("pid", "ekf", (0.030,))]
-    together = run(design, *experiments, runs=2, steps=100)
-    for experiment, result in zip(experiments, together, strict=True):
-        (alone,) = run(design, experiment, runs=2, steps=100)
-        np.testing.assert_allclose(result.series.distance_m, alone.series.distance_m, rtol=1e-12)
-
-
 def test_a_sensor_that_sticks_loses_the_magnet_by_name(design):
-    (result,) = run(design, Experiment("backstepping", "ukf", (0.022,), stuck_after_s=0.1), steps=1000)
+    result = run(design, Experiment("backstepping", "ukf", (0.022,), stuck_after_s=0.1), steps=1000)
     assert not result.held.any()
     assert set(result.outcomes()) <= {LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.FILTER_DIVERGED}
     assert np.all(result.outcome_time_s > 0.1)
 
 
 @pytest.mark.parametrize(("scale", "outcome"), [(1.5, LoopOutcome.PULLED_IN), (0.6, LoopOutcome.FELL)])
-def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(design, scale, outcome):
-    (result,) = run(
-        design, Experiment("pid", "direct", (0.026,), force_scale=scale, noise_scale=0.0), supported_steps=0
-    )
+def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, scale, outcome):
+    design = design_loop(levitation_model, noise=0.0)
+    result = run(design, Experiment("pid", "direct", (0.026,), force_scale=scale), supported_steps=0)
     assert set(result.outcomes()) == {outcome}
     lost = int(np.round(result.outcome_time_s[0] / design.model.sample_time_s))
     assert np.isfinite(result.series.distance_m[:lost]).all()
     assert np.isnan(result.series.distance_m[lost:]).all()
-    assert np.isnan(result.windows[0].tracking_rms_m).all()  # a lost magnet is never a number
+    assert np.isnan(result.statistics.tracking_rms_m).all()  # a lost magnet is never a number
 
 
 def test_a_diverging_filter_is_named_and_says_what_to_do(design):
-    (result,) = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
+    result = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
     assert set(result.outcomes()) == {LoopOutcome.FILTER_DIVERGED}
-    assert np.isnan(result.windows[0].estimate_rms_m).all()
+    assert np.isnan(result.statistics.estimate_rms_m).all()
 
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
     # The controller asks for 0.2..1.12 A, but the plant is known up to 0.37 A alone.
     narrow = replace(levitation_model, validity=ValidityBox.of_currents((0.015, 0.045), (0.0, 0.37)))
     design = design_loop(levitation_model)
-    (result,) = run(design, Experiment("pid", "direct", (0.022,)), supported_steps=0, plant=narrow)
+    result = run(design, Experiment("pid", "direct", (0.022,)), supported_steps=0, plant=narrow)
     assert LoopOutcome.CURRENT_OUT_OF_RANGE in set(result.outcomes())
 
 
 def test_without_noise_the_direct_measurement_is_the_distance(levitation_model):
     free = replace(levitation_model, sensor=replace(levitation_model.sensor, adc_bits=0))
-    design = design_loop(free)
-    (result,) = run(
-        design, Experiment("pid", "direct", (0.022,), noise_scale=0.0), runs=1, steps=200, supported_steps=0
-    )
+    design = design_loop(free, noise=0.0)
+    result = run(design, Experiment("pid", "direct", (0.022,)), runs=1, steps=200, supported_steps=0)
     np.testing.assert_allclose(direct_distance(design, result.series), result.series.distance_m, atol=1e-8)
     np.testing.assert_allclose(result.series.distance_m, 0.022, atol=1e-7)
 
@@ -94,15 +76,9 @@ def test_monte_carlo_counts_every_run_and_stores_none(design):
     assert summary.result.series.distance_m.shape == (200, 0)
 
 
-def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_path, monkeypatch):
-    lost = run_loops(
-        design,
-        Experiment("backstepping", "direct", (0.022,)),
-        np.random.default_rng(1),
-        runs=2,
-        duration_s=0.3,
-        recorded=2,
-    )
+def test_time_series_are_written_up_to_the_loss(design, tmp_path):
+    experiment = Experiment("backstepping", "direct", (0.022,))
+    lost = run_loops(design, experiment, np.random.default_rng(1), runs=2, duration_s=0.3, recorded=2)
     lost.write_csv(tmp_path / "loops" / "series.csv")
     table = np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)
     series = lost.result.series
@@ -111,33 +87,12 @@ def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_
     first = table[table["run"] == 1]
     np.testing.assert_allclose(first["true_distance_m"], series.distance_m[: len(first), 0], rtol=1e-8)
 
-    def full_disk(file, *_, **__):
-        Path(file).write_text("half a ro")
-        raise OSError(28, "No space left on device", str(file))
-
-    monkeypatch.setattr(pd.DataFrame, "to_csv", lambda _, file, **__: full_disk(file))
-    with pytest.raises(OSError, match="No space"):
-        lost.write_csv(tmp_path / "loops" / "series.csv")
-    assert len(np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)) == len(table)
-    assert [file.name for file in (tmp_path / "loops").iterdir()] == ["series.csv"]
-
-
-@pytest.mark.nightly
-def test_a_rare_loss_is_tried_on_the_runs_that_were_lost(levitation_model):
-    """Of 20 runs with dropouts a few are lost; four other runs would hold with the dropouts too."""
-    design = design_loop(replace(levitation_model, reference_distances_m=(0.030,)))
-    experiment = Experiment("pid", "ukf4", (0.030,), dropout_probability=0.0004)
-    loop = run_loops(design, experiment, np.random.default_rng(2), runs=20, duration_s=0.3)
-    assert 0 < loop.held < 20
-    assert loop.data()["cause"]["numbers"] == {"asked_for": ["dropouts"]}
-
 
 def test_no_run_is_lost_by_dropouts_before_its_loop_is_closed(levitation_model):
     design = design_loop(replace(levitation_model, reference_distances_m=(0.030,)))
-    experiment = Experiment("pid", "ukf4", (0.030,), dropout_probability=1.0)
-    result = run_experiments(design, [experiment], np.random.default_rng(1), runs=4, steps=100, supported_steps=SUPPORT)
-    assert not result[0].held.any()
-    assert result[0].outcome_time_s.min() > 0.0
+    result = run(design, Experiment("pid", "ukf4", (0.030,), dropout_probability=1.0), steps=100)
+    assert not result.held.any()
+    assert result.outcome_time_s.min() > 0.0
 
 
 @pytest.mark.nightly
@@ -197,7 +152,9 @@ def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
 )
 def test_a_loop_that_cannot_be_run_is_refused_with_what_can(levitation_model, wrong, named):
     with pytest.raises((DomainError, MissingPartError), match=named):
-        close_loop(levitation_model, **{"targets_m": (0.022,), "runs": 1, "seconds": 0.01, **wrong})
+        close_loop(
+            levitation_model, **{"controller": "pid", "targets_m": (0.022,), "runs": 1, "seconds": 0.01, **wrong}
+        )
 
 
 def of(part, **changes):
@@ -244,3 +201,57 @@ def test_a_model_of_which_no_loop_can_be_designed_is_refused_with_the_remedy(lev
 def test_a_plant_that_cannot_hold_its_body_there_is_refused(levitation_model):
     with pytest.raises(DomainError):
         close_loop(levitation_model, plant=of("motion", mass_kg=0.1)(levitation_model), targets_m=(0.022,), runs=1)
+
+
+def test_a_loop_counts_its_samples_up_to_the_last(levitation_model):
+    parts, options = [], {"controller": "pid", "runs": 1, "seconds": 0.1, "targets_m": (0.022,)}
+    close_loop(levitation_model, progress=lambda *part: parts.append(part), **options)
+    names, done, total = zip(*parts, strict=True)
+    assert set(names) == {"closed loop"}
+    assert len(set(total)) == 1
+    assert list(done) == sorted(set(done))
+    assert total[0] - 50 <= done[-1] < total[0]  # it reports at every 50th sample
+
+
+def of_rig(_, rig):
+    return rig
+
+
+def of_laser(noise=None, voltage_max_V=None):
+    """The rig with a laser of so much noise, on such a supply; 0.852 V hold the body."""
+
+    def made(optical, _):
+        laser = replace(LASER_10_V, noise=LASER_10_V.noise if noise is None else noise)
+        highest = voltage_max_V or optical.circuit.voltage_max_V
+        circuits = (replace(optical.circuit, voltage_max_V=highest),)
+        return replace(optical, other_sensors=(laser,), circuits=circuits)
+
+    return made
+
+
+FILTERED = {"controller": None, "targets_m": (0.022,), "runs": 4, "seconds": 0.2}
+CAUSES = {
+    "gains": (
+        of_laser(), {"controller": "pid", "gains": {"kp": 40.0, "kd": 1.0}, "seconds": 1.5}, "Without the gains given",
+    ),
+    "latency": (of_laser(), {"latency": 80, "seconds": 1.5}, "", "Without the latency the same runs hold"),
+    "noise that fills the commands": (of_laser(1.0), {}, "The sensors' noise: laser 1.00 V", "to the driver's limit"),
+    "noise without room": (
+        of_laser(60e-3, 1.02 * 0.852), {}, "The sensors' noise: laser", "brings a body at rest back",
+    ),
+    "a fault that was asked for": (of_rig, FILTERED | {"stuck_after_s": 0.05}, "Without the fault", "sensor stuck"),
+    "a fault where the loop is lost without it": (
+        of_rig, FILTERED | {"estimator": "direct", "noise": 0.012, "stuck_after_s": 0.05}, "The sensors' noise", "too",
+    ),
+}  # fmt: skip
+LONG = tuple(name for name in CAUSES if name != "noise that fills the commands")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.nightly] * (n in LONG)) for n in CAUSES])
+def test_a_lost_loop_names_its_cause_with_its_numbers_and_never_what_is_done_already(name, optical, levitation_model):
+    make, options, first, *words = CAUSES[name]
+    options = {"controller": "backstepping", "estimator": "ukf", "runs": 2, "seconds": 0.4, **options}
+    loop = close_loop(make(optical, levitation_model), **options)
+    assert loop.held < loop.runs
+    assert loop.advice.startswith(first)
+    assert not unmentioned(words, loop.advice)

@@ -1,40 +1,25 @@
-"""Operating points, the linear model around them, and the reference that the driver can follow."""
+"""Operating points, the linear model and reference about them, and controllers: poles, clamped commands, gains."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.linalg
 
+from femfit.core.errors import DomainError
 from femfit.device.electrics import Circuit
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
+from femfit.simulation.adjust import adjusted
 from femfit.simulation.allocation import current_for_force, limited
-from femfit.simulation.design import design_loop
-from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.operating_point import operating_point, zero_order_hold
-from femfit.simulation.targets import reference_rate, reference_steps
+from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.operating_point import operating_point, solve_riccati
+from femfit.simulation.plant import Plant
+from femfit.simulation.targets import Reference, reference_rate, reference_steps
+from femfit.simulation.words import sentence
+from support.closed_loop import run
 from support.one_current import flat, within
-
-
-def test_a_body_behind_a_voltage_runs_away_slower_than_at_constant_current(levitation_model):
-    """Moved by the plant's own equations from a little off, the distance grows as exp(runaway t)."""
-    point = operating_point(levitation_model, 0.022)
-    assert 0.95 * point.unstable_pole_rad_s < point.runaway_rad_s < point.unstable_pole_rad_s
-    assert point.runaway_rad_s == pytest.approx(np.linalg.eigvals(point.A).real.max())
-    late, later = (scipy.linalg.expm(point.A * t) @ [1e-6, 0.0, 0.0] for t in (0.5, 0.51))
-    assert np.log(later[0] / late[0]) / 0.01 == pytest.approx(point.runaway_rad_s, rel=1e-6)
-
-
-@pytest.mark.parametrize("step", [1e-5, 5e-4, 0.1])
-def test_zero_order_hold_is_the_matrix_exponential(levitation_model, step):
-    point = operating_point(levitation_model, 0.022)
-    whole = np.zeros((4, 4))
-    whole[:3, :3], whole[:3, 3:] = point.A, point.B
-    expected = scipy.linalg.expm(whole * step)
-    phi, gamma = zero_order_hold(point.A, point.B, step)
-    np.testing.assert_allclose(phi, expected[:3, :3], rtol=1e-10, atol=1e-12 * np.abs(expected).max())
-    np.testing.assert_allclose(gamma[:, 0], expected[:3, 3], rtol=1e-10, atol=1e-12 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -121,10 +106,8 @@ def test_a_coil_with_its_leads_reversed_is_held_by_currents_of_the_other_sign(le
         assert here.currents_A[0] == pytest.approx(-there.currents_A[0], rel=1e-9)
         assert here.unstable_pole_rad_s == pytest.approx(there.unstable_pole_rad_s, rel=1e-9)
     assert reversed_.controller("pid").direction == (-1.0,)
-    experiments = [Experiment(name, "ukf", (0.022,)) for name in ("backstepping", "pid", "state-feedback")]
-    random = np.random.default_rng(3)
-    for result in run_experiments(reversed_, experiments, random, runs=2, steps=400, supported_steps=300):
-        assert result.held.all()
+    for name in CONTROLLERS:
+        assert run(reversed_, Experiment(name, "ukf", (0.022,)), runs=2, steps=400).held.all()
 
 
 def test_the_controllers_ask_for_no_current_that_the_model_does_not_cover(levitation_model):
@@ -145,8 +128,7 @@ def test_the_controllers_ask_for_no_current_that_the_model_does_not_cover(levita
 def test_a_coil_that_settles_within_three_samples_is_held(levitation_model):
     circuit = replace(levitation_model.circuit, resistance_ohm=100.0, voltage_max_V=110.0, voltage_min_V=20.0)
     loop = design_loop(replace(levitation_model, circuits=(circuit,)))
-    (result,) = run_experiments(loop, [Experiment("pid", "ukf", (0.022,))], np.random.default_rng(1), runs=3, steps=400)
-    assert result.held.all()
+    assert run(loop, Experiment("pid", "ukf", (0.022,)), runs=3, steps=400, supported_steps=0).held.all()
 
 
 def test_steel_alone_is_held_by_a_driver_of_both_signs_as_by_one_of_positive_voltages(levitation_model):
@@ -179,3 +161,51 @@ def test_a_loop_of_short_samples_stays_for_fewer_seconds(levitation_model):
     slow, fast = (design_loop(replace(levitation_model, sample_time_s=step)) for step in (1e-3, 5e-5))
     assert slow.stay_s == 1.0
     assert fast.stay_s == max(fast.step_s, 2000 * 5e-5) < 1.0
+
+
+def test_pid_removes_a_constant_disturbance(levitation_model, design):
+    point = operating_point(levitation_model, 0.026)
+    heavier = replace(levitation_model.motion, gravity_m_s2=1.02 * levitation_model.motion.gravity_m_s2)
+    plant = Plant(replace(levitation_model, motion=heavier))
+    state = np.array([[0.026, 0.0, point.currents_A[0]]])
+    memory, zero = np.zeros((1, design.controller("pid").words)), np.zeros(1)
+    for _ in range(4000):
+        voltage, memory = design.controller("pid").command(memory, state, Reference(np.array([0.026]), zero, zero))
+        state = plant.step(state, voltage)
+    assert state[0, 0] == pytest.approx(0.026, abs=1e-7)  # backstepping would be off by 0.02 g/k_p = 0.2 mm
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_commands_stay_within_the_clamp_and_nothing_winds_up_behind_it(levitation_model, design, name):
+    circuit, controller = levitation_model.circuit, design.controller(name)
+    far = np.array([[0.030, 0.0, 0.5]])
+    zero = np.zeros(1)
+    reference = Reference(np.array([0.022]), zero, zero)
+    memory = np.zeros((1, controller.words))
+    memories = []
+    for _ in range(2000):
+        voltage, memory = controller.command(memory, far, reference)
+        assert circuit.voltage_min_V <= voltage[0, 0] <= circuit.voltage_max_V
+        memories.append(memory)
+    assert voltage[0, 0] == pytest.approx(circuit.voltage_max_V)
+    np.testing.assert_allclose(memories[-1], memories[1000], atol=1e-6)  # an integrator would have doubled
+
+
+def test_gains_given_and_printed_are_those_of_the_controller(design):
+    """The gains of the recursion are sums of large numbers: what they leave of no integral is rounding."""
+    assert adjusted(design, "pid", gains={"ki": 0.0}).controller("pid").parts["ki"] == 0.0
+    controller = design.controller("state-feedback")
+    printed = re.findall(r"(\w+) (-?[\d.e+-]+) ", sentence("loop", "gains", design, controller))
+    again = adjusted(design, "state-feedback", gains={name: float(value) for name, value in printed})
+    own = again.controller("state-feedback")
+    np.testing.assert_allclose(own.gains, controller.gains, rtol=1e-3)
+    np.testing.assert_allclose(own.integral, controller.integral, rtol=1e-3)
+
+
+def test_a_state_that_grows_is_brought_back_though_it_is_not_weighed_or_refused_where_it_cannot_be():
+    A, B = np.diag([2.0, 0.5]), np.eye(2)
+    X = solve_riccati(A, B, np.diag([0.0, 1.0]), np.eye(2))
+    K = np.linalg.solve(np.eye(2) + B.T @ X @ B, B.T @ X @ A)
+    assert np.abs(np.linalg.eigvals(A - B @ K)).max() == pytest.approx(0.5)  # the growing one mirrored
+    with pytest.raises(DomainError, match="stabilising"):
+        solve_riccati(A, np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))

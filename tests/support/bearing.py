@@ -9,13 +9,7 @@ from femfit.tables.sweep_table import SweepTable
 DISTANCES = np.linspace(0.2e-3, 0.8e-3, 9)
 NAMES = ("lower", "upper")
 CIRCUITS = [
-    {
-        "name": "lower",
-        "resistance_ohm": 1.5,
-        "inductance_H": 0.0,
-        "voltage_min_V": -24.0,
-        "voltage_max_V": 24.0,
-    },
+    {"name": "lower", "resistance_ohm": 1.5, "inductance_H": 0.0, "voltage_min_V": -24.0, "voltage_max_V": 24.0},
     {
         "name": "upper",
         "resistance_ohm": 1.2,

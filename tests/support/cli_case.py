@@ -17,6 +17,7 @@ from support.command import femfit, separate_femfit
 from support.fem_files import suspension
 from support.replays import TRUE, damped, logs
 from support.small_drawing import SLEEVED, SMALL
+from support.small_records import coil_record
 
 FACE = "moving.regions.magnet.z_mm[1]"
 DRAWN = SMALL.replace("{ start = 4, stop = 12, step = 1 }", "[4, 5, 6, 7, 8, 9.5, 11, 12.5]")
@@ -28,8 +29,7 @@ ONCE = {
     "run": "run sleeved.toml --workers 1 -o runs/sleeved --json run.json",
     "view": "view small.toml --distance-mm 5 --current-A 0 --what flux-density -o view.png --json view.json",
     "import": "import kraft.csv -o imported --json import.json",
-    "import-fem": "import-fem 'pull magnet.fem' -o pull.toml --distance-mm 2:6:0.5 --current-A 0,1 --mass-g 2.5"
-    " --json import-fem.json",
+    "import-fem": "import-fem 'pull magnet.fem' -o pull.toml --json import-fem.json",
     "fit": "fit runs/small -o fit.json --json fitted.json",
     "export": "export model.json --to estimator -o package --json export.json",
     "simulate": "simulate model.json --controller pid --filter ukf4 --offset 0.02 --seconds 0.3 --runs 2 --seed 7"
@@ -62,9 +62,6 @@ AFTER = {"fit": "sweep", "tolerance": "sweep", "run": "slopes"}
 SLOW = ("calibrate",)
 """Commands that take a quarter of a minute."""
 
-SEPARATE = ("new", "export", "simulate")
-"""Commands that are run as a user starts them: a process of its own takes a second or two to load what it needs."""
-
 
 class Case:
     """The folder, and what each command printed there."""
@@ -78,7 +75,7 @@ class Case:
             if name in AFTER:
                 self.run(AFTER[name])
             words = shlex.split((ONCE | FIRST)[name])
-            start = separate_femfit if name in SEPARATE else femfit
+            start = separate_femfit if name == "new" else femfit  # as a user starts it: loading takes a second or two
             done = start(*words, cwd=self.folder)
             assert done.returncode == 0, done.stderr
             self.done[name] = done
@@ -97,15 +94,12 @@ def write_inputs(model, folder):
     lines = ["Strom (A);Luftspalt (mm);Kraft (mN)"]
     lines += [f"{i};{d};{1e3 * (i + 0.5) / d**2:.8g}" for i in (0.0, 0.5, 1.0) for d in np.linspace(5, 15, 11)]
     (folder / "kraft.csv").write_text("\n".join(lines).replace(".", ","), encoding="cp1252")
-    (folder / "pull magnet.fem").write_text(suspension(below=True, face=3.0, unit="inches").text())
+    (folder / "pull magnet.fem").write_text(suspension("inches", below=True, face=3.0))
     write_model(damped(), folder / "solenoid.json")
     write_model(damped({**TRUE, "laser": 1e-5}), folder / "damped.json")
     log = logs(1500, 1, seed=8)[1][0].rows
     log[["time_s", "voltage_V", "current_A", "distance_m"]].to_csv(folder / "log.csv", index=False)
-    time = np.arange(0.0, 2.0, 1e-3)
-    field = 0.1 * (1.0 - np.cos(2 * np.pi * time))
-    coil = {"time_s": time, "coil_voltage_V": 0.05 * np.gradient(field, time) + 1e-5, "hall_T": field}
-    pd.DataFrame(coil).to_csv(folder / "coil.csv", index=False)
+    coil_record(folder / "coil.csv", 2.0)
     plateaus(model).to_csv(folder / "plateaus.csv", index=False)
     taller(folder).to_csv(folder / "taller.csv", index=False)
 

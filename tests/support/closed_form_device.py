@@ -41,16 +41,8 @@ def closed_form_device():
     return Device(read_actuator(DRAWING), drawn, AnyFamily(families))
 
 
-def conditions(current=1.0, coil_C=20.0, magnet_C=20.0, distance=D, runs=1):
-    """Readings at distances, in as many runs, 10 s apart."""
-    run = np.repeat(np.arange(runs), len(distance))
-    flat, n = np.ones(len(run)), len(distance)
-    return Conditions(
-        np.tile(distance, runs),
-        current * flat,
-        np.tile(10.0 * np.arange(n), runs),
-        coil_C * flat,
-        magnet_C * flat,
-        run,
-        10.0 * np.arange(len(run)),
-    )
+def conditions(current=1.0, coil_C=20.0, magnet_C=20.0, distance=D):
+    """Readings at distances, 10 s apart."""
+    n = len(distance)
+    flat, time = np.ones(n), 10.0 * np.arange(n)
+    return Conditions(distance, current * flat, time, coil_C * flat, magnet_C * flat, np.zeros(n, dtype=int), time)

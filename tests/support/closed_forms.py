@@ -12,8 +12,7 @@ from femfit.fit.build import fit_model
 from femfit.tables.sweep_table import SweepTable
 from support import bearing, saturating_bearing
 from support.saturating_bearing import SteelBearing
-from support.saturating_circuit import SaturatingCircuit
-from support.sweeps import ACTUATOR, DISTANCES, MASS, ClosedForm, force_table, full_table
+from support.sweeps import ACTUATOR, DISTANCES, MASS, ClosedForm, SaturatingCircuit, force_table, full_table
 
 G = 9.80665
 
@@ -99,19 +98,6 @@ def pair_table(count=19):
     return SweepTable(rows, {"actuator": {"name": "pair", "mass_kg": MASS}})
 
 
-def straight(flux_linkage):
-    """F = (2 + 300 d - 4e4 d^2) i with 1 mH: a polynomial of the distance, beyond the face on both sides."""
-    truth = SimpleNamespace(
-        force=lambda d, i: (2.0 + 300.0 * d - 4e4 * d**2) * i,
-        flux_linkage=lambda d, i: 1e-3 * i - (2.0 * d + 150.0 * d**2 - 4e4 / 3.0 * d**3),
-        inductance=lambda d, i: np.full_like(d, 1e-3),
-    )
-    table = force_table(truth.force, VoiceCoil.CURRENTS, VoiceCoil.DISTANCES)
-    table = with_columns(table, flux_linkage_Wb=truth.flux_linkage) if flux_linkage else table
-    most = {"force": 1e-8, "inductance": 1e-6}
-    return Device(table, truth, VOICE_POINTS, most, {} if flux_linkage else {"inductance_H": 1e-3})
-
-
 class Saturating(SteelBearing):
     """A bearing that saturates, with a magnet: both currents' and its ampere-turns add."""
 
@@ -175,8 +161,6 @@ DEVICES = {
         VoiceCoil().table(), VoiceCoil(), VOICE_POINTS,
         {"force": 5e-4, "inductance": 5e-3, "motional_constant": 5e-3},
     ),
-    "polynomial": straight(flux_linkage=True),
-    "polynomial force alone": straight(flux_linkage=False),
     "pair of magnets": Device(
         pair_table(), SimpleNamespace(force=ring_force), flat(np.linspace(-0.014, 0.029, 101), np.zeros(1)),
         {"force": 5e-3},

@@ -7,13 +7,20 @@ from femfit.model.with_effects import with_effects
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import LoopRuns
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from femfit.simulation.sensor import SensorErrors
-from femfit.simulation.targets import reference_steps, stack_references
+from femfit.simulation.targets import reference_steps
 from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
 from femfit.tables.time_series_checks import check_clock
+
+
+def run(design, experiment, *, runs=4, steps=600, seed=1, supported_steps=300, plant=None):
+    """The result of an experiment on a design's loop, all runs recorded."""
+    random = np.random.default_rng(seed)
+    return LoopRuns(design, experiment, random, runs, steps, steps, supported_steps, plant).result("loop")
 
 
 def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
@@ -28,7 +35,7 @@ def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
         errors=SensorErrors(),
         observer=design.observer("ukf"),
         controller=design_backstepping(design.model, design.points),
-        reference=stack_references([path], [runs]),
+        reference=path,
     )
     start = [design.targets_m[0], 0.0, operating_point(design.model, design.targets_m[0]).currents_A[0]]
     result = run_loop(

@@ -7,18 +7,17 @@ from casadi import SX
 from femfit.core.graph import GraphFunction, building
 
 
-def derivative(value, at, order):
-    for k, count in enumerate(order):
-        for _ in range(count):
-            value = ca.gradient(value, at[k])
-    return value
-
-
 def partials(coenergy, distance, current, orders):
     """Of W'(d, i), in orders (in d, in i), or of W'(d, i, h), in orders (in d, in i, in h) at no test current.
 
     Each has the shape that distances and the only circuit's currents have together.
     """
+
+    def derivative(value, at, order):
+        for variable in np.repeat(np.arange(len(order)), order).tolist():
+            value = ca.gradient(value, at[variable])
+        return value
+
     size = len(orders[0])
     with building():
         at = SX.sym("at", size)

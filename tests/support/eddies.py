@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femfit.model.bspline import basis_matrix
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.bspline import DistanceCoordinate, basis_matrix
 from femfit.model.eddy_currents import EddyCurrents, EddyError
 from femfit.model.validity import ActuatorKind
 
@@ -47,11 +46,6 @@ def inductances(u, n, r, time_constants):
     return size * (1.0 + (0.2 + 0.05 * (rows + columns)) * (1.0 - u[:, None]) ** 2)
 
 
-def hall_fields(u, n, r):
-    """H in T/A."""
-    return 1e-3 * (1.0 + np.arange(r)) * (1.0 - 0.4 * u[:, None])
-
-
 def eddies(circuits, time_constants, low_m=0.015, high_m=0.045, hall=True):
     """Patterns of 1 ohm whose inductances beside the circuits' are the time constants in s, at 30 mm."""
     n, r, degree = len(circuits), len(time_constants), 3
@@ -60,13 +54,15 @@ def eddies(circuits, time_constants, low_m=0.015, high_m=0.045, hall=True):
         names=tuple(f"eddy_{k + 1}" for k in range(r)),
         resistances_ohm=np.ones(r),
         circuits=tuple(circuits),
-        coordinate=DistanceCoordinate(REFERENCE_M, inverse=False),
+        coordinate=DistanceCoordinate(REFERENCE_M, kind="distance"),
         u_knots=knots,
         u_degree=degree,
         couplings=spline_of(lambda u: couplings(u, n, r), knots, degree),
         flux_linkages_Wb=spline_of(lambda u: flux_linkages(u, n, r), knots, degree),
         inductances_H=spline_of(lambda u: inductances(u, n, r, time_constants), knots, degree),
-        hall_T_per_A=spline_of(lambda u: hall_fields(u, n, r), knots, degree) if hall else None,
+        hall_T_per_A=spline_of(lambda u: 1e-3 * (1.0 + np.arange(r)) * (1.0 - 0.4 * u[:, None]), knots, degree)
+        if hall
+        else None,
         error=EddyError(1.0, 1e4, 0.004, 0.009, 0.006),
     )
 

@@ -16,8 +16,7 @@ from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density, source_loads
 from support import eddy_exact
-from support.actuators import rectangle
-from support.devices import device
+from support.actuators import device, rectangle
 
 COPPER, STEEL, VACUUM = (58e6, 1.0), (6e6, 100.0), (0.0, 1.0)
 """Conductivity in S/m and mu_r."""

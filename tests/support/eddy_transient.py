@@ -16,7 +16,7 @@ from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import source_loads
-from support.eddy_pot import POT
+from support.small_drawing import POT
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 """Of Alexander's two implicit stages of the second order, L-stable (SIAM J. Numer. Anal. 14 (1977) 1006)."""

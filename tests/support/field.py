@@ -25,7 +25,7 @@ def solved(actuator, distance=None, settings=None):
 
 def in_current(solution):
     """A distance's solution for one circuit, with forces as the three coefficients of 1, i and i^2."""
-    forces = ("force", "force_change", "reaction", "work", "self_force")
+    forces = ("force", "force_change")
     known = {name: getattr(solution, name) for name in forces if getattr(solution, name) is not None}
     return replace(
         solution,

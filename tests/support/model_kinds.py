@@ -13,9 +13,9 @@ from femfit.model.dynamics import evaluated, state_derivative, state_jacobian, s
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
-from support.saturating_circuit import SaturatingCircuit
 from support.solenoids import solenoid
 from support.steps import exponential_step
+from support.sweeps import SaturatingCircuit
 
 CHOKE_H = 4e-3
 
@@ -99,22 +99,28 @@ def slopes(model, states, volts):
     return state_jacobian(model, states, voltage_of(model, volts))
 
 
+def by_volt(model, distance, bias, frequency):
+    """Small sinusoidal currents (windings, circuits) in A for a volt at each circuit about a bias, the body held."""
+    n, windings = len(model.circuits), model.windings
+    state = np.zeros((1, model.order))
+    state[0, 0], state[0, 2 : 2 + n] = distance, bias
+    about = slopes(model, state, (model.resistances_ohm * bias)[None])[0, 2:, 2:]
+    inductance = windings.magnetics.inductance(np.asarray(distance), state[0, 2:]) + windings.series_H
+    return np.linalg.solve(2j * np.pi * frequency * np.eye(windings.count) - about, np.linalg.inv(inductance)[:, :n])
+
+
 def step(model, states, volts, seconds):
     return exponential_step(model, states, voltage_of(model, volts), seconds)
 
 
 def step_slopes(model, states, volts, seconds):
-    return exponential_jacobian(model, states, voltage_of(model, volts), seconds)
-
-
-def exponential_jacobian(model, states, volts, seconds):
     """Jacobians (points, order, order) of a step, column after column in the equations."""
     length = seconds if model.equations.linear else None
     equations = model.equations
     slope = equations._function(
         ("slope", length), lambda at: ca.vec(ca.jacobian(equations._step(at, length), at.state))
     )
-    values = evaluated(model, slope, states, volts, step=seconds)
+    values = evaluated(model, slope, states, voltage_of(model, volts), step=seconds)
     return values.reshape(len(states), model.order, model.order).swapaxes(1, 2)
 
 
@@ -124,13 +130,9 @@ def differences(model, function, states, volts):
     return central_differences(lambda x: function(model, x, wide), states, state_scale(model))
 
 
-def linked_flux(model, distance, currents):
-    """Flux linkages (points, n + r) of all windings' currents."""
-    return model.windings.magnetics.flux_linkage(distance, currents) + currents @ model.windings.series_H
-
-
 def field_energy(model, distance, currents):
     """Sum of i times flux linkage less the co-energy, in J."""
     coenergy = model.windings.magnetics.coenergy(distance, currents)
     in_series = 0.5 * np.einsum("pj,jk,pk->p", currents, model.windings.series_H, currents)
-    return (currents * linked_flux(model, distance, currents)).sum(axis=1) - coenergy - in_series
+    linked = model.windings.magnetics.flux_linkage(distance, currents)
+    return (currents * linked).sum(axis=1) - coenergy + in_series

@@ -15,8 +15,7 @@ from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.model.dynamics import state_scale
 from support.eddy_transient import mesh_for
-from support.linearised import by_volt
-from support.model_kinds import held
+from support.model_kinds import by_volt, held
 from support.readings import hall_voltage
 
 DRAWING = Path(__file__).parents[2] / "geometry" / "pot-magnet.toml"

@@ -1,4 +1,4 @@
-"""Sensors that many tests read, and readings of several of a model at once."""
+"""Sensors that many tests read, readings of several of a model at once, and what a filter knows before any."""
 
 import numpy as np
 
@@ -21,3 +21,8 @@ def predict_sensors(model, state, names=None):
     """Without noise, clipping and rounding, of shape (..., sensors); of all sensors where none is named."""
     chosen = tuple(sensors_of(model)) if names is None else names
     return np.stack([predict_sensor(model, sensor_named(model, name), state) for name in chosen], axis=-1)
+
+
+def initial_covariance(distance_m=1e-3, velocity_m_s=0.05, current_A=0.1, biases=()):
+    """From standard deviations; those of biases after them."""
+    return np.diag(np.square([distance_m, velocity_m_s, current_A, *biases]))

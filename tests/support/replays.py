@@ -9,9 +9,9 @@ from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.estimate.noise import FilterNoise, process_covariance
 from femfit.model.validity import ProcessNoise
 from femfit.tables.measurement import TimeSeries
+from support.readings import predict_sensors
+from support.solenoids import solenoid
 from support.steps import runge_kutta_step
-from tests.support.readings import predict_sensors
-from tests.support.solenoids import solenoid
 
 STEP_S = 1e-4
 TRUE = {"acceleration": 1e-3**0.5, "voltage": 0.1, "current": 4e-3, "laser": 2e-5}

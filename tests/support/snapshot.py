@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from support.pages import alike
-
 FOLDER = Path(__file__).parents[1] / "snapshots"
 TOLERANCE = 0.02
 MASKS = (
@@ -14,8 +12,7 @@ MASKS = (
     (re.compile(r"\b\d\.\d MB\b"), "# MB"),
     (re.compile(r"\b\d+\.\d+\.\d+\b"), "#"),  # versions
 )
-
-
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 SMALL = re.compile(r"-?\b\d(?:\.\d+)?e-(\d+)\b")
 
 
@@ -43,3 +40,11 @@ def check_snapshot(name: str, text: str, *, renew: bool, least: int = 7) -> None
         pytest.fail(f"renewed {path.name}: read it, and run again without --renew", pytrace=False)
     counts = f"{len(others)} lines are kept, {len(lines)} came"
     pytest.fail("\n".join([f"{path.name} (pytest --renew keeps what is new); {counts}", *different]), pytrace=False)
+
+
+def alike(line: str, other: str, tolerance: float) -> bool:
+    """Whether two lines have the same words, and numbers within a relative tolerance."""
+    if NUMBER.sub("\0", line) != NUMBER.sub("\0", other):  # a mask may be in both
+        return False
+    pairs = zip(map(float, NUMBER.findall(line)), map(float, NUMBER.findall(other)), strict=True)
+    return all(abs(a - b) <= tolerance * max(abs(a), abs(b)) for a, b in pairs)

@@ -8,7 +8,7 @@ import pandas as pd
 import femfit as ff
 from femfit.simulation.profile import Profile
 from femfit.tables.measurement import TimeSeries
-from tests.support.solenoids import solenoid
+from support.solenoids import solenoid
 
 STEP_S = 1e-4
 CURRENT_A, DISTANCE_M = 5e-3, 2e-5

@@ -12,14 +12,14 @@ import numpy as np
 from netgen.occ import Glue, OCCGeometry, WorkPlane
 from ngsolve import H1, LinearForm, Mesh, dx
 from scipy import special
+from scipy.integrate import quad
 
 from femfit.core.numerics import MU_0
 from femfit.device.electrics import HallElement
 from femfit.device.parts import Coil, LinearMaterial, Region
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density, stiffness
-from support.actuators import assembly, magnet, rectangle
-from support.devices import device
+from support.actuators import assembly, device, magnet, rectangle
 from support.field import fields, finer_settings, prepared, solved
 from support.reference import REFERENCE
 from support.saturating import bobbin, rows_at
@@ -29,16 +29,11 @@ DUMMY = 1e-6
 
 
 def loops_exact(a, b, z):
-    """M and dM/dz of coaxial loops in H and H/m, by elliptic integrals (Maxwell)."""
-
-    def mutual(h):
-        k2 = 4.0 * a * b / ((a + b) ** 2 + h**2)
-        k = math.sqrt(k2)
-        return MU_0 * math.sqrt(a * b) * ((2.0 / k - k) * special.ellipk(k2) - 2.0 / k * special.ellipe(k2))
-
-    step = 1e-4 * a
-    slope = (8.0 * (mutual(z + step) - mutual(z - step)) - mutual(z + 2 * step) + mutual(z - 2 * step)) / (12.0 * step)
-    return mutual(z), slope
+    """M and dM/dz of coaxial loops in H and H/m, by elliptic integrals (Maxwell) and by magpylib's radial field."""
+    k2 = 4.0 * a * b / ((a + b) ** 2 + z**2)
+    k = math.sqrt(k2)
+    mutual = MU_0 * math.sqrt(a * b) * ((2.0 / k - k) * special.ellipk(k2) - 2.0 / k * special.ellipe(k2))
+    return mutual, -2.0 * math.pi * b * magpylib.current.Circle(current=1.0, diameter=2.0 * a).getB((b, 0.0, z))[0]
 
 
 LOOP_SIDE = 0.01
@@ -102,14 +97,15 @@ def brooks(settings=None):
 def brooks_exact():
     """The same: loops' mutual inductance averaged over the section, one integral over k."""
     r1, r2, length = 0.01, 0.02, 0.01
-    nodes, weights = np.polynomial.legendre.leggauss(200)
-    r = 0.5 * (r1 + r2) + 0.5 * (r2 - r1) * nodes
-    total, panel = 0.0, 2.0 / r2
-    x, w = np.polynomial.legendre.leggauss(30)
-    for start in np.arange(0.0, 600.0 / r2, 2.0 * panel):
-        k = start + panel * (x + 1.0)
-        moment = 0.5 * (r2 - r1) * (special.j1(np.outer(k, r)) * r) @ weights
-        total += panel * np.sum(w * moment**2 * 2.0 * (k * length + np.expm1(-k * length)) / k**2)
+
+    def moment(x):
+        """Integral of x J_1(x) from 0."""
+        return 0.5 * math.pi * x * (special.j1(x) * special.struve(0, x) - special.j0(x) * special.struve(1, x))
+
+    def share(k):
+        return (moment(k * r2) - moment(k * r1)) ** 2 * 2.0 * (k * length + math.expm1(-k * length)) / k**6
+
+    total = quad(share, 1e-3 / r2, 600.0 / r2, limit=1000, epsabs=0.0, epsrel=1e-9)[0]
     return MU_0 * math.pi * total / ((r2 - r1) * length) ** 2
 
 
@@ -123,6 +119,11 @@ def axis_field(height):
     """B_z at a height above the seed magnet's face, J = 1.44 T, 11 mm x 5 mm."""
     actuator = assembly(moving=[magnet(1.44, 0.0055, 0.005)], distances=(0.05,), hall=(0.0, 0.05 - height))
     return solved(actuator).hall[0]
+
+
+def axis_field_of_cylinder(remanence, radius, height, z):
+    """B_z on the axis at z above the upper face of a uniformly magnetised cylinder."""
+    return remanence / 2.0 * ((z + height) / np.hypot(radius, z + height) - z / np.hypot(radius, z))
 
 
 def thick_coil_axis(height):
@@ -199,11 +200,6 @@ def ball(permeability, inner=None):
     return 1.0 + flux_density(w)[1](mesh(1e-9, 0.0))
 
 
-def sphere_exact(permeability):
-    """3 mu_r / (mu_r + 2)."""
-    return 3.0 * permeability / (permeability + 2.0)
-
-
 def shell_exact(permeability, ratio):
     """What a shell of inner over outer radius leaves of the field."""
     outer = (2.0 * permeability + 1.0) * (permeability + 2.0)
@@ -215,16 +211,6 @@ def team_23(permeability):
     coil = rectangle(1.524e-3, 1.9812e-3, -1.524e-3, 0.0)
     body = magnet(1.02, 0.5 * 2.9972e-3, 1.6e-3, permeability=permeability)
     return 0.05 * solved(assembly(moving=[body], distances=(0.361e-3,), coil=coil, turns=280)).force[1]
-
-
-def team_23_recoil():
-    """Recoil permeability from its remanence and coercive field."""
-    return 1.02 / (MU_0 * 720e3)
-
-
-def large_magnets(gap):
-    """Pull in kg of two magnets S-45-30-N, N45 with 1.32 T."""
-    return magnet_pair(1.32, (0.0225, 0.03), (0.0225, 0.03), gap) / 9.80665
 
 
 LDX_LIFT = (0.246, 0.70, 0.1, 3500.0 * 80.0)

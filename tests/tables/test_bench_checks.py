@@ -11,28 +11,21 @@ DISTANCES, CURRENTS = np.linspace(0.016, 0.044, 10), np.linspace(0.0, 1.4, 8)
 NOISE = 4e-4
 
 
+def curve(d, i):
+    """The force of the drawing, in N."""
+    return 4.2e-9 / d**4 + 0.29 * np.exp(-d / 0.0166) * i
+
+
 def bench(runs=3, seed=0, step=1e-5):
     """A sweep of a force that rises steeply towards the electromagnet, up and down in current at each distance."""
     generator = np.random.default_rng(seed)
-    cycle = np.concatenate([CURRENTS, CURRENTS[::-1]])
-    branch = np.repeat([1, -1], len(CURRENTS))
-    d, i = (x.ravel() for x in np.meshgrid(DISTANCES, cycle, indexing="ij"))
-    force = 4.2e-9 / d**4 + 0.29 * np.exp(-d / 0.0166) * i
+    d, i = (x.ravel() for x in np.meshgrid(DISTANCES, [*CURRENTS, *CURRENTS[::-1]], indexing="ij"))
+    branch, force = np.tile(np.repeat([1, -1], len(CURRENTS)), len(DISTANCES)), curve(d, i)
+    columns = {"order": np.arange(len(d)), "current_A": i, "distance_m": d, "branch": branch}
     pieces = []
     for run in range(runs):
         reading = force * (1.0 + 0.002 * run) + NOISE * generator.standard_normal(len(d))
-        pieces.append(
-            pd.DataFrame(
-                {
-                    "run": run + 1,
-                    "order": np.arange(len(d)),
-                    "current_A": i,
-                    "distance_m": d,
-                    "branch": np.tile(branch, len(DISTANCES)),
-                    "force_N": np.round(reading / step) * step,
-                }
-            )
-        )
+        pieces.append(pd.DataFrame({"run": run + 1, **columns, "force_N": np.round(reading / step) * step}))
     return pd.concat(pieces, ignore_index=True)
 
 
@@ -52,11 +45,6 @@ def test_a_clean_bench_is_left_alone(tmp_path, runs, step):
     table = read(tmp_path, rows)
     assert table.findings == ()
     assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
-
-
-def curve(d, i):
-    """The force of the drawing, in N."""
-    return 4.2e-9 / d**4 + 0.29 * np.exp(-d / 0.0166) * i
 
 
 def judged(table, share=1.0):
@@ -97,9 +85,9 @@ def test_an_effect_however_sharp_is_no_outlier(tmp_path, runs, effect):
     assert table.findings == ()
 
 
-@pytest.mark.parametrize("share", [1.0, 0.75, 0.0])
+@pytest.mark.parametrize("share", [1.0, 0.0])
 @pytest.mark.parametrize("runs", [1, 2])
-@pytest.mark.parametrize("factor", [1.06, 1.15, 1.3])
+@pytest.mark.parametrize("factor", [1.06, 1.3])
 def test_the_steep_end_of_a_smooth_curve_is_no_outlier(tmp_path, share, runs, factor):
     """A staircase of distances towards the pole at one current: its last readings are the most informative."""
     d = 0.008 * factor ** np.arange(20)
@@ -109,7 +97,7 @@ def test_the_steep_end_of_a_smooth_curve_is_no_outlier(tmp_path, share, runs, fa
     assert read_back.rows["force_N"].notna().all()
 
 
-@pytest.mark.parametrize("slip", [-1.0, 0.1, 0.4, 2.5, 10.0])
+@pytest.mark.parametrize("slip", [-1.0, 0.4, 2.5])
 def test_a_slip_of_sign_or_digit_at_the_end_of_a_range_is_an_outlier(tmp_path, slip):
     d = 0.012 * 1.06 ** np.arange(20)
     rows = pd.DataFrame({"current_A": 0.5, "distance_m": d, "force_N": curve(d, 0.5)})
@@ -119,7 +107,7 @@ def test_a_slip_of_sign_or_digit_at_the_end_of_a_range_is_an_outlier(tmp_path, s
 
 
 @pytest.mark.parametrize("shuffled", [False, True])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_right_reading_at_the_corner_of_the_range_is_no_outlier(tmp_path, seed, shuffled):
     """A gap 0.1 mm wider than drawn shows most where the force is steepest: at the corner, in a single reading."""
     generator = np.random.default_rng(seed)
@@ -131,8 +119,7 @@ def test_a_right_reading_at_the_corner_of_the_range_is_no_outlier(tmp_path, seed
     assert without_outliers(table, {"force_N": model}).rows["force_N"].notna().all()
 
 
-@pytest.mark.parametrize("weights", [[0.35], [0.35, 0.42], [0.35, 0.42, 0.35]])
-@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize(("weights", "runs"), [([0.35], 1), ([0.35, 0.42, 0.35], 1), ([0.35, 0.42], 3)])
 def test_the_weight_of_a_body_that_hovers_is_no_stuck_channel(tmp_path, weights, runs):
     d = np.tile(np.linspace(0.018, 0.03, 12), len(weights))
     force = np.repeat(weights, 12)
@@ -156,28 +143,16 @@ def test_a_stuck_channel_is_set_aside_from_where_it_sticks_and_a_coarse_one_is_n
     assert table.findings == ()
 
 
-MEASURED = {"voltage_V": 1e-2, "distance_m": 2e-6, "current_A": 1e-3, "force_N": 0.0}
-"""The noise of what a bench measures, beside that of the force which it has."""
-
-
-def measured(runs, decimals=12):
-    """A bench whose settings and voltage are readings as well, with so many decimals."""
-    generator = np.random.default_rng(4)
-    rows = bench(runs).assign(voltage_V=lambda rows: 5.0 * rows["current_A"] + 0.1)
-    noise = {name: rows[name] + size * generator.standard_normal(len(rows)) for name, size in MEASURED.items()}
-    return rows.assign(**noise).round({name: min(decimals, 12) for name in MEASURED})
-
-
 @pytest.mark.parametrize("runs", [1, 3])
-@pytest.mark.parametrize("column", MEASURED)
-@pytest.mark.parametrize("count", [4, 5, 20])
-def test_a_column_with_noise_is_stuck_from_five_equal_readings_on(tmp_path, runs, column, count):
-    rows = measured(runs)
-    rows.loc[50 : 50 + count - 1, column] = rows.loc[50, column]
+@pytest.mark.parametrize("count", [7, 8, 20])
+def test_a_channel_with_noise_is_stuck_from_eight_equal_readings_on(tmp_path, runs, count):
+    rows = bench(runs, step=1e-9)
+    rows.loc[50 : 50 + count - 1, "force_N"] = rows.loc[50, "force_N"]
+    rows.loc[50 : 50 + count - 1, "current_A"] += 0.3  # which is never off there
     table = read(tmp_path, rows)
-    lost = list(range(50, 50 + count)) if count >= 5 else []
-    assert np.flatnonzero(table.rows[column].isna()).tolist() == lost
-    assert [(one.code, one.column) for one in table.findings] == [("stuck", column)] * bool(lost)
+    lost = list(range(50, 50 + count)) if count >= 8 else []
+    assert np.flatnonzero(table.rows["force_N"].isna()).tolist() == lost
+    assert [(one.code, one.column) for one in table.findings] == [("stuck", "force_N")] * bool(lost)
 
 
 def test_a_computed_force_that_is_zero_without_a_current_is_not_stuck(tmp_path):
@@ -186,18 +161,9 @@ def test_a_computed_force_that_is_zero_without_a_current_is_not_stuck(tmp_path):
     assert codes(read(tmp_path, rows.assign(force_N=force))) == []
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"voltage_V": 12.0},  # a supply's
-        {"voltage_V": np.where(bench()["distance_m"] > 0.03, 12.0, 6.0)},
-        {"voltage_V": measured(3)["voltage_V"].round(1)},  # a coarse voltmeter's
-        {name: measured(3)[name].round(decimals) for name, decimals in (("distance_m", 4), ("current_A", 2))},
-    ],
-    ids=["constant", "two levels", "coarse", "coarse settings"],
-)
-def test_a_column_that_is_commanded_or_coarse_is_not_stuck(tmp_path, settings):
-    assert "stuck" not in codes(read(tmp_path, bench().assign(**settings)))
+def test_a_voltage_that_is_commanded_is_not_stuck(tmp_path):
+    voltage = np.where(bench()["distance_m"] > 0.03, 12.0, 6.0)
+    assert codes(read(tmp_path, bench().assign(voltage_V=voltage))) == []
 
 
 def test_rows_that_stand_twice_count_once_and_runs_without_a_column_are_told_apart(tmp_path):
@@ -206,7 +172,7 @@ def test_rows_that_stand_twice_count_once_and_runs_without_a_column_are_told_apa
     assert len(table.rows) == len(rows)
     assert "50" in str(next(one for one in table.findings if one.code == "copies"))
     by_chance = read(tmp_path, pd.concat([rows, rows[:1]]).drop(columns=["order"]).round(12))
-    assert "copies" not in codes(by_chance)  # readings to 0.01 mN may be equal by chance
+    assert "copies" not in codes(by_chance)
     table = read(tmp_path, bench(3).drop(columns=["run"]))
     assert table.rows["run"].unique().tolist() == [1.0, 2.0, 3.0]
     assert "2 times" in str(table.findings[0])

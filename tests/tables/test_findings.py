@@ -11,7 +11,7 @@ import pytest
 import femfit.tables
 from femfit.core.errors import TableError
 from femfit.tables.columns import column_option
-from femfit.tables.findings import catalogue, finding
+from femfit.tables.findings import catalogue
 from femfit.tables.measurement_file import read_measurement
 
 ROOM = Path(femfit.tables.__file__).parent
@@ -53,20 +53,7 @@ def test_no_sentence_is_said_by_nobody():
     assert [key for key in catalogue() if key not in TEXTS and key.partition(" ")[0] not in heads] == []
 
 
-def test_a_count_has_its_noun_and_verb():
-    assert [finding("loose-lines", lines=n).text.split()[:2] for n in (1, 2)] == [["1", "line"], ["2", "lines"]]
-
-
-HEADERS = [
-    "CH1 voltage (V)",
-    "Bob's coil [V]",
-    'the "old" coil [V]',
-    "$V_out [V]",
-    "100 % [V]",
-    "U\\I [V]",
-    "A=B",
-    "Kanal",
-]
+HEADERS = ["CH1 voltage (V)", "Bob's coil [V]", 'the "old" coil [V]', "$V_out [V]", "100 % [V]", "U\\I [V]", "A=B"]
 
 
 def options_in(message):
@@ -79,7 +66,7 @@ def options_in(message):
 def refusal(read, path):
     with pytest.raises(TableError) as refused:
         read(path)
-    return options_in(str(refused.value)), str(refused.value).count("--column")
+    return options_in(str(refused.value))
 
 
 @pytest.mark.parametrize("header", HEADERS)
@@ -88,7 +75,7 @@ def test_a_shell_reads_the_header_as_the_file_has_it(header, tmp_path):
     if '"' not in header:  # which would be a quoted cell
         path = tmp_path / "scope.csv"
         path.write_text("\n".join([f"Time (s),{header}", *(f"{1e-3 * k:g},{k % 3}" for k in range(9))]))
-        options, _ = refusal(read_measurement, path)
+        options = refusal(read_measurement, path)
         assert list(options) == [header]
         assert "voltage_V" in read_measurement(path, columns=options).given
 
@@ -96,7 +83,7 @@ def test_a_shell_reads_the_header_as_the_file_has_it(header, tmp_path):
 def test_a_column_that_is_not_used_is_offered_where_its_words_say_what_it_may_be(tmp_path):
     path = tmp_path / "bench.csv"
     path.write_text("distance_mm,current_A,Kraft ges. [N],note\n" + "".join(f"{k},1,{k},x\n" for k in range(2, 6)))
-    assert refusal(read_measurement, path)[0] == {"Kraft ges. [N]": "force_N"}
+    assert refusal(read_measurement, path) == {"Kraft ges. [N]": "force_N"}
     table = read_measurement(
         path, columns={"note": "force_N", "Kraft ges. [N]": "hall_V"}, units={"Kraft ges. [N]": "V"}
     )

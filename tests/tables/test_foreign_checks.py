@@ -85,24 +85,22 @@ def test_the_noise_of_a_force_is_its_scatter_and_a_smooth_force_has_none(make_la
 )
 def test_a_force_counted_away_from_the_magnet_is_turned(make_law, magnet, currents):
     table = make_law(magnet).table(currents)
-    turned, findings = settle_force_sign(table.assign(force_N=-table["force_N"]), "auto")
+    turned, findings = settle_force_sign(table.assign(force_N=-table["force_N"]))
     np.testing.assert_array_equal(turned["force_N"], table["force_N"])
     assert only(findings).code == "force-sign"
-    same, findings = settle_force_sign(table, "auto")
+    same, findings = settle_force_sign(table)
     np.testing.assert_array_equal(same["force_N"], table["force_N"])
     assert findings == []
 
 
 def test_the_users_word_on_the_sign_decides_and_other_polarities_are_said_and_not_changed(law):
     table = law.table()
-    kept, _ = settle_force_sign(table.assign(force_N=-table["force_N"]), "keep")
-    flipped, _ = settle_force_sign(table, "flip")
+    kept, _ = settle_force_sign(table.assign(force_N=-table["force_N"]), keep=True)
     assert (kept["force_N"] < 0).all()
-    assert (flipped["force_N"] < 0).all()
     weaker = table.assign(force_N=law.force(table["distance_m"], -table["current_A"] / 4))
-    same, findings = settle_force_sign(weaker, "auto")
+    same, findings = settle_force_sign(weaker)
     np.testing.assert_array_equal(same["force_N"], weaker["force_N"])
-    assert "--flip-current" in only(findings).remedy
+    assert "--unit current=-1" in only(findings).remedy
     mirrored = table.assign(distance_m=0.03 - table["distance_m"]).sort_values(["current_A", "distance_m"])
-    _, findings = settle_force_sign(mirrored.reset_index(drop=True), "auto")
+    _, findings = settle_force_sign(mirrored.reset_index(drop=True))
     assert only(findings).code == "distance-direction"

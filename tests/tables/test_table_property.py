@@ -1,15 +1,10 @@
 """One table however it is written, and for whatever bytes a table of finite numbers or a TableError."""
 
-import subprocess
-import sys
-
-import h5py
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from scipy.io import savemat
 
 from femfit.core.errors import TableError
 from femfit.tables.coil_record import open_coil_record
@@ -139,12 +134,6 @@ def test_headers_and_numbers_of_any_text_are_parsed_without_exception(text):
     assert np.isnan(value) or np.isfinite(value)
 
 
-@given(value=st.floats(-1e99, 1e99))
-def test_a_printed_float_is_read_back(value):
-    assert parse_number(repr(value), ".") == value
-    assert parse_number(repr(value).replace(".", ","), ",") == value
-
-
 @pytest.mark.parametrize("column", SWEPT)
 def test_every_unit_of_a_quantity_is_recognised_in_a_header(column):
     name, si_unit = names_of(column)[-1], column_unit(column)[1]
@@ -155,34 +144,12 @@ def test_every_unit_of_a_quantity_is_recognised_in_a_header(column):
             assert unit_factor(unit_in_header, si_unit) == factor
 
 
-@pytest.mark.parametrize("columns", [20_000, 200_000])
 @pytest.mark.parametrize("read", [read_measurement, import_table, open_coil_record, read_sweep_table])
-def test_an_absurd_width_is_refused(tmp_path, columns, read):
-    commas = "," * columns
+def test_an_absurd_width_is_refused(tmp_path, read):
+    commas = "," * 200_000
     (tmp_path / "t.csv").write_text(f"current_A,distance_m,force_N{commas}\n1,2,3{commas}\n")
     with pytest.raises(TableError, match=r"columns|characters"):
         read(tmp_path / "t.csv")
-
-
-@pytest.fixture
-def intact(tmp_path):
-    columns = {"distance_mm": np.linspace(1.0, 3.0, 20), "current_A": np.ones(20), "force_N": np.linspace(3.0, 1.0, 20)}
-    savemat(tmp_path / "table.mat", columns)
-    return tmp_path / "table.mat"
-
-
-def test_a_file_is_read_where_the_shell_limits_the_memory(intact):
-    program = "import resource, sys, femfit; resource.setrlimit(resource.RLIMIT_AS, (1_700_000_000,) * 2); "
-    program += "print(len(femfit.read_measurement(sys.argv[1]).rows))"
-    done = subprocess.run([sys.executable, "-c", program, intact], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout.strip()) == (0, "20"), done.stderr
-
-
-def test_an_intact_file_that_needs_more_memory_is_not_called_damaged(intact):
-    with h5py.File(intact.with_suffix(".h5"), "w") as file:  # 4 GB of zeros, of which no byte is written
-        file.create_dataset("force_N", (500_000_000,), dtype="f8", chunks=True, compression="gzip")
-    with pytest.raises(TableError, match="ulimit"):
-        read_measurement(intact.with_suffix(".h5"))
 
 
 @needs_reference

@@ -127,10 +127,3 @@ def test_every_column_is_read_by_its_own_name(name, tmp_path):
     read = series(tmp_path, table)
     assert name in read.given
     assert "unused-column" not in {one.code for one in read.findings}
-
-
-def test_without_a_time_or_a_clock_it_is_no_record(tmp_path):
-    with pytest.raises(TableError, match="time_s"):
-        series(tmp_path, record().assign(time_s=np.nan))
-    with pytest.raises(TableError, match="bench table"):
-        series(tmp_path, record().drop(columns="time_s"))

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import MissingPartError, RunDirectoryError, UsageError
-from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
+from femfit.device.electrics import CurrentSensor, Drive
 from femfit.device.mechanics import Stop
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.json_file import write_model
@@ -75,18 +75,11 @@ KINDS = {
     "with eddy currents between stops": lambda model: between_stops(with_eddies(model)),
     "as fitted": lambda model: model,
     "under effects": under_several,
-    "with eddy currents": with_eddies,
     "two circuits": halves,
 }
 
 
-ONE_AT_A_TIME = "with eddy currents"
-"""The model between stops has them as well."""
-
-
-@pytest.fixture(
-    scope="module", params=[pytest.param(one, marks=[pytest.mark.nightly] * (one == ONE_AT_A_TIME)) for one in KINDS]
-)
+@pytest.fixture(scope="module", params=KINDS)
 def model(request, levitation_model):
     return KINDS[request.param](levitation_model)
 
@@ -261,13 +254,6 @@ def test_a_record_that_cannot_be_followed_is_refused_in_a_line(levitation_model,
         assert "line 2" in done.stderr
 
 
-def test_the_file_imports_nothing_but_the_library_of_python_and_numpy_where_it_is(exported):
-    tree = ast.parse((exported / FILE).read_text(encoding="utf-8"))
-    imported = {one.name for node in ast.walk(tree) if isinstance(node, ast.Import) for one in node.names}
-    imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert imported - sys.stdlib_module_names == {"numpy"}
-
-
 def test_a_filter_that_is_lost_begins_again_from_the_last_good_estimate_and_says_so(levitation_model, tmp_path):
     export_estimator(levitation_model, tmp_path)
     made = runpy.run_path(str(tmp_path / FILE))
@@ -285,15 +271,6 @@ def test_a_filter_that_is_lost_begins_again_from_the_last_good_estimate_and_says
     assert broken.status == 8
     with pytest.raises(ValueError, match="'ukf' or 'ekf'"):
         made["Filter"]("kf")
-
-
-def test_the_description_names_the_sensors_of_a_model_without_hall_element_in_their_order(levitation_model, tmp_path):
-    laser = PositionSensor(name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3)
-    shunt = CurrentSensor(name="shunt", circuit=levitation_model.circuit_names[0], noise=1e-3)
-    export_estimator(replace(levitation_model, sensor=None, other_sensors=(shunt, laser)), tmp_path)
-    words = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "shunt, laser" in words
-    assert "Hall" not in words
 
 
 @pytest.fixture

@@ -13,13 +13,11 @@ from femfit.device.parts import LinearMaterial, Region
 from femfit.effects.catalogue import all_effects
 from femfit.tables.measurement_file import read_bench_table
 from femfit.trial.field_table import Device, Family, solve_drawings, true_readings
-from femfit.trial.virtual_bench import make_campaign
 from support.actuators import GEOMETRY, assembly, rectangle
 from support.closed_form_device import DRAWING, closed_form_device, conditions
-from support.solenoids import solenoid
 from support.trial import magnetics, memory, off_axis, sets
 from support.trial.campaigns import measured_campaigns
-from support.trial.records import CAUSES, SAMPLE_STEPS, STEP_S, Field, Physics, simulate
+from support.trial.records import CAUSES
 
 DRAWINGS = ("emaws-rig", "solenoid", "voice-coil", "ball")
 
@@ -39,62 +37,26 @@ def built(truth, device, seed=1):
     return truth.build(device, np.random.default_rng(seed))
 
 
-@pytest.fixture(scope="module")
-def linear(tmp_path_factory):
-    """A magnet below a coil, and the same with the changes of two truths, solved."""
+@pytest.mark.nightly
+def test_a_weaker_magnet_and_fewer_turns_are_what_the_field_is_solved_to_be(tmp_path, monkeypatch):
+    monkeypatch.setattr("femfit.trial.field_table.LINEAR_DISTANCES", 3)
     disc = [Region("disc", rectangle(0.0, 0.01, 0.0, 0.005), LinearMaterial("magnet", 1.05, -1.2))]
     drawing = assembly(moving=disc, distances=(0.01, 0.03), coil=rectangle(0.008, 0.012, -0.01, -0.002), turns=100)
     fewer = replace(drawing, coils=(replace(drawing.coil, turns=0.8 * drawing.coil.turns),))
     weaker = magnetics.remanence_drawings(drawing, "scaled")["remanence-scaled"]
     forms = {"drawn": drawing, "fewer": fewer} | {f"{p:+g}": form for p, form in weaker.items()}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("femfit.trial.field_table.LINEAR_DISTANCES", 3)
-        tables = solve_drawings(forms, tmp_path_factory.mktemp("forms"), workers=1)
+    tables = solve_drawings(forms, tmp_path, workers=1)
     family = Family((-0.1, 0.1), (tables["-0.1"], tables["+0.1"]), tables["drawn"])
-    return Device(drawing, tables["drawn"], {"remanence-scaled": family}), tables["fewer"]
-
-
-@pytest.mark.nightly
-def test_a_weaker_magnet_scales_its_flux_exactly(linear):
-    device, _ = linear
+    device = Device(drawing, tables["drawn"], {"remanence-scaled": family})
     settings = conditions(1.0, distance=np.array([0.012, 0.02]))
-    passive = device.drawn.at(settings.distance, 0.0 * settings.current)
-    ahead, back = (device.drawn.at(settings.distance, sign * settings.current)[0] for sign in (1.0, -1.0))
+    passive, ahead, back = (device.drawn.at(settings.distance, sign * settings.current) for sign in (0.0, 1.0, -1.0))
     change = changed(device, built(magnetics.weaker_magnets("scaled"), device), -0.07, settings)
     np.testing.assert_allclose(change["flux_linkage_Wb"], -0.07 * passive[1], rtol=1e-9)
     # No iron: without the coil's pull at the magnet's permeability all force is in proportion to the magnet
-    np.testing.assert_allclose(change["force_N"], -0.07 * 0.5 * (ahead - back), rtol=1e-6)
-
-
-@pytest.mark.nightly
-def test_fewer_turns_are_the_solution_with_fewer_turns(linear):
-    device, fewer = linear
-    settings = conditions(0.7, distance=np.array([0.012, 0.02]))
+    np.testing.assert_allclose(change["force_N"], -0.07 * 0.5 * (ahead[0] - back[0]), rtol=1e-6)
     change = changed(device, built(magnetics.lost_turns("everywhere"), device), 0.2, settings)
-    drawn, solved = (table.at(settings.distance, settings.current) for table in (device.drawn, fewer))
-    np.testing.assert_allclose(change["force_N"], solved[0] - drawn[0], rtol=1e-6)
-    np.testing.assert_allclose(change["flux_linkage_Wb"], solved[1] - drawn[1], rtol=1e-6)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("set_name", ["calibration", "development", "final"])
-def test_an_error_that_comes_and_goes_is_whole_in_its_runs_and_away_in_the_others(device, set_name):
-    settings, clean = conditions(1.0, 40.0, runs=5), true_readings(device, conditions(1.0, 40.0, runs=5), {}, {})
-    passing = {name: truth for name, truth in sets.truths_of(DRAWING, set_name).items() if truth.group == "when"}
-    for name, truth in passing.items():
-        error = built(truth, device)
-        if not hasattr(error, "course") or "lateral" in name:  # a drift; a field that takes 15 s to solve
-            continue
-        first, last = error.course(5)
-        assert 1 <= first <= last <= 5
-        assert (first, last) != (1, 5)
-        inside = (settings.run + 1 >= first) & (settings.run + 1 <= last)
-        always, now = (changed(device, shape, 0.3 * error.limit(device), settings) for shape in (error.whole, error))
-        for channel in clean:
-            np.testing.assert_array_equal(now[channel][~inside], 0.0)
-            np.testing.assert_allclose(
-                now[channel][inside], always[channel][inside], rtol=1e-12, atol=1e-18, err_msg=name
-            )
+    solved = tables["fewer"].at(settings.distance, settings.current) - ahead
+    np.testing.assert_allclose((change["force_N"], change["flux_linkage_Wb"]), solved[:2], rtol=1e-6)
 
 
 def test_a_wall_that_is_hardly_pinned_follows_the_anhysteretic_curve():
@@ -124,23 +86,19 @@ def test_a_magnet_little_beside_the_axis_sees_the_curvature_of_the_coils_field()
     # Harmonic and symmetric: f(d, e) = f - (e^2 / 4) f'' + ..., for the flux of the coil through the magnet
     rig = read_actuator(DRAWING)
     d, h = np.geomspace(0.016, 0.04, 9), 2e-4
-    ratios, core = off_axis.displaced(rig, 1e-3, (0.016, 0.04), 9), off_axis.core_response(rig)
-
-    def flux(distance):
-        charge, point = off_axis._magnet_charges(rig, distance, 0.0)
-        return float(charge @ off_axis._coil_potential(rig, core, point))
-
-    curvature = np.array([(flux(x + h) - 2.0 * flux(x) + flux(x - h)) / h**2 / flux(x) for x in d])
-    np.testing.assert_allclose(ratios.flux, -0.25 * curvature, rtol=0.01)  # the next order: e^2 / 16 f''''
+    ratios, core = off_axis.displaced(rig, 1e-3, (0.016, 0.04), 9), off_axis.core_of(rig)
+    below, middle, above = np.array([[off_axis.coil_flux(rig, core, x + s, 0.0) for x in d] for s in (-h, 0.0, h)])
+    curvature = (above - 2.0 * middle + below) / h**2 / middle
+    np.testing.assert_allclose(ratios["flux"], -0.25 * curvature, rtol=0.01)  # the next order: e^2 / 16 f''''
 
 
 @pytest.mark.parametrize(("distance", "converged_N"), [(0.02, 0.0261666), (0.03, 0.0045700)])
 def test_the_core_seen_as_an_equipotential_attracts_like_the_solved_one(distance, converged_N):
     # mu_r 450 against infinity: the ideal core attracts by a few per cent more
     rig = read_actuator(DRAWING)
-    core, energy = off_axis.core_response(rig), []
+    core, energy = off_axis.core_of(rig), []
     for d in (distance - 1e-4, distance + 1e-4):
-        charge, point = off_axis._magnet_charges(rig, d, 0.0)
+        charge, point = off_axis.magnet_charges(rig, d, 0.0)
         energy.append(0.5 * charge @ core.energy(charge, point, point) / (4.0 * np.pi * mu_0))
     assert 1.0 < (energy[1] - energy[0]) / 2e-4 / converged_N < 1.12
 
@@ -174,36 +132,6 @@ def test_sets_share_no_truth_and_say_what_a_drawing_lacks_and_which_name_is_righ
             assert truth.group != "unseen" or not right, name
 
 
-@pytest.mark.nightly
-def test_the_same_effect_is_made_in_three_ways(device):
-    distance = np.linspace(0.0155, 0.0445, 24)
-    settings = conditions(
-        np.linspace(-1.0, 1.4, 72), np.linspace(20, 50, 72), np.linspace(21, 40, 72), distance, runs=3
-    )
-    members, clean = truths("emaws-rig"), true_readings(device, settings, {}, {})
-    stems = set.intersection(*({name.rpartition(" (")[0] for name in by_name} for by_name in members.values()))
-    solved = {"turns", "remanence", "magnet_demagnetisation", "core_saturation", "core_remanence", "magnet_temperature"}
-    for stem in stems - solved - {"spring_in_force"}:  # their drawings differ, which this device does not solve
-        shapes = []
-        for set_name, by_name in members.items():
-            error = built(by_name[f"{stem} ({set_name})"], device, 3)
-            change = changed(device, error, 0.5 * error.limit(device), settings)
-            flat = np.concatenate([change[channel] / np.ptp(clean[channel]) for channel in clean])
-            assert np.abs(flat).max() > 0.0
-            shapes.append(flat / np.linalg.norm(flat))
-        for first, second in combinations(shapes, 2):
-            assert abs(first @ second) < 1.0 - 1e-6, stem
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("set_name", sets.SETS)
-def test_a_truth_of_no_size_changes_nothing(set_name, device):
-    settings = conditions(1.0, 40.0, 35.0, runs=2)
-    for name, truth in sets.truths_of(DRAWING, set_name).items():
-        for values in changed(device, built(truth, device), 0.0, settings).values():
-            np.testing.assert_allclose(values, 0.0, atol=1e-9, err_msg=name)
-
-
 def dealt(drawing):
     """The numbers of a drawing in all sets: truths by the first key path."""
     every = {name: truth for members in truths(drawing).values() for name, truth in members.items()}
@@ -222,14 +150,6 @@ def test_faces_that_touch_move_together_and_nothing_else_does():
         assert min(r for r, _ in form.coil.vertices_m) == pytest.approx(radius)
         assert form.moving == drawn.moving
         assert (form.fixed[0], form.fixed[2]) == (drawn.fixed[0], drawn.fixed[2])
-
-
-@pytest.mark.parametrize(("extent", "least", "most"), [("three runs", 3, 3), ("few readings", 1, 3)])
-def test_an_extent_holds_its_runs(extent, least, most, device):
-    for seed in range(5):
-        campaign = make_campaign(device, {}, 0.0, np.random.default_rng(seed), extent)
-        assert least <= campaign.runs <= most
-        assert len(campaign.rows) <= (80 if extent == "few readings" else 10_000)
 
 
 @pytest.mark.nightly
@@ -254,32 +174,6 @@ def test_twenty_campaigns_of_a_set_hide_all_kinds_as_large_as_asked_and_declare_
     assert {kind for group in groups for kind in group} == {"catalogue", "drawing", "when", "unseen"}
     assert groups.count(()) == 5
     assert any(key["when"] for key in keys)
-
-
-def settled(physics, voltage):
-    return simulate(Field(solenoid()), physics, voltage, 4e-3)
-
-
-@pytest.fixture
-def physics():
-    return Physics(
-        mass_kg=0.02,
-        push=lambda d: 0.1,
-        drag=lambda v, force: 0.05 * np.tanh(v / 1e-3),
-        ends_m=(0.2e-3, 4e-3),
-        resistance_ohm=12.0,
-        one_sided=True,
-    )
-
-
-@pytest.mark.nightly
-def test_a_body_is_pulled_to_its_stop_and_a_one_sided_driver_lets_the_current_die_and_not_turn_round(physics):
-    rows = settled(physics, np.r_[np.full(1800, 6.0), np.zeros(1500)])
-    assert rows["current_A"][1800] == pytest.approx(0.5, rel=0.01)
-    assert rows["distance_m"][1800] == pytest.approx(0.2e-3, abs=5e-6)
-    assert rows["time_s"][1] == pytest.approx(SAMPLE_STEPS * STEP_S)
-    assert rows["current_A"].min() == 0.0
-    assert rows["current_A"].iloc[-1] == 0.0
 
 
 def test_right_names_of_records_are_of_the_catalogue():

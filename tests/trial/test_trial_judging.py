@@ -1,6 +1,7 @@
 """What is judged right in a trial, and what is counted."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -57,7 +58,8 @@ def test_any_certain_name_of_a_clean_campaign_is_wrong():
     assert judge(1, clean, answer(("force_gain",), certain=True)).certain_and_wrong
 
 
-def test_a_file_that_the_diagnosis_refuses_is_an_outcome(levitation_model, tmp_path):
+def test_a_file_that_the_diagnosis_refuses_is_an_outcome(levitation_model, tmp_path, monkeypatch):
+    monkeypatch.setattr("femfit.trial.campaigns.process_pool", ThreadPoolExecutor)  # a process starts in 3 s
     write_model(levitation_model, tmp_path / "model.json")
     place = tmp_path / "campaigns" / "0001"
     place.mkdir(parents=True)

@@ -181,11 +181,6 @@ def _apart(numbers: Iterable[NumberFacts]) -> list[NumberFacts]:
 
 def _left_open(drawn: Sequence[NumberFacts], effects: Sequence[str]) -> str:
     """What would explain the data as well, and a measurement that tells it apart."""
-    keys = " or ".join(number.subject for number in drawn)
-    sentence = f"{keys} was fitted, as the drawing's."
-    if len(drawn) > 1:
-        sentence = f"These data do not say which is wrong: {keys}. All of them were fitted, each within its tolerance."
-    if not effects:
-        return f"{sentence} Measure {drawn[0].subject} on the device itself."
-    also = f"{' or '.join(effects)}, not in the drawing, would give the same readings."
-    return f"{sentence} {also} To tell: {effect_by_name(effects[0]).check}"
+    rivals = " or ".join([*(number.subject for number in drawn[1:]), *effects])
+    to_tell = effect_by_name(effects[0]).check if effects else f"Measure {drawn[0].subject} on the device itself."
+    return f"{drawn[0].subject} was fitted, as the drawing's; {rivals} would give the same readings. To tell: {to_tell}"

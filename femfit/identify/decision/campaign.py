@@ -1,12 +1,10 @@
 """A campaign, on which a diagnosis rests: readings, their noise, patterns of the lack of fit, and effects' columns.
 
-From it follow what the readings can show of each effect, and how far effects lower the error on runs that they were not
-fitted to.
+From it follow what the readings can show of each effect, and how much of a misfit effects explain.
 
 References
 ----------
 J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988), chapter 12: noncentral chi-square.
-M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-validation.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,14 +19,12 @@ from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import Effect
-from femfit.identify.constants import CORRELATIONS, LEVEL, POWER
+from femfit.identify.constants import LEVEL, POWER
 from femfit.identify.lack_of_fit import PatternSpace, pattern_space
-from femfit.identify.left_out import left_out_groups
 from femfit.identify.noise.components import estimate_noise, never_varying
-from femfit.identify.noise.contrasts import rho_of
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Refit, Start, bounded_amplitudes
+from femfit.identify.refit import Refit, Start
 from femfit.identify.signatures import CHANGES_NOTHING, EffectColumns, effect_columns, why_untestable
 from femfit.identify.words import finding
 
@@ -114,14 +110,7 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
             facts: dict[str, Any] = {"declared": observations.declared_noise[name], "source": observations.noise_source}
             facts |= {"sigma": float(noise.sigma[c]), "repeats": round(noise.repeats[c])}
             replaced.append(finding("declared-noise", name, name=name, **facts))
-    lasting = lasting_noises(noise)
-    remarks = [finding("lasting-noise", names=lasting)] if lasting else []
-    return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise), *remarks]
-
-
-def lasting_noises(noise: NoiseModel) -> list[str]:
-    """Channels whose noise lasts as long as any that is searched for, and maybe longer."""
-    return [name for name, rho in zip(noise.channels, noise.rho, strict=True) if rho >= rho_of(CORRELATIONS)]
+    return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise)]
 
 
 def constant_readings(names: Iterable[str]) -> list[Finding]:
@@ -162,24 +151,6 @@ def detectable_magnitudes(campaign: Campaign) -> dict[str, dict[str, float]]:
 
 
 def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:
-    """Part of the structured misfit that effects explain on runs left out, each in turn; on stretches of a single run.
-
-    The effects were fitted to all runs; their amplitudes are fitted anew without each, to first order. 1 is all of the
-    excess and 0 none of it; it is negative where the effects make the error on unseen runs larger.
-    """
-    target = campaign.whitening.residual
-    moving = [j for j, (_, p) in enumerate(fit.free) if not p.nonlinear and not fit.active[j]]
-    columns = fit.jacobian[:, moving]
-    # To first order about the fit: what the readings are beside the part that no small change of the fit explains
-    free = [(p, fit.effects[k].parameters[p.name]) for k, p in fit.free]
-    to_null = [(p.null - value) / p.width for p, value in free]
-    start = fit.whitened_residual + columns @ np.array(to_null)[moving]
-    group = left_out_groups(campaign.observations)
-    wide = np.array([[-np.inf], [np.inf]]) * np.ones(columns.shape[1])
-    fall = 0.0
-    for number in np.unique(group):
-        out = group == number
-        amplitude, _ = bounded_amplitudes(start[~out], -columns[~out], wide)
-        unseen = start[out] + columns[out] @ amplitude
-        fall += float(target[out] @ target[out] - unseen @ unseen)
-    return fall / max(excess, 1e-12)
+    """Part of the structured misfit above the noise, ``excess``, that effects explain."""
+    before = campaign.whitening.residual
+    return (float(before @ before) - fit.chi2) / max(excess, 1e-12)

@@ -79,19 +79,12 @@ OWN_MISFIT = 2.0
 """Conventional: times a model's misfit to its own table up to which an error is not told from it: two standard
 deviations."""
 
-DOMINANT = 0.75
-"""Conventional: part of the squared misfit above the noise, on runs left out, from which an effect is said to explain
-most of what no effect explains in all: the rms misfit falls to less than half."""
-
 RIVALS = 2.0
-"""Conventional: times the squared misfit that it leaves up to which another effect explains as much."""
-
-RIVALS_REFITTED = 6
-"""Numerical, for the time that it takes: how many of these are refitted, the best to first order."""
+"""Conventional: times the squared misfit that the best leaves up to which another effect explains as much."""
 
 EXPLAINED = 0.5
 """Conventional: part of the squared misfit above the noise that effects of another form must explain, fitted to all
-readings, where the search names them: less than where one effect is called most of it though the search names none."""
+readings, where the search names them."""
 
 CERTAIN = 0.5
 """Conventional: probability of just what is named below which it is not certain."""
@@ -102,10 +95,6 @@ NOTICED = 5.0
 
 ALMOST_SURELY = float(stats.norm.isf(0.05))
 """Conventional: what is promised holds in 19 of 20 campaigns."""
-
-HINTS = ALMOST_SURELY
-"""Conventional: standard deviations from which two explanations expect different direct readings, one-sided at 95 %,
-though sizes that are known badly do not let it be promised that the reading settles it."""
 
 VISIBLE = 4.0
 """Conventional: standard deviations from which a whole signal is seen, where nobody asks for its form."""
@@ -120,9 +109,6 @@ parameters may lower from up to this share."""
 
 NEAR_SHARE, DISTANCES, CURRENTS = 0.25, 24, 6
 """Assumed: a usual sweep has so many distances and currents; most effects are largest in its nearest quarter."""
-
-A_DECADE, IMPEDANCE_DISTANCES = 10, 6
-"""Assumed: frequencies of a decade, and distances of the travel, at which an LCR meter or analyser is read."""
 
 HEATED_K = 30.0
 """Assumed: what a heat gun does to a small part in a minute."""

@@ -17,12 +17,11 @@ from femfit.identify.decision.campaign import (
     detectable_magnitudes,
     explained_share,
     gather,
-    lasting_noises,
 )
 from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.evidence import score_effects
-from femfit.identify.decision.naming import Decision, decide, dominant, look_alikes
+from femfit.identify.decision.naming import Decision, decide, look_alikes
 from femfit.identify.misfit import error_fall
 from femfit.identify.observations import Observations
 from femfit.identify.refit import plausible
@@ -98,9 +97,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
     scores = score_effects(campaign)
     # What the patterns cannot see of an effect between them counts as well
     excess = max(campaign.patterns.excess(campaign.whitening.residual), *(s.chi2_fall for s in scores), 0.0)
-    missing = _named_effects(campaign, decision, scores, excess)
-    fits, share = dominant(campaign, decision, scores, excess)
-    tied = {fit.names[0]: fit.effects[0] for fit in fits}
+    missing = _named_effects(campaign, decision, excess)
     alike = look_alikes(decision)
     remarks = campaign_remarks(campaign)
     if decision.posterior.ended:
@@ -111,7 +108,6 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
     return Diagnosis(
         verdict=decision.verdict,
         missing=missing,
-        dominant=_named(campaign, fits[0].effects[0], tuple(tied), tied, scores, share) if fits else None,
         ranking=_ranking(campaign, decision, scores, excess),
         where=where,
         error_fall=error_fall(observations, observations.base, after, campaign.noise.known),
@@ -122,7 +118,6 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
         probability=decision.probability,
         p_value=decision.lack_of_fit.p_value,
         own_misfit=decision.own_misfit,
-        times_own=decision.times_own,
         excess=excess,
         lack_of_fit_before=decision.lack_of_fit,
         lack_of_fit_after=decision.left_after,
@@ -132,7 +127,6 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
             and not alike
             and decision.probability_of_chosen > CERTAIN
             and "guess" not in campaign.noise.source.values()
-            and not lasting_noises(campaign.noise)
             and all(named.plausible for named in missing)
             and fit
             and fit.converged
@@ -165,9 +159,7 @@ def _ranking(
     return (*refitted, *(score for score in scores if score.name not in alone))
 
 
-def _named_effects(
-    campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
-) -> tuple[NamedEffect, ...]:
+def _named_effects(campaign: Campaign, decision: Decision, excess: float) -> tuple[NamedEffect, ...]:
     fit = decision.chosen.fit if decision.chosen else None
     if fit is None:
         return ()
@@ -181,7 +173,7 @@ def _named_effects(
             name: next(a for a in refitted.effects if a.effect.name not in beside) if refitted else None
             for name, refitted in tied.items()
         }
-        named.append(_named(campaign, by_name[members[0]], members, others, scores, share))
+        named.append(_named(campaign, by_name[members[0]], members, others, share))
     return tuple(named)
 
 
@@ -190,7 +182,6 @@ def _named(
     added: AddedEffect,
     members: tuple[str, ...],
     tied: Mapping[str, AddedEffect | None],
-    scores: tuple[ScoredEffect, ...],
     share: float,
 ) -> NamedEffect:
     """An effect that is named, the first of those that are as likely."""
@@ -199,7 +190,6 @@ def _named(
         name=members[0],
         members=members,
         tie=tuple(tied),
-        p_value=next(score.p_value for score in scores if score.name == members[0]),
         explained_share=share,
         parameters=dict(added.parameters),
         ci95=dict(added.ci95),
@@ -214,7 +204,7 @@ def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, 
     return Diagnosis(
         verdict="compare_only",
         ranking=tuple(
-            ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict")
+            ScoredEffect(effect.name, 0.0, 0, note="no verdict")
             for effect in considered_effects(exclude, observations.nominal)
         ),
         where=Where("", (), "Without a test no misfit can be called one."),

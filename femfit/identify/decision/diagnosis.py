@@ -30,10 +30,7 @@ class NamedEffect:
     name: str
     members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
     tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
-    p_value: float
-    # Part of the structured misfit, above the noise, that all that is named explains on readings that it was not
-    # fitted to; 1 for all
-    explained_share: float
+    explained_share: float  # Part of the structured misfit, above the noise, that all that is named explains
     parameters: Mapping[str, float]
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
     words: tuple[str, ...] = ()
@@ -55,7 +52,6 @@ class ScoredEffect:
     """An effect of the catalogue as these data see it."""
 
     name: str
-    p_value: float  # From its score test, nuisance removed; 1 where it cannot be tested
     # By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
     # order
     chi2_fall: float
@@ -91,12 +87,8 @@ class Diagnosis(Result):
         Of the model's lack of fit, as in ``femfit compare``.
     own_misfit : bool
         Whether the model misses the readings by more than noise, but as its misfit to its own table may.
-    times_own : float
-        The misfit beyond noise over the model's own to its table; infinite where that is none.
     excess : float
         Squared length of the misfit beyond what noise gives, in standard deviations.
-    dominant : NamedEffect or None
-        Where no effect explains the misfit in all: one that explains most of it, with the part that it explains.
     look_alikes : tuple of str
         Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
         and not been listed.
@@ -119,7 +111,7 @@ class Diagnosis(Result):
 
     data = (
         *("verdict", "probability", "noise_floor", "detectable", "p_value", "look_alikes"),
-        *("confident", "dimensions_suspected", "excluded", "missing", "dominant", "ranking", "where", "error_fall"),
+        *("confident", "dimensions_suspected", "excluded", "missing", "ranking", "where", "error_fall"),
         *("lack_of_fit_before", "lack_of_fit_after", "findings"),
     )
 
@@ -135,11 +127,9 @@ class Diagnosis(Result):
     probability: Mapping[Verdict, float] = field(default_factory=dict)
     p_value: float = 1.0
     own_misfit: bool = False
-    times_own: float = float("inf")
     excess: float = 0.0
     lack_of_fit_before: LackOfFit | None = None
     lack_of_fit_after: LackOfFit | None = None
-    dominant: NamedEffect | None = None
     look_alikes: tuple[str, ...] = ()
     confident: bool = False
     excluded: tuple[str, ...] = ()
@@ -175,7 +165,6 @@ class Diagnosis(Result):
     def __str__(self) -> str:
         after, nominal = self.allowed, self.observations.nominal
         effects, named = device_effects(nominal.circuits, nominal.drawn), {effect.name for effect in self.missing}
-        shown = [effect for effect in (*self.missing, self.dominant) if effect]
         hidden: dict[str, list[str]] = {}
         for score in self.ranking:
             if score.note:
@@ -184,7 +173,7 @@ class Diagnosis(Result):
             "diagnosis",
             d=self,
             a=after,
-            symptoms={effect.name: getattr(known_effect(effect.name), "symptom", "") for effect in shown},
+            symptoms={effect.name: getattr(known_effect(effect.name), "symptom", "") for effect in self.missing},
             blind=hidden.get(CHANGES_NOTHING, []),  # it may be missing all the same, since it changes no reading
             finer=finer_sweep(self.model),
             visible={

@@ -26,7 +26,6 @@ from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
 from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.decision.effect_space import EffectSpace
-from femfit.identify.lack_of_fit import tail_probability
 from femfit.identify.observations import WithoutCache
 from femfit.identify.refit import bounded_amplitudes
 
@@ -199,20 +198,11 @@ def of_sizes(
 
 
 def score_effects(campaign: Campaign) -> tuple[ScoredEffect, ...]:
-    """Every effect alone, at its best nonlinear parameters, the least probable by chance first.
-
-    The p-value counts times the number of combinations of nonlinear parameters that were tried (Bonferroni).
-    """
-    residual, degrees = campaign.whitening.residual, campaign.patterns.groups[-1].degrees_of_freedom
+    """Every effect alone to first order, at its best nonlinear parameters; what lowers the misfit most stands first."""
     best: dict[str, tuple[float, int]] = {}
-    tries: dict[str, int] = {}
     for start in campaign.effects:
-        _, fall = bounded_amplitudes(residual, start.whitened, start.columns.bounds)
-        tries[start.name] = tries.get(start.name, 0) + 1
+        _, fall = bounded_amplitudes(campaign.whitening.residual, start.whitened, start.columns.bounds)
         best[start.name] = max(best.get(start.name, (0.0, start.count)), (fall, start.count))
-    scores = [
-        ScoredEffect(name, min(1.0, tries[name] * tail_probability(fall, count, degrees)), fall, count)
-        for name, (fall, count) in best.items()
-    ]
-    absent = (ScoredEffect(name, 1.0, 0.0, 0, note=why) for name, why in campaign.untestable.items())
+    scores = [ScoredEffect(name, *fall_and_count) for name, fall_and_count in best.items()]
+    absent = (ScoredEffect(name, 0.0, 0, note=why) for name, why in campaign.untestable.items())
     return (*ranked(scores, lambda score: score.chi2_fall - score.degrees_of_freedom, ROUNDING), *absent)

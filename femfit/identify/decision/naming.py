@@ -5,39 +5,32 @@ from one outside of the catalogue cannot be tested with the catalogue's own effe
 what physics does to these readings: had one of them been the cause, as large as what was named, and not been listed,
 would an unknown cause have been preferred to the name? What adds the same to every reading of a channel has more causes
 than any list holds, so that a constant error of each channel is always among the examples.
-
-A number of the drawing is known to first order alone. Beside a refit of a large effect, which follows its curvature, it
-would look different for that reason only; so it is compared with the first order of what is named as well.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
-from femfit.core.numerics import FloatArray, Item, ranked
+from femfit.core.numerics import FloatArray, ranked
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
-from femfit.identify.decision.campaign import Campaign, explained_share
+from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import (
-    DOMINANT,
     EXPLAINED,
     IN_CLASS,
     NOTHING_MISSING,
     NOTICED,
     OWN_MISFIT,
     RIVALS,
-    RIVALS_REFITTED,
     TIED,
     UNKNOWN_SIZES,
 )
-from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
-from femfit.identify.decision.effect_space import EffectSpace, half_ranges
-from femfit.identify.decision.evidence import Linear, density_of
+from femfit.identify.decision.diagnosis import Verdict
+from femfit.identify.decision.evidence import Linear
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
-from femfit.identify.refit import Refit, Start, at_bounds, plausible, refit, starting_point
-from femfit.identify.signatures import columns_at
+from femfit.identify.refit import Refit, plausible
 from femfit.tables.measurement import CHANNEL_WORDS
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
@@ -58,7 +51,6 @@ class Decision:
     lack_of_fit: LackOfFit  # Of the model before anything is added
     # Whether the model misses the readings by more than noise, but as the table that it was fitted to
     own_misfit: bool
-    times_own: float  # Its misfit beyond noise over that to its table; infinite where that is none
     posterior: Posterior
     probability_of_chosen: float = 0.0  # Of exactly the effects that are named
     left_after: LackOfFit | None = None  # The lack of fit with what is named
@@ -82,21 +74,6 @@ def lack_of_fit(campaign: Campaign) -> LackOfFit:
     return campaign.patterns.test(campaign.whitening.residual)
 
 
-def times_own(campaign: Campaign) -> float:
-    """The model's misfit beyond noise over that to its table; infinite where that is none.
-
-    Both are squared lengths over the noise of a reading, the first less what noise and the mounts' freedom make of it.
-    The whitened residual does not compare with the second: what a body that is put back may be off by takes the
-    steepest part of a misfit out of it, and nothing out of the model's own.
-    """
-    observations, noise = campaign.observations, campaign.noise
-    sigma = noise.sigma[observations.channel]
-    own_misfit = float(np.sum((observations.tolerance / sigma) ** 2))
-    freedom = len(sigma) + float(np.sum((observations.distance_slope * noise.mount_m / sigma) ** 2))
-    beyond = max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
-    return float(np.sqrt(beyond / own_misfit)) if own_misfit > 0.0 else np.inf
-
-
 def fails_surely(campaign: Campaign) -> bool:
     """Whether something is missing, whatever a search for its name would find."""
     return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
@@ -111,7 +88,7 @@ def decide(campaign: Campaign) -> Decision:
     else:
         verdict = max((word for word in _KINDS if word != "nothing_missing"), key=lambda word: probability[word])
     unknown = _KINDS[verdict][1]
-    test, times = lack_of_fit(campaign), times_own(campaign)
+    test = lack_of_fit(campaign)
     chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
     if _KINDS[verdict][0]:
         # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
@@ -131,10 +108,10 @@ def decide(campaign: Campaign) -> Decision:
     own_misfit = verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign)
     if own_misfit:
         verdict, chosen = "nothing_missing", None
-    elif verdict == "nothing_missing" and times <= OWN_MISFIT:  # is it more than noise that the own misfit explains?
+    elif verdict == "nothing_missing" and _as_its_own(campaign):  # is it more than noise that the own misfit explains?
         alone = replace(campaign.whitening, misfit=None)
         own_misfit = pattern_space(alone).test(alone.residual).p_value <= LEVEL
-    decision = Decision(verdict, probability, test, own_misfit, times, posterior)
+    decision = Decision(verdict, probability, test, own_misfit, posterior)
     if chosen is None:
         return decision
     return replace(
@@ -167,39 +144,6 @@ def _spoils(campaign: Campaign, fit: Refit) -> bool:
     after = observations.value - observations.predict(fit.effects)
     was, now = (np.sqrt(observations.mean_square(residual)) for residual in (observations.residual, after))
     return bool(np.any(now > WITHIN_NOISE * np.maximum(was, campaign.noise.sigma)))
-
-
-def dominant(
-    campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect], excess: float
-) -> tuple[tuple[Refit, ...], float]:
-    """Single effects that explain most of a misfit that none explains in all, and what part of it; none where none do.
-
-    However large they are, but not at the end of their range, and without making a channel worse. The first leaves the
-    least, or supposes least of those that leave hardly more. The part is that of runs left out.
-    """
-    if decision.verdict != "unexplained":
-        return (), 0.0
-    # The effects that alone leave the least to first order, refitted: the search takes none up for its size alone
-    before = float(np.sum(campaign.whitening.residual**2)) - len(campaign.whitening.residual)
-    tested = ranked([score for score in scores if not score.note], lambda score: score.chi2_fall, ROUNDING)
-    best = _alike(tested, [before - score.chi2_fall for score in tested])[:RIVALS_REFITTED]
-    effects, whitening = {start.name: start.columns.effect for start in campaign.effects}, campaign.whitening
-    leading = [
-        decision.fits.get((score.name,)) or refit(whitening, starting_point(whitening, [effects[score.name]]))
-        for score in best
-    ]
-    fits = [fit for fit in leading if not at_bounds(fit) and not _spoils(campaign, fit)]
-    fits = _alike(fits, [fit.chi2 - len(fit.whitened_residual) for fit in fits])
-    # Plausible sizes before unusual ones, then the fewest parameters that the fit moved
-    fits.sort(key=lambda fit: (not all(map(plausible, fit.effects)), int(np.count_nonzero(~fit.active))))
-    share = explained_share(campaign, fits[0], excess) if fits else 0.0
-    return (tuple(fits), share) if share >= DOMINANT else ((), 0.0)
-
-
-def _alike(items: Sequence[Item], above_noise: Sequence[float]) -> list[Item]:
-    """The items that leave hardly more squared misfit above the noise than the best."""
-    most = RIVALS * max(min(above_noise, default=0.0), 1.0)
-    return [item for item, square in zip(items, above_noise, strict=True) if square <= most]
 
 
 def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
@@ -281,43 +225,14 @@ def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
     for name in observations.channels:
         constant = campaign.whitening.full(observations.of(name).astype(np.float64))
         examples.append((f"a constant error of the {CHANNEL_WORDS.get(name, name)}", constant, np.inf))
-    compared = [(linear, examples)]
-    if numbers := _drawn_numbers(space, chosen.names):
-        compared.append((_to_first_order(space, fit), numbers))
     result: dict[str, float] = {}
-    for beside, alike in compared:
-        columns = np.stack([column for _, column, _ in alike], axis=1)
-        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        for length in lengths:
-            for (name, _, longest), odds in zip(alike, _odds(decision, beside, columns, length), strict=True):
-                if longest >= length:
-                    result[name] = min(result.get(name, np.inf), float(odds))
+    columns = np.stack([column for _, column, _ in examples], axis=1)
+    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    for length in lengths:
+        for (name, _, longest), odds in zip(examples, _odds(decision, linear, columns, length), strict=True):
+            if longest >= length:
+                result[name] = min(result.get(name, np.inf), float(odds))
     return result
-
-
-def _drawn_numbers(space: EffectSpace, named: Sequence[str]) -> list[tuple[str, FloatArray, float]]:
-    """Of numbers of the drawing: names, whitened changes per unit, and their lengths over the plausible range."""
-    drawn = {effect.name for effect in space.campaign.observations.nominal.drawn} - set(named)
-    suspects = [suspect for suspect in space.campaign.effects if suspect.name in drawn]
-    changes = [suspect.whitened[:, 0] for suspect in suspects]
-    return [
-        (suspect.name, change, 2.0 * half_ranges(suspect)[0] * float(np.linalg.norm(change)))
-        for suspect, change in zip(suspects, changes, strict=True)
-    ]
-
-
-def _to_first_order(space: EffectSpace, fit: Refit) -> Linear:
-    """What is named, as large as it usually may be, without its curvature."""
-    campaign, observations = space.campaign, space.campaign.observations
-    columns = []
-    for added in fit.effects:
-        for variant in columns_at(added, observations):
-            acting = (
-                variant if added.runs is None else variant.in_runs(added.runs, observations.column("run").astype(int))
-            )
-            (start,) = Start.at_null([acting], campaign.whitening)
-            columns.append(start.whitened * half_ranges(start))
-    return Linear(np.zeros(len(observations.value)), np.concatenate(columns, axis=1), density_of(campaign), 0.0)
 
 
 def _odds(decision: Decision, linear: Linear, columns: FloatArray, length: float) -> FloatArray:

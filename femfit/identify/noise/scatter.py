@@ -41,7 +41,7 @@ from femfit.identify.noise.whitening import (
 )
 from femfit.identify.observations import Observations, once_for_settings
 from femfit.identify.patterns import drift_patterns, smooth_patterns
-from femfit.identify.settings import levels, quantisation_step, repeat_cells
+from femfit.identify.settings import levels, quantisation_step, setting_cells
 
 
 @once_for_settings
@@ -50,7 +50,7 @@ def repeated_readings(observations: Observations) -> list[tuple[IntArray, IntArr
 
     The last are the numbers, from 0, of each reading's cell.
     """
-    cells, result = repeat_cells(observations), []
+    cells, result = setting_cells(observations), []
     for c in range(len(observations.channels)):
         here = np.flatnonzero(observations.channel == c)
         _, code, count = np.unique(cells[here], return_inverse=True, return_counts=True)

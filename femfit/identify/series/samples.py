@@ -17,10 +17,10 @@ from femfit.core.results import Finding
 from femfit.core.sweep_columns import voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
 from femfit.estimate.record import white_noise
-from femfit.estimate.record_checks import given_voltage, suspect_settings
+from femfit.estimate.record_checks import given_voltage
 from femfit.estimate.rests import Rest, Track, find_rests
 from femfit.identify.constants import EVEN, ON_STOP
-from femfit.identify.plausible import at_ends_of_range, within_domain
+from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
 from femfit.identify.settings import current_names, currents_in, leading_current
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
@@ -85,7 +85,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     recorded = np.isfinite(distance) & np.isfinite(current).reshape(len(rows), -1).all(axis=1)
     usable = recorded & within_domain(model, distance, current)
     if not usable.any():
-        raise TableError(_nowhere(model, series, distance[recorded], current[recorded]))
+        raise TableError(nothing_in_domain(model, series.source, distance[recorded], current[recorded]))
     outside = int((recorded & ~usable).sum())
     if outside:
         findings.append(finding("outside-domain", words="samples_outside_domain", samples=outside))
@@ -134,18 +134,6 @@ def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatAr
             margin = (rest.last - rest.first) // 4
             result[rest.first + margin : rest.last + 1 - margin] = stop
     return result
-
-
-def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, current: FloatArray) -> str:
-    box, names = model.validity, current_names(model) or ("current_A",)
-    suspected = suspect_settings(model, distance, current, names)
-    limits = zip(names, box.column_limits_A.tolist(), strict=True)
-    ranges = ", ".join(f"{low:g} to {high:g} A of {name}" for name, (low, high) in limits)
-    hint = " ".join(map(str, suspected)) or "Check the columns and units, or sweep and fit a wider range."
-    return (
-        f"{series.source} must have samples in the model's validity domain of {1e3 * box.distance_min_m:g} to "
-        f"{1e3 * box.distance_max_m:g} mm and {ranges}; none was found. {hint}"
-    )
 
 
 def held_from(samples: Samples, k: int) -> BoolArray:

@@ -1,7 +1,7 @@
 """The drawing's faces: lines split where they meet, closed loops found, each block label in its face.
 
-Arcs become chords of at most ``arc_degrees`` here, whose ends lie on the arc; :mod:`femfit.tables.femm.faces` finds
-the arcs again. The spacing that the file asks of FEMM's own mesh is not used. Lines are split on a
+Arcs become chords here, whose ends lie on the arc; :func:`with_arcs` finds the
+arcs again. The spacing that the file asks of FEMM's own mesh is not used. Lines are split on a
 grid of a nanometre, which joins a corner to the line that it was drawn on.
 
 Outlines of faces: without holes, without needless corners, and with the file's arcs where chords stood for them.
@@ -9,9 +9,8 @@ Outlines of faces: without holes, without needless corners, and with the file's 
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -25,6 +24,9 @@ GRID = 10.0**-DIGITS
 
 MIN_AREA = 1e-6
 """In mm^2, as in actuator files: smaller faces are rounding."""
+
+LARGEST_CHORD_DEG = 3.0
+"""Angle of the chords that stand for arcs where other lines cross them: 0.03 % of the radius away from it."""
 
 MAX_LINES = 20_000
 """Lines after arcs are split; more is no drawing of an actuator."""
@@ -70,22 +72,20 @@ def is_straight(line: FemLine) -> bool:
     return length * math.radians(line.angle) / 8.0 < GRID
 
 
-def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
+def chords(line: FemLine) -> list[tuple[float, float]]:
     """The corners of a segment or arc in mm, both ends included."""
     start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
     if is_straight(line):
         return [(start.real, start.imag), (end.real, end.imag)]
-    arc, count = _arc(line), math.ceil(line.angle / arc_degrees - 1e-9)
+    arc, count = _arc(line), math.ceil(line.angle / LARGEST_CHORD_DEG - 1e-9)
     turned = arc.centre + (start - arc.centre) * np.exp(1j * arc.span * np.arange(1, count) / count)
     inner = [(round(point.real, DIGITS), round(point.imag, DIGITS)) for point in turned.tolist()]
     return [(start.real, start.imag), *inner, (end.real, end.imag)]
 
 
-def find_faces(model: FemModel, arc_degrees: float, notes: Notes) -> tuple[FemFace, ...]:
+def find_faces(model: FemModel, notes: Notes) -> tuple[FemFace, ...]:
     """Split the drawing into its faces and give each its label."""
-    strings = [
-        LineString(points) for points in (chords(line, arc_degrees) for line in model.lines) if len(set(points)) > 1
-    ]
+    strings = [LineString(points) for points in map(chords, model.lines) if len(set(points)) > 1]
     if sum(len(string.coords) for string in strings) > MAX_LINES:
         notes.say("drawing lines", most=MAX_LINES)
         return ()
@@ -181,81 +181,43 @@ class _Arc:
         return angle if angle <= self.span + slack else None
 
 
-@dataclass(frozen=True)
-class _Run:
-    """Edges of an outline that are chords of one arc, from one angle along it to another."""
+def with_arcs(polygons: Sequence[Polygon], lines: Sequence[FemLine]) -> list[list[Edge]]:
+    """The corners of polygons whose arcs are chords, with the file's arcs in place of these.
 
-    arc: int
-    start: float
-    stop: float
-
-
-class ArcFinder:
-    """Finds the file's arcs in outlines whose arcs are chords of at most ``arc_degrees``.
-
-    Parts that share an arc get the same corners on it, so that they neither overlap nor leave a gap.
+    A corner stays where an edge of any polygon ends that is no chord of one arc: parts that share an arc get the same
+    corners on it, so that they neither overlap nor leave a gap.
     """
-
-    def __init__(self, lines: Sequence[FemLine], polygons: Sequence[Polygon], arc_degrees: float) -> None:
-        self.largest = math.radians(arc_degrees)
-        self.arcs = [_arc(line) for line in lines if not is_straight(line)]
-        self.breaks: dict[int, dict[float, complex]] = {}
-        for polygon in polygons:
-            for first, last, run in self._runs([complex(*point) for point in corners(polygon)]):
-                if run is not None:
-                    points = self.breaks.setdefault(run.arc, {})
-                    points[run.start], points[run.stop] = first, last
-
-    def outline(self, polygon: Polygon) -> list[Edge]:
-        """A polygon's corners, with arcs."""
-        edges: list[Edge] = []
-        for first, _, run in self._runs([complex(*point) for point in corners(polygon)]):
-            if run is None:
-                edges.append((first.real, first.imag, 0.0))
-                continue
-            slack = ON_ARC / self.arcs[run.arc].radius
-            low, high = min(run.start, run.stop) + slack, max(run.start, run.stop) - slack
-            inner = sorted((angle, point) for angle, point in self.breaks[run.arc].items() if low < angle < high)
-            distinct = [station for n, station in enumerate(inner) if n == 0 or station[0] - inner[n - 1][0] > slack]
-            ways = distinct if run.stop > run.start else distinct[::-1]
-            stations = [(run.start, first), *ways, (run.stop, 0j)]
-            edges += [
-                (point.real, point.imag, math.degrees(after - angle))
-                for (angle, point), (after, _) in pairwise(stations)
-            ]
-        return edges
-
-    def _runs(self, ring: list[complex]) -> list[tuple[complex, complex, _Run | None]]:
-        """A ring's edges from corner to corner, those of one arc together."""
-        count = len(ring)
-        chords = [self._chord(ring[k], ring[(k + 1) % count]) for k in range(count)]
-        first = next((k for k in range(count) if not _continues(chords[k - 1], chords[k])), 0)
-        runs: list[tuple[complex, complex, _Run | None]] = []
-        for step in range(count):
-            k = (first + step) % count
-            chord, end = chords[k], ring[(k + 1) % count]
-            if runs and step and chord is not None and _continues(chords[k - 1], chord):
-                start, _, before = runs[-1]
-                runs[-1] = (start, end, _Run(chord.arc, before.start if before else chord.start, chord.stop))
-            else:
-                runs.append((ring[k], end, chord))
-        return runs
-
-    def _chord(self, start: complex, end: complex) -> _Run | None:
-        """An edge as a chord of an arc of the file; None for a straight line."""
-        for n, arc in enumerate(self.arcs):
-            low, high = arc.along(start), arc.along(end)
-            slack = ON_ARC / arc.radius
-            if low is not None and high is not None and slack < abs(high - low) <= self.largest + slack:
-                return _Run(n, low, high)
-        return None
+    arcs = [_arc(line) for line in lines if not is_straight(line)]
+    rings = [[complex(*point) for point in corners(polygon)] for polygon in polygons]
+    edges = [[_chorded(arcs, *ends) for ends in zip(ring, [*ring[1:], ring[0]], strict=True)] for ring in rings]
+    kept = {
+        ring[k]
+        for ring, arc_of in zip(rings, edges, strict=True)
+        for k in range(len(ring))
+        if arc_of[k] is None or arc_of[k] is not arc_of[k - 1]
+    }
+    return [_outline(ring, arc_of, kept) for ring, arc_of in zip(rings, edges, strict=True)]
 
 
-def _continues(before: _Run | None, after: _Run | None) -> bool:
-    """Whether two chords run on along the same arc in the same sense."""
-    if before is None or after is None or before.arc != after.arc:
-        return False
-    return (before.stop > before.start) == (after.stop > after.start)
+def _outline(ring: Sequence[complex], arc_of: Sequence[_Arc | None], kept: Collection[complex]) -> list[Edge]:
+    places = [k for k, point in enumerate(ring) if point in kept]
+    outline = []
+    for k, after in zip(places, [*places[1:], places[0]], strict=True):
+        arc, angle = arc_of[k], 0.0
+        if arc is not None:
+            angle = math.degrees((arc.along(ring[after]) or 0.0) - (arc.along(ring[k]) or 0.0))
+        outline.append((ring[k].real, ring[k].imag, angle))
+    return outline
+
+
+def _chorded(arcs: Sequence[_Arc], start: complex, end: complex) -> _Arc | None:
+    """The arc of the file that an edge is a chord of; None for a straight line."""
+    largest = math.radians(LARGEST_CHORD_DEG)
+    for arc in arcs:
+        low, high, slack = arc.along(start), arc.along(end), ON_ARC / arc.radius
+        if low is not None and high is not None and slack < abs(high - low) <= largest + slack:
+            return arc
+    return None
 
 
 def _arc(line: FemLine) -> _Arc:

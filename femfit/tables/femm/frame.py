@@ -5,7 +5,7 @@ part hangs below is mirrored without a change of the axial magnets or the curren
 reverses B and leaves the force; it is done where the moving magnet points along -z, so that a positive current
 attracts.
 
-The wire of the windings: the user's, the file's, or an assumption that is called one.
+The wire of the windings: the file's, or an assumption that is called one.
 
 Everything that was found in a FEMM model, and what the user said beside it.
 """
@@ -18,7 +18,7 @@ import shapely
 from shapely import box
 
 from femfit.device.parts import smallest_winding_area, wire_resistance
-from femfit.tables.femm.faces import GRID, MIN_AREA, ArcFinder, Edge, without_holes
+from femfit.tables.femm.faces import GRID, MIN_AREA, Edge, with_arcs, without_holes
 from femfit.tables.femm.model import Direction, FemModel, FemOptions, Notes
 from femfit.tables.femm.movers import FemBodies, outline_of
 from femfit.tables.femm.parse import DIGITS
@@ -144,30 +144,24 @@ COPPER_FILL = 0.5
 
 @dataclass(frozen=True)
 class FemWire:
-    """What an actuator file says of the wire; a resistance without an origin follows from the diameter, at 20 degC."""
+    """What an actuator file says of the wire; its resistance at 20 degC follows from the diameter."""
 
+    diameter_mm: float
+    origin: str
     resistance_ohm: float
-    resistance_origin: str = ""
-    diameter_mm: float | None = None
-    diameter_origin: str = ""
 
 
-def find_wire(coil: FemCoil, options: FemOptions, notes: Notes) -> FemWire:
+def find_wire(coil: FemCoil, notes: Notes) -> FemWire:
     """A winding's wire and resistance."""
     material = coil.material
-    diameter, origin = options.wire_diameter_mm, "given"
-    round_wire = material.lamination_type == PLAIN_WIRE and material.wire_diameter_mm > 0.0
-    if diameter is None and round_wire and _fits(coil, material.wire_diameter_mm):
-        diameter, origin = material.wire_diameter_mm, f"WireD of {material.name!r}"
-    if options.resistance_ohm is not None:
-        return FemWire(options.resistance_ohm, "given", diameter, origin)
-    if diameter is None:
+    diameter, origin = material.wire_diameter_mm, f"WireD of {material.name!r}"
+    if material.lamination_type != PLAIN_WIRE or diameter <= 0.0 or not _fits(coil, diameter):
         section = COPPER_FILL * coil.polygon.area / abs(coil.turns)
         diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
         origin = f"ASSUMED: the file has no wire that fits; {100 * COPPER_FILL:g} % of the winding is copper"
         notes.say("assumed-wire", place=coil.labels[0].place, diameter=diameter, copper=100 * COPPER_FILL)
     resistance = wire_resistance(abs(coil.turns), coil.polygon.centroid.x * 1e-3, diameter * 1e-3)
-    return FemWire(resistance, "", diameter, origin)
+    return FemWire(diameter, origin, resistance)
 
 
 def _fits(coil: FemCoil, diameter: float) -> bool:
@@ -184,30 +178,13 @@ class FemDevice:
     windings: tuple[FemWinding, ...]
     wires: Mapping[int, FemWire]
     frame: FemFrame
-    options: FemOptions
-
-    @property
-    def distances_mm(self) -> list[float]:
-        """Of the sweep."""
-        return own_point_added(self.options.distances_mm, self.frame.distance_mm)
-
-    def currents(self, winding: FemWinding) -> list[float]:
-        """Of the sweep in A, in one circuit."""
-        return own_point_added(self.options.currents_A, self.frame.current(winding))
 
     def outlines(self) -> dict[int, list[list[Edge]]]:
         """Outlines in the actuator file of each part and coil, by its id."""
-        fixed, moving = self.bodies.standing, self.bodies.mover
-        simple = {id(piece): without_holes(piece.polygon) for piece in [*fixed, *moving]}
-        every = [polygon for pieces in simple.values() for polygon in pieces]
-        finder = ArcFinder(self.model.lines, every, self.options.arc_degrees)
-        return {
-            id(piece): [self.frame.placed(finder.outline(polygon), moving=moves) for polygon in simple[id(piece)]]
-            for moves, pieces in ((False, fixed), (True, moving))
-            for piece in pieces
-        }
-
-
-def own_point_added(values: Sequence[float], drawn: float) -> list[float]:
-    """An axis with the file's own value in its place."""
-    return sorted([*(value for value in values if not math.isclose(value, drawn, rel_tol=1e-9, abs_tol=1e-9)), drawn])
+        pieces = [(piece, piece in self.bodies.mover) for piece in (*self.bodies.standing, *self.bodies.mover)]
+        simple = [(id(piece), polygon, moves) for piece, moves in pieces for polygon in without_holes(piece.polygon)]
+        result: dict[int, list[list[Edge]]] = {}
+        drawn = with_arcs([polygon for _, polygon, _ in simple], self.model.lines)
+        for (number, _, moves), outline in zip(simple, drawn, strict=True):
+            result.setdefault(number, []).append(self.frame.placed(outline, moving=moves))
+        return result

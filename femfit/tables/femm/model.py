@@ -10,13 +10,8 @@ from typing import Any, Literal
 
 from femfit.core.numerics import MU_0
 from femfit.core.results import Finding
+from femfit.device.materials import without_flat_end
 from femfit.tables.findings import finding
-
-TOLERANCE = 0.01
-"""dB/dH below mu_0 by more than this is no rounding; actuator files have the same limit."""
-
-FEWEST = 3
-"""Points that a curve keeps."""
 
 NON_MAGNETIC = 1e-3
 """Deviation of mu_r from 1 below which a material is taken as air; the actuator's own limit."""
@@ -44,21 +39,6 @@ class FemMaterial:
     def remanence(self) -> float:
         """B_r = mu_0 mu_r H_c in T, without sign."""
         return MU_0 * self.mu_y * abs(self.coercivity)
-
-    @property
-    def rising_curve(self) -> tuple[tuple[float, float], ...]:
-        """The curve without its last points as long as it ends with a slope below mu_0.
-
-        Library curves are extrapolated by hand far into saturation, and there some rise more slowly than vacuum. FEMM
-        smooths such a curve; here it is cut, for beyond its last point the field solver goes on with mu_0 anyway.
-        """
-        curve = self.curve
-        while len(curve) > FEWEST:
-            (flux, field), (last_flux, last_field) = curve[-2:]
-            if last_flux - flux >= (1.0 - TOLERANCE) * MU_0 * (last_field - field):
-                break
-            curve = curve[:-1]
-        return curve
 
     @property
     def magnetic(self) -> bool:
@@ -177,24 +157,12 @@ class FemModel:
 class FemOptions:
     """Choices and values that a ``.fem`` file does not hold, as the command's options of the same names say them.
 
-    Moving blocks are named by their material, moving bodies by the number of one of their block labels; the face's
-    height is in the file's z; the file's own point is added to
-    the ascending axes of the sweep.
+    Moving bodies are named by the number of one of their block labels; the face's height is in the file's z.
     """
 
-    moving_groups: tuple[int, ...] = ()
-    moving_blocks: tuple[str, ...] = ()
     moving_labels: tuple[int, ...] = ()
-    circuits: tuple[str, ...] = ()
     mover_side: Literal["auto", "above", "below"] = "auto"
     face_mm: float | None = None
-    distances_mm: tuple[float, ...] = ()
-    currents_A: tuple[float, ...] = ()
-    mass_g: float | None = None
-    resistance_ohm: float | None = None
-    wire_diameter_mm: float | None = None
-    arc_degrees: float = 3.0
-    name: str | None = None
 
 
 @dataclass(frozen=True)
@@ -272,9 +240,25 @@ def in_terms_of_femfit(model: FemModel, notes: Notes) -> FemModel:
     if model.frequency:
         notes.say("frequency", frequency=model.frequency)
     used = dict.fromkeys(label.material for label in model.labels if label.meshed and not label.external)
-    taken = {material: _solid(material, notes) for material in used}
+    taken = {material: _solid(_rising(material, notes), notes) for material in used}
     labels = (replace(label, material=taken.get(label.material, label.material)) for label in model.labels)
     return replace(model, labels=tuple(labels))
+
+
+def _rising(material: FemMaterial, notes: Notes) -> FemMaterial:
+    """The material without the last points of its curve as long as that ends with a slope below mu_0.
+
+    Library curves are extrapolated by hand far into saturation, and there some rise more slowly than vacuum. FEMM
+    smooths such a curve; here it is cut, for beyond its last point the field solver goes on with mu_0 anyway.
+    """
+    if not material.curve:
+        return material
+    flux_density, field_strength = zip(*material.curve, strict=True)
+    points, _ = without_flat_end(flux_density, field_strength, least=0.0)
+    curve = tuple(zip(*points, strict=True))
+    if dropped := len(material.curve) - len(curve):
+        notes.say("curve-end", name=material.name, dropped=dropped, points=len(material.curve))
+    return replace(material, curve=curve)
 
 
 def _solid(material: FemMaterial, notes: Notes) -> FemMaterial:

@@ -1,7 +1,6 @@
 """Which parts and windings move: as the user says, or what only can."""
 
 import math
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -57,25 +56,12 @@ def divide(
     if len(bodies) == 1:
         notes.say("mover touching", places=" and ".join(piece.place for piece in pieces))
         return None
-    named = options.moving_groups or options.moving_blocks or options.moving_labels
-    moving = _named(bodies, options, notes) if named else _inferred(bodies, notes)
-    return _divided(parts, coils, moving, air, notes) if moving else None
+    moving = _named(bodies, options.moving_labels, notes) if options.moving_labels else _inferred(bodies, notes)
+    return _divided(parts, coils, moving, air) if moving else None
 
 
-def _divided(
-    parts: Sequence[FemPart], coils: Sequence[FemCoil], moving: Body, air: Sequence[FemFace], notes: Notes
-) -> FemBodies | None:
-    """What stands still and what moves, with the non-magnetic blocks that join it; None where the two touch."""
-    touched = [
-        (piece, neighbour)
-        for piece in moving
-        for neighbour in [*parts, *coils]
-        if neighbour not in moving and piece.polygon.distance(neighbour.polygon) <= GRID
-    ]
-    if touched:
-        mover, neighbour = touched[0]
-        notes.say("mover gap", place=mover.place, neighbour=neighbour.place)
-        return None
+def _divided(parts: Sequence[FemPart], coils: Sequence[FemCoil], moving: Body, air: Sequence[FemFace]) -> FemBodies:
+    """What stands still and what moves, with the non-magnetic blocks that join it."""
     groups = {piece.group for piece in moving if piece.group} if len(_connected(moving)) > 1 else set()
     joining = [face for face in air if face.label.meshed and face.label.group in groups]
     spacers = [FemPart(face.polygon, face.label.material, (face.label,), None) for face in joining]
@@ -87,26 +73,17 @@ def _divided(
     )
 
 
-def _named(bodies: Sequence[Body], options: FemOptions, notes: Notes) -> Body:
-    pieces = [piece for body in bodies for piece in body]
-    groups, blocks, labels = set(options.moving_groups), set(options.moving_blocks), set(options.moving_labels)
-    numbers = {label.number for piece in pieces for label in piece.labels}
-    unknown = [f"group {group}" for group in groups if all(piece.group != group for piece in pieces)]
-    unknown += [f"block {name!r}" for name in blocks if all(piece.material.name != name for piece in pieces)]
-    unknown += [f"label {number}" for number in labels - numbers]
+def _named(bodies: Sequence[Body], labels: Sequence[int], notes: Notes) -> Body:
+    numbers = [[label.number for piece in body for label in piece.labels] for body in bodies]
+    unknown = [str(number) for number in labels if not any(number in of_body for of_body in numbers)]
     if unknown:
-        notes.say("mover unknown", names=" or ".join(sorted(unknown)), candidates=_candidates(bodies))
+        notes.say("mover unknown", names=" or ".join(unknown), candidates=_candidates(bodies))
         return []
-    of_labels = [body for body in bodies if any(label.number in labels for piece in body for label in piece.labels)]
-    moving = [
-        piece
-        for piece in pieces
-        if piece.group in groups or piece.material.name in blocks or any(piece in body for body in of_labels)
-    ]
-    if len(moving) == len(pieces):
+    chosen = [body for body, of_body in zip(bodies, numbers, strict=True) if set(labels) & set(of_body)]
+    if len(chosen) == len(bodies):
         notes.say("mover everything", candidates=_candidates(bodies))
         return []
-    return moving
+    return [piece for body in chosen for piece in body]
 
 
 def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
@@ -153,25 +130,17 @@ def _say(moving: Body, reason: str, bodies: Sequence[Body], notes: Notes) -> Non
     alternatives = [body for body in bodies if body is not moving]
     names = " and ".join(piece.place for piece in moving)
     key = "mover chosen" if any(not _wound(body) or _wound(moving) for body in alternatives) else "mover"
-    options = " or ".join(option_for(body, [moving, *alternatives]) for body in alternatives)
+    options = " or ".join(map(option_for, alternatives))
     notes.say(key, names=names, reason=reason, options=options)
 
 
-def option_for(body: Body, bodies: Sequence[Body]) -> str:
+def option_for(body: Body) -> str:
     """The option that names a body and no other."""
-    rest = _rest(body, bodies)
-    groups, names = {piece.group for piece in body}, {piece.material.name for piece in body}
-    if len(groups) == 1 and 0 not in groups and not groups & {piece.group for piece in rest}:
-        return f"--moving-group {groups.pop()}"
-    if len(names) == 1 and not names & {piece.material.name for piece in rest}:
-        return f"--moving-block {shlex.quote(names.pop())}"
     return f"--moving-label {min(label.number for piece in body for label in piece.labels)}"
 
 
 def _candidates(bodies: Sequence[Body]) -> str:
-    return "".join(
-        f"\n    {option_for(body, bodies)} for {' with '.join(piece.place for piece in body)}" for body in bodies
-    )
+    return "".join(f"\n    {option_for(body)} for {' with '.join(piece.place for piece in body)}" for body in bodies)
 
 
 def _rest(body: Body, bodies: Sequence[Body]) -> Body:

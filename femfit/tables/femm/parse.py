@@ -123,41 +123,35 @@ class _Reader:
             decoded = content.decode("utf-8-sig")
         except UnicodeDecodeError:
             decoded = content.decode("latin-1")
-        lines, place = [line.strip() for line in decoded.splitlines()], 0
         entries: dict[str, list[Any]] = {}
-        while place < len(lines):
-            match = _KEY.match(lines[place])
-            place += 1
+        for section in filter(str.strip, re.split(r"(?m)^\s*(?=\[)", decoded)[1:]):
+            head, *body = [line.strip() for line in section.splitlines() if line.strip()]
+            match = _KEY.match(head)
             if match is None:
                 continue
             key, value = match[1].lower(), match[2].strip()
             if key == "solution":
                 break
-            if key in _PARTS:
-                entries[key], place = _rows(lines, place) if key.startswith("num") else self.blocks(lines, place)
-                self.check_count(match[1], value, len(entries[key]))
-            else:
+            if key not in _PARTS:
                 self.header[key] = value.strip('"').strip()
+                continue
+            if key.startswith("num"):
+                entries[key] = [_FIELD.findall(line) for line in body]
+            else:
+                blocks = re.split(r"(?i)<Begin\w+>", "\n".join(body))[1:]
+                entries[key] = [self.block(block.strip().splitlines()) for block in blocks]
+            self.check_count(match[1], value, len(entries[key]))
         return entries
 
-    def blocks(self, lines: list[str], place: int) -> tuple[list[dict[str, str]], int]:
-        """The blocks from a line on, and the line behind them; a curve has the lines of its points."""
-        blocks: list[dict[str, str]] = []
-        while place < len(lines) and (not lines[place] or lines[place].startswith("<")):
-            match = _PROPERTY.match(lines[place])
-            place += 1
-            if match is None:
-                continue
-            key, value = match[1].lower(), match[2].strip()
-            if key.startswith("begin"):
-                blocks.append({})
-            elif blocks and not key.startswith("end"):
-                blocks[-1][key] = value
-                if key == "bhpoints":
-                    curve, place = _rows(lines, place)
-                    blocks[-1][key] = "\n".join(map(" ".join, curve))
-                    self.check_count(f"BHPoints of block {blocks[-1].get('blockname', '')}", value, len(curve))
-        return blocks, place
+    def block(self, lines: list[str]) -> dict[str, str]:
+        """The values of a block by their keys; a curve's are the lines of its points."""
+        keys = (match for line in lines if (match := _PROPERTY.match(line)))
+        block = {match[1].lower(): match[2].strip() for match in keys}
+        if "bhpoints" in block:
+            curve = [line for line in lines if not line.startswith("<")]
+            self.check_count(f"BHPoints of block {block.get('blockname', '')}", block["bhpoints"], len(curve))
+            block["bhpoints"] = "\n".join(curve)
+        return block
 
     def check_count(self, what: str, value: str, count: int) -> None:
         """Whether as many rows follow as a line says."""
@@ -248,15 +242,6 @@ class _Reader:
 def _unquoted(text: str) -> str:
     """A quoted name without its quotes and without control characters."""
     return "".join(character for character in text.strip().strip('"') if character.isprintable())[:60]
-
-
-def _rows(lines: list[str], place: int) -> tuple[list[list[str]], int]:
-    rows = []
-    while place < len(lines) and not lines[place].startswith(("[", "<")):
-        if lines[place]:
-            rows.append(_FIELD.findall(lines[place]))
-        place += 1
-    return rows, place
 
 
 def parse_fem(content: bytes, source: str) -> FemModel:

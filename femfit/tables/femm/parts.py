@@ -2,15 +2,14 @@
 
 What surrounds the parts and is not needed: air, the shells of an open boundary, the boundary itself.
 
-The field solver's domain is open, so whatever a FEMM user drew to end theirs is dropped. It is said how it
-ended, since FEMM's own numbers contain that.
+The field solver's domain is open, so whatever a FEMM user drew to end theirs is dropped.
 
 The windings: regions of uniform current density, in series with each other or on their own.
 """
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import shapely
@@ -79,8 +78,7 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -
     for face in parts:
         if face.polygon.distance(rim) <= GRID:
             notes.say("surroundings rim", place=face.label.place)
-    boundaries = _check_boundaries(model, domain, notes)
-    _say(boundaries, domain, shells, parts, notes)
+    _check_boundaries(model, domain, notes)
     return parts
 
 
@@ -132,8 +130,8 @@ def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
     return shapely.union_all(outlines).difference(LineString([(0.0, z0 - 1.0), (0.0, z1 + 1.0)]))
 
 
-def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> Collection[FemBoundary]:
-    """The boundaries on the domain's lines, each of them checked."""
+def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> None:
+    """Report what cannot be left out of the boundaries on the domain's lines."""
     rim = _off_axis(domain)
     places: dict[FemBoundary, bool] = {}
     joined = False  # to the outside that a Kelvin transformation draws
@@ -154,31 +152,6 @@ def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> Collect
         }
         for fault in [name for name, wrong in faults.items() if wrong][:1]:
             notes.say(f"boundary {fault}", name=boundary.name, kind=boundary.kind)
-    return places
-
-
-def _say(
-    boundaries: Collection[FemBoundary],
-    domain: Polygon,
-    shells: Sequence[FemFace],
-    parts: Sequence[FemFace],
-    notes: Notes,
-) -> None:
-    kinds = {boundary.kind for boundary in boundaries}
-    if kinds & _PERIODIC:
-        return
-    if shells:
-        names = sorted({face.label.material.name for face in shells})
-        notes.say("open-boundary", shells=len(shells), names=", ".join(names))
-    elif any(boundary.kind == _DUAL_IMAGE or (boundary.kind == 2 and boundary.c0) for boundary in boundaries):
-        notes.say("mixed-boundary")
-    else:
-        nearest = min((face.polygon.distance(_off_axis(domain)) for face in parts), default=0.0)
-        notes.say("near-boundary", size=nearest, wall="A = 0" if 0 in kinds else "natural (no condition)")
-
-
-DENSITY_TOLERANCE = 1e-3
-"""Relative difference of the turns per area of two blocks that touch which still counts as one winding."""
 
 
 @dataclass(frozen=True)
@@ -201,16 +174,16 @@ class FemWinding:
         return 1.0 if self.coils[0].turns > 0 else -1.0
 
 
-def find_windings(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> tuple[FemWinding, ...]:
+def find_windings(faces: Sequence[FemFace], notes: Notes) -> tuple[FemWinding, ...]:
     """The windings among the faces in the file's order; none for a model without current."""
     before = len(notes.problems)
-    chosen = _chosen(faces, names, notes)
+    chosen = _chosen(faces, notes)
     windings = []
     for circuit in chosen:
         blocks = [face for face in faces if face.label.circuit == circuit]
         _check(blocks, circuit, notes)
         if len(notes.problems) == before:
-            windings.append(FemWinding(circuit, _coils([(b, b.label.turns / b.polygon.area) for b in blocks])))
+            windings.append(FemWinding(circuit, _coils(blocks)))
     for face in faces:
         if face.label.material.current_density:
             notes.say("circuit density", place=face.label.place)
@@ -229,46 +202,22 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
             notes.say("circuit turns", **facts)
 
 
-def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> list[FemCircuit]:
-    """The circuits that are taken: those that the user names, else those with current, all of coils alone."""
+def _chosen(faces: Sequence[FemFace], notes: Notes) -> list[FemCircuit]:
+    """The circuits that are taken: those with current where there are such, all of coils alone."""
     circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
-    materials = [face.label.material for face in faces]
-    if not names:
-        live = [circuit for circuit in circuits if circuit.current_A]
-        coils_alone = not any(material.magnetic for material in materials)  # which feel no force but each other's
-        taken = live if live and not coils_alone else circuits
-    else:
-        taken = [circuit for circuit in circuits if circuit.name in names]
-        unknown = [repr(name) for name in names if name not in {circuit.name for circuit in circuits}]
-        if unknown:
-            listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in circuits) or "none"
-            notes.say("circuit unknown", names=" or ".join(unknown), circuits=listed)
-    omitted = [circuit for circuit in circuits if circuit not in taken]
-    if omitted and taken:
-        listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in omitted)
-        notes.say("left-circuits", circuits=listed)
-    return taken
+    coils_alone = not any(face.label.material.magnetic for face in faces)  # which feel no force but each other's
+    live = [circuit for circuit in circuits if circuit.current_A]
+    if coils_alone or not live:
+        return circuits
+    if len(live) < len(circuits):
+        notes.say("left-circuits", circuits=", ".join(repr(c.name) for c in circuits if not c.current_A))
+    return live
 
 
-def _coils(blocks: Sequence[tuple[FemFace, float]]) -> tuple[FemCoil, ...]:
-    """Coils of faces with their turns per area: blocks that touch and are wound alike are one."""
-    kinds: list[tuple[float, list[FemFace]]] = []
-    for face, density in blocks:
-        alike = (group for value, group in kinds if abs(density - value) <= DENSITY_TOLERANCE * abs(value))
-        group = next(alike, None)
-        if group is None:
-            kinds.append((density, [face]))
-        else:
-            group.append(face)
-    coils = []
-    for _, faces in kinds:
-        densities = {id(face): density for face, density in blocks}
-        for section, joined in connected_faces(faces):
-            turns = sum(densities[id(face)] * face.polygon.area for face in joined)
-            labels = tuple(face.label for face in joined)
-            material = labels[0].material
-            coils += [
-                FemCoil(polygon, material, labels, turns * polygon.area / section.area)
-                for polygon in without_holes(section)
-            ]
-    return tuple(sorted(coils, key=lambda coil: coil.labels[0].number))
+def _coils(blocks: Sequence[FemFace]) -> tuple[FemCoil, ...]:
+    """A coil a block, or several where it is wound around something."""
+    return tuple(
+        FemCoil(polygon, block.label.material, (block.label,), block.label.turns * polygon.area / block.polygon.area)
+        for block in sorted(blocks, key=lambda block: block.label.number)
+        for polygon in without_holes(block.polygon)
+    )

@@ -9,9 +9,7 @@ from femfit.core.errors import FemFileError
 from femfit.core.results import Finding
 from femfit.device.keys import scaled
 from femfit.device.load import actuator_from_toml
-from femfit.device.parameters import axis_values
 from femfit.device.parts import Actuator
-from femfit.device.schema import MAX_AXIS_POINTS, RangeEntry
 from femfit.tables.femm.faces import find_faces
 from femfit.tables.femm.frame import FemDevice, FemFrame, find_frame, find_wire
 from femfit.tables.femm.model import FemModel, FemOptions, Notes, check_limits, in_terms_of_femfit
@@ -19,32 +17,6 @@ from femfit.tables.femm.movers import FemBodies, divide
 from femfit.tables.femm.parse import parse_fem
 from femfit.tables.femm.parts import FemWinding, drop_surroundings, find_windings, merge_parts
 from femfit.tables.femm.toml import actuator_toml
-
-LARGEST_VALUE = 1e5
-"""Of a distance in mm or a current in A, as in actuator files."""
-
-
-def axis_option(text: str | None, option: str) -> tuple[float, ...]:
-    """The values of an axis as typed: ``start:stop:step`` with both ends, or numbers separated by commas."""
-    if text is None:
-        return ()
-    try:
-        numbers = [float(word) for word in text.replace(":", ",").split(",")]
-    except ValueError:
-        numbers = []
-    stepped = text.count(":") == 2 and "," not in text and len(numbers) == 3
-    usable = numbers and all(abs(number) <= LARGEST_VALUE for number in numbers) and (":" not in text or stepped)
-    if not usable or len(numbers) > MAX_AXIS_POINTS or (stepped and numbers[2] <= 0):
-        raise FemFileError(
-            f"a model with {option} {text[:40]!r}",
-            [f"{option} must be start:stop:step with a positive step, or numbers separated by commas."],
-        )
-    problems: list[str] = []
-    axis = RangeEntry(start=numbers[0], stop=numbers[1], step=numbers[2]) if stepped else sorted(set(numbers))
-    values = axis_values(axis, option, problems)
-    if problems:
-        raise FemFileError(f"a model with {option} {text[:40]!r}", problems)
-    return values
 
 
 @dataclass(frozen=True)
@@ -108,21 +80,13 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
         raise FemFileError(source, notes.problems)
     windings, bodies = divided
     frame = find_frame(bodies, windings, options, notes)
-    wires = {id(coil): find_wire(coil, options, notes) for winding in windings for coil in winding.coils}
-    name = options.name
-    if not name:
-        stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(source).stem).strip("-_")[:60]
-        name = stem if re.match(r"[A-Za-z]", stem) else f"fem-{stem}".rstrip("-")
-    device = FemDevice(name, model, bodies, windings, wires, frame, options)
+    wires = {id(coil): find_wire(coil, notes) for winding in windings for coil in winding.coils}
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(source).stem).strip("-_")[:60]
+    name = stem if re.match(r"[A-Za-z]", stem) else f"fem-{stem}".rstrip("-")
+    device = FemDevice(name, model, bodies, windings, wires, frame)
     text = actuator_toml(device)
-    for material in dict.fromkeys(part.material for part in (*bodies.fixed, *bodies.moving)):
-        dropped = len(material.curve) - len(material.rising_curve)
-        if dropped:
-            notes.say("curve-end", name=material.name, dropped=dropped, points=len(material.curve))
-    if not (options.distances_mm or options.currents_A):
-        notes.say("one-point")
-    if options.mass_g is None:
-        notes.say("assumed-mass")
+    notes.say("one-point")
+    notes.say("assumed-mass")
     return ImportedFem(
         source=source,
         toml=text,
@@ -138,16 +102,14 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
 def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[FemWinding, ...], FemBodies] | None:
     """The windings and what moves; None where the drawing does not say it."""
     before = len(notes.problems)
-    faces = find_faces(model, options.arc_degrees, notes)
+    faces = find_faces(model, notes)
     if len(notes.problems) > before:
         return None  # what the missing faces touch is not known
     inside = drop_surroundings(model, faces, notes)
     if inside is None:
         return None
-    windings = find_windings(inside, options.circuits, notes)
+    windings = find_windings(inside, notes)
     coils = [coil for winding in windings for coil in winding.coils]
-    if len(coils) > 1 and options.resistance_ohm is not None:
-        notes.say("circuit resistance", coils=len(coils))
     if len(notes.problems) > before:
         return None
     parts = merge_parts([face for face in inside if face.label.material.magnetic])

@@ -6,10 +6,8 @@
 import json
 import re
 from collections.abc import Iterator, Sequence
-from decimal import Decimal
 from functools import partial
 from importlib.resources import files
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 from jinja2 import StrictUndefined, Template
@@ -49,16 +47,6 @@ def number(value: float, digits: int = 12) -> str:
     return str(int(rounded)) if rounded.is_integer() and abs(rounded) < 1e15 else repr(rounded)
 
 
-def axis(values: Sequence[float]) -> str:
-    """A grid as a range where it is one, else as a list."""
-    exact = [Decimal(repr(float(value))) for value in values]
-    steps = {after - before for before, after in pairwise(exact)}
-    if len(values) > 3 and len(steps) == 1:
-        start, stop, step = (number(value, EXACT) for value in (values[0], values[-1], float(steps.pop())))
-        return f"{{ start = {start}, stop = {stop}, step = {step} }}"
-    return f"[{', '.join(number(value, EXACT) for value in values)}]"
-
-
 def free_name(name: str, taken: set[str]) -> str:
     """A region's name from a block's: letters, digits, - and _, beginning with a letter, not yet taken."""
     stem = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:50]
@@ -89,7 +77,7 @@ def corners(outline: Sequence[Edge]) -> list[str]:
 
 def curve(material: FemMaterial) -> list[tuple[str, list[str]]]:
     """The keys of a magnetisation curve with their numbers."""
-    columns = zip(*material.rising_curve, strict=True)
+    columns = zip(*material.curve, strict=True)
     return [
         (key, [number(value, EXACT) for value in values])
         for key, values in zip(("B_T", "H_A_per_m"), columns, strict=True)
@@ -131,7 +119,7 @@ def _facts(device: FemDevice) -> dict[str, Any]:
         ]
         for winding in device.windings
     }
-    axes = [axis(device.currents(winding)) for winding in device.windings]
+    axes = [f"[{number(device.frame.current(winding), EXACT)}]" for winding in device.windings]
     pairs = (f"{name} = {values}" for name, values in zip(circuits, axes, strict=True))
     return {
         "device": device,
@@ -146,7 +134,7 @@ def _facts(device: FemDevice) -> dict[str, Any]:
         "mass": _mass(device),
         "supply": _supply(device),
         "currents": axes[0] if len(axes) == 1 else f"{{ {', '.join(pairs)} }}" if axes else "",
-        "distances": axis(device.distances_mm),
+        "distances": f"[{number(device.frame.distance_mm, EXACT)}]",
     }
 
 
@@ -165,9 +153,7 @@ def _regions(
 
 def _mass(device: FemDevice) -> str:
     """The moving part's mass in g, and where it is from."""
-    options, bodies = device.options, device.bodies
-    if options.mass_g is not None:
-        return number(options.mass_g)
+    bodies = device.bodies
     weights = [
         (MAGNET_DENSITY if part.direction else STEEL_DENSITY, volume_mm3(part.polygon) * 1e-3)
         for part in bodies.moving
@@ -186,6 +172,6 @@ def _supply(device: FemDevice) -> tuple[float, float] | None:
     bounds, resistances = [0.0], []
     for winding in device.windings:
         resistances.append(sum(device.wires[id(coil)].resistance_ohm for coil in winding.coils))
-        bounds += [resistances[-1] * current for current in device.currents(winding)]
+        bounds.append(resistances[-1] * device.frame.current(winding))
     low, high = min(bounds), max(bounds)
     return low, high if high > low else max(resistances)

@@ -1,16 +1,13 @@
 """Windings, magnets and iron that are not as drawn: the fields of changed drawings, solved."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
-from femfit.device.parts import Actuator, LinearMaterial, Region
+from femfit.device.parts import LinearMaterial
 from femfit.trial.field_table import HiddenError
 from femfit.trial.hidden import is_linear_iron, is_magnet, is_soft, saturable_core, scaled_magnets
-from support.trial.truth import FIELD, Drawings, Truth, always
+from support.trial.truth import FIELD, always, needing, needing_magnet, of_family
 
 _STEP = 0.1
 """Relative change of a magnet, or part of a winding, that is solved."""
@@ -18,15 +15,9 @@ _STEP = 0.1
 _FERRITE_T = 0.5
 
 
-def lost_turns(where: Literal["everywhere", "outside", "end"]) -> Truth:
-    """Turns that are missing all over the winding, in its outer layers or at its end, with the length of their wire."""
+def lost_turns(where):
+    """Turns that are missing ``everywhere``, in the ``outside`` layers or at the ``end``, with their wire's length."""
     family = f"turns-{where}"
-
-    def resisted(actuator, size):
-        r, _ = np.array(actuator.coil.vertices_m).T
-        mean = 0.5 * (r.min() + r.max())
-        shorter = mean - 0.5 * size * np.ptp(r) if where == "outside" else mean
-        return float((1.0 - size) * shorter / mean - 1.0)
 
     def fields(device, size, settings):
         if where == "everywhere":
@@ -34,79 +25,61 @@ def lost_turns(where: Literal["everywhere", "outside", "end"]) -> Truth:
         return device.change(family, abs(size), settings)
 
     def reading(device, size, settings, values):
-        change = device.actuator.coil.resistance_ohm * resisted(device.actuator, abs(size))
+        r, _ = np.array(device.actuator.coil.vertices_m).T
+        mean = 0.5 * (r.min() + r.max())
+        shorter = mean - 0.5 * abs(size) * np.ptp(r) * (where == "outside")
+        change = device.actuator.coil.resistance_ohm * ((1.0 - abs(size)) * shorter / mean - 1.0)
         return {"voltage_V": values["voltage_V"] + change * settings.current}
 
-    def drawings(actuator):
-        if where == "everywhere":
-            return {}
-        return {family: {p: _shorter(actuator, p, where) for p in (0.5 * _STEP, _STEP)}}
-
-    def lacks(actuator):
-        rectangular = where == "everywhere" or is_rectangle(actuator.coil.vertices_m)
-        return "" if rectangular else "no winding drawn as a rectangle"
-
     error = HiddenError(lambda device: 0.12, ("flux_linkage_Wb", "voltage_V"), fields=fields, reading=reading)
-    return always(error, lacks=lacks, families=drawings)
+    if where == "everywhere":
+        return always(error)
+    lacks = needing("winding drawn as a rectangle", lambda drawn: is_rectangle(drawn.coil.vertices_m))
+    parts = 0.5 * _STEP, _STEP
+    return always(error, lacks=lacks, families=lambda drawn: {family: {p: _shorter(drawn, p, where) for p in parts}})
 
 
-def _shorter(actuator: Actuator, lost: float, where: str) -> Actuator:
+def _shorter(actuator, lost, where):
     r, z = np.array(actuator.coil.vertices_m).T
     outer = r.max() - (lost * np.ptp(r) if where == "outside" else 0.0)
     top = z.max() - (lost * np.ptp(z) if where == "end" else 0.0)
     vertices = ((r.min(), z.min()), (outer, z.min()), (outer, top), (r.min(), top))
-    coil = replace(actuator.coil, vertices_m=vertices, turns=(1.0 - lost) * actuator.coil.turns)
-    return replace(actuator, coils=(coil,))
-
-
-def weaker_magnets(how: Literal["scaled", "grade", "shell"]) -> Truth:
-    """Magnets with another remanence: throughout, with the permeability of another grade, or in their outer half."""
-    return always(
-        HiddenError(
-            lambda device: 0.2,
-            FIELD,
-            fields=lambda device, size, settings: device.change(f"remanence-{how}", size, settings),
-            names=("remanence", "magnet_demagnetisation") if how == "shell" else ("remanence",),
-        ),
-        lacks=lambda drawn: "" if any(map(is_magnet, drawn.regions)) else "no magnet",
-        families=lambda drawn: remanence_drawings(drawn, how),
+    return replace(
+        actuator, coils=(replace(actuator.coil, vertices_m=vertices, turns=(1.0 - lost) * actuator.coil.turns),)
     )
 
 
-def remanence_drawings(actuator: Actuator, how: str) -> Drawings:
-    """The drawings of :func:`weaker_magnets`."""
-    change = {"scaled": scaled_magnets, "grade": _other_grade, "shell": _weaker_shell}[how]
-    return {f"remanence-{how}": {p: change(actuator, p) for p in (-_STEP, _STEP)}}
+def weaker_magnets(how):
+    """Magnets with another remanence: ``scaled``, with the permeability of another ``grade``, or in their ``shell``."""
+    names = ("remanence", "magnet_demagnetisation") if how == "shell" else ("remanence",)
+    error = of_family(f"remanence-{how}", 0.2, one_way=False, names=names)
+    return always(error, lacks=needing_magnet, families=lambda drawn: remanence_drawings(drawn, how))
 
 
-def _other_grade(actuator: Actuator, change: float) -> Actuator:
-    """Stronger magnets recoil along a flatter line: mu_r falls by a fifth of what the remanence gains."""
-    return _with_magnets(actuator, lambda magnet: (_material(magnet, 1.0 + change, 1.0 - 0.2 * change),))
+def remanence_drawings(actuator, how):
+    """The drawings of :func:`weaker_magnets`; stronger magnets of another grade recoil along a flatter line."""
+
+    def grade(drawn, change):
+        return _with_magnets(drawn, lambda magnet: (_material(magnet, 1.0 + change, 1.0 - 0.2 * change),))
+
+    def shell(drawn, change):
+        return _with_magnets(drawn, lambda magnet: _in_two(magnet, 0.5, (1.0, 1.0 + change)))
+
+    make = {"scaled": scaled_magnets, "grade": grade, "shell": shell}[how]
+    return {f"remanence-{how}": {p: make(actuator, p) for p in (-_STEP, _STEP)}}
 
 
-def _weaker_shell(actuator: Actuator, change: float) -> Actuator:
-    """The outer half of each rectangular magnet's section changed, all of any other."""
-
-    def split(magnet):
-        if not is_rectangle(magnet.vertices_m):
-            return (_material(magnet, 1.0 + change),)
-        r, _ = np.array(magnet.vertices_m).T
-        return _cut(magnet, 0, float(np.sqrt(0.5 * (r.min() ** 2 + r.max() ** 2))), (1.0, 1.0 + change))
-
-    return _with_magnets(actuator, split)
-
-
-def demagnetised(where: Literal["face", "back", "rim"]) -> Truth:
-    """Magnets that were partly demagnetised: the third next to the gap, the one far from it, or their outer third."""
+def demagnetised(where):
+    """Magnets that were partly demagnetised: a third at the ``face`` to the gap, at the ``back``, or at the ``rim``."""
     family = f"demagnetised-{where}"
 
     def weakened(actuator, change):
         moving = set(map(id, actuator.moving.regions))
 
         def split(magnet):
-            r, z = np.array(magnet.vertices_m).T
             if where == "rim":
-                return _cut(magnet, 0, float(np.sqrt((r.min() ** 2 + 2.0 * r.max() ** 2) / 3.0)), (1.0, 1.0 - change))
+                return _in_two(magnet, 2.0 / 3.0, (1.0, 1.0 - change))
+            _, z = np.array(magnet.vertices_m).T
             third = np.ptp(z) / 3.0
             if (id(magnet) in moving) == (where == "face"):
                 return _cut(magnet, 1, z.min() + third, (1.0 - change, 1.0))
@@ -114,43 +87,28 @@ def demagnetised(where: Literal["face", "back", "rim"]) -> Truth:
 
         return _with_magnets(actuator, split)
 
-    def lacks(actuator):
-        magnets = list(filter(is_magnet, (*actuator.fixed, *actuator.moving.regions)))
-        drawn = magnets and all(is_rectangle(magnet.vertices_m) for magnet in magnets)
-        return "" if drawn else "no magnet drawn as a rectangle"
+    def drawn_as_rectangles(drawn):
+        magnets = list(filter(is_magnet, drawn.regions))
+        return magnets and all(is_rectangle(magnet.vertices_m) for magnet in magnets)
 
     return always(
-        HiddenError(
-            lambda device: 1.0,
-            FIELD,
-            fields=lambda device, size, settings: device.change(family, abs(size), settings),
-            names=("magnet_demagnetisation", "remanence"),
-        ),
-        lacks=lacks,
+        of_family(family, 1.0, names=("magnet_demagnetisation", "remanence")),
+        lacks=needing("magnet drawn as a rectangle", drawn_as_rectangles),
         families=lambda drawn: {family: {p: weakened(drawn, p) for p in (0.5, 1.0)}},
     )
 
 
-def saturating(name: str, law: Callable[[FloatArray], FloatArray]) -> Truth:
+def saturating(name, law):
     """Iron that is drawn without a curve and saturates by a law J / J_s of chi mu_0 H / J_s."""
     family = f"saturation-{name}"
-
-    def lacks(actuator):
-        regions = (*actuator.fixed, *actuator.moving.regions)
-        return "" if any(map(is_linear_iron, regions)) else "no iron without a B-H curve"
-
     return always(
-        HiddenError(
-            lambda device: 2.0,
-            FIELD[:2],
-            fields=lambda device, size, settings: device.change(family, abs(size), settings),
-        ),
-        lacks=lacks,
+        of_family(family, 2.0, FIELD[:2]),
+        lacks=needing("iron without a B-H curve", lambda drawn: any(map(is_linear_iron, drawn.regions))),
         families=lambda drawn: {family: {1.0: saturable_core(drawn, _FERRITE_T, law)}},
     )
 
 
-def outer_field() -> Truth:
+def outer_field():
     """A uniform field along the axis: on the Hall element, in linear iron, through the winding.
 
     Soft iron in an outer field B_0 is magnetised as if it had the remanence (mu_r - 1) B_0.
@@ -176,44 +134,47 @@ def outer_field() -> Truth:
     )
 
 
-def magnetised_iron(actuator: Actuator, remanence: float, way: Callable[[Region], float]) -> Actuator:
+def magnetised_iron(actuator, remanence, way):
     """The fixed soft parts with a remanence in T along the axis, the way that each has it."""
 
     def magnetised(region):
         if not is_soft(region):
             return region
-        return replace(
-            region, material=LinearMaterial("core", region.material.relative_permeability, way(region) * remanence)
-        )
+        material = LinearMaterial("core", region.material.relative_permeability, way(region) * remanence)
+        return replace(region, material=material)
 
     return replace(actuator, fixed=tuple(map(magnetised, actuator.fixed)))
 
 
-def _cut(region: Region, axis: int, place: float, factors: tuple[float, float]) -> tuple[Region, ...]:
+def _in_two(magnet, share, factors):
+    """A magnet whose inner share of the section's area, and the rest, have factors of their own; all the last one's
+    where it is no rectangle."""
+    if not is_rectangle(magnet.vertices_m):
+        return (_material(magnet, factors[1]),)
+    r, _ = np.array(magnet.vertices_m).T
+    return _cut(magnet, 0, float(np.sqrt((1.0 - share) * r.min() ** 2 + share * r.max() ** 2)), factors)
+
+
+def _cut(region, axis, place, factors):
     """A rectangle cut across r (axis 0) or z (1); remanences of the part below and of the one above, relative."""
-    corners = np.array(region.vertices_m)
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low, high = np.min(region.vertices_m, axis=0), np.max(region.vertices_m, axis=0)
+    middle = np.where(np.arange(2) == axis, place, (low, high))
     parts = []
-    for name, factor in zip(("low", "high"), factors, strict=True):
-        begin, end = low.copy(), high.copy()
-        (end if name == "low" else begin)[axis] = place
-        (a, b), (c, d) = begin, end
+    for name, (a, b), (c, d), factor in zip(("low", "high"), (low, middle[0]), (middle[1], high), factors, strict=True):
         piece = replace(region, name=f"{region.name}_{name}", vertices_m=((a, b), (c, b), (c, d), (a, d)))
         parts.append(_material(piece, factor))
     return tuple(parts)
 
 
-def _material(magnet: Region, remanence: float, permeability: float = 1.0) -> Region:
+def _material(magnet, remanence, permeability=1.0):
     """A magnet with factors on its remanence and permeability."""
     material = magnet.material
-    if not isinstance(material, LinearMaterial):
-        return magnet
     mu = max(1.0, permeability * material.relative_permeability)
     changed = replace(material, remanence_T=remanence * material.remanence_T, relative_permeability=mu)
     return replace(magnet, material=changed)
 
 
-def _with_magnets(actuator: Actuator, change: Callable[[Region], tuple[Region, ...]]) -> Actuator:
+def _with_magnets(actuator, change):
     def changed(regions):
         return tuple(part for region in regions for part in (change(region) if is_magnet(region) else (region,)))
 
@@ -221,7 +182,7 @@ def _with_magnets(actuator: Actuator, change: Callable[[Region], tuple[Region, .
     return replace(actuator, fixed=changed(actuator.fixed), moving=moving)
 
 
-def is_rectangle(vertices: tuple[tuple[float, float], ...]) -> bool:
+def is_rectangle(vertices):
     """Whether an outline is a rectangle along r and z."""
     r, z = np.array(vertices).T
     on_edges = np.isin(r, [r.min(), r.max()]) & np.isin(z, [z.min(), z.max()])

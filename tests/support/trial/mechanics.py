@@ -1,15 +1,15 @@
 """Stops, springs, friction and screws: forces and places of which the field knows nothing."""
 
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
 from femfit.trial.field_table import HiddenError
-from support.trial.truth import Bend, Truth, always, bent, moved, of_force, of_reading, place
+from support.trial.truth import Truth, always, bent, needing, of_force, of_reading, place
 
 
-def stop(law: Literal["ball", "flat", "rubber"]) -> Truth:
-    """Contact before the end: a round stop by Hertz (power 3/2), a flat one, or rubber that hardens, at the far end."""
+def stop(law):
+    """Contact before the end: a round ``ball`` by Hertz (power 3/2), a ``flat`` stop, or ``rubber`` at the far end."""
 
     def build(device, rng):
         low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
@@ -25,8 +25,8 @@ def stop(law: Literal["ball", "flat", "rubber"]) -> Truth:
     return Truth(build)
 
 
-def spring(law: Literal["straight", "conical", "pretensioned"]) -> Truth:
-    """A spring that the drawing does not have: on a line, stiffer as it closes, or bearing from a length on alone."""
+def spring(law):
+    """A spring that is not drawn: ``straight``, ``conical`` and stiffer as it closes, or ``pretensioned``."""
 
     def build(device, rng):
         preload, free = (float(x) for x in rng.uniform([0.0, 0.6], [0.5, 0.9]))
@@ -35,31 +35,29 @@ def spring(law: Literal["straight", "conical", "pretensioned"]) -> Truth:
             closed = 0.5 * (1.0 - place(device, settings))
             if law == "pretensioned":
                 return -np.where(closed > 1.0 - free, closed - (1.0 - free) + preload, 0.0)
-            return -(preload + closed * (1.0 + (0.2 * closed if law == "conical" else 0.0)))
+            return -(preload + closed * (1.0 + 0.2 * closed * (law == "conical")))
 
         return of_reading("force_N", of_force(0.5), pull, one_way=True)
 
     return Truth(build)
 
 
-def carried_spring(bend: Bend) -> Truth:
+def carried_spring(bend):
     """A load cell that holds the body and so carries the drawn spring, which is not quite as drawn."""
 
     def pull(device, settings, _):
         push = np.asarray(device.actuator.mechanics.push_of_springs(settings.distance))
         return -push * bent(place(device, settings), bend)
 
-    def lacks(actuator):
-        return "" if actuator.mechanics.springs else "no spring"
-
+    lacks = needing("spring", lambda drawn: drawn.mechanics.springs)
     return always(of_reading("force_N", 1.5, pull, one_way=True), lacks=lacks)
 
 
-def friction(law: Literal["coulomb", "stribeck", "lugre"]) -> Truth:
+def friction(law):
     """Friction in the load cell's linkage, against the change of the force; no catalogue has it for a bench.
 
-    The linkage gives way in proportion to the force. Dry friction turns with the direction; Stribeck's falls from its
-    breakaway value as the steps grow; bristles (LuGre) bend first: df = (1 - f sign(dx) / g) dx / x_0.
+    The linkage gives way in proportion to the force. Dry friction (``coulomb``) turns with the direction; Stribeck's
+    falls from its breakaway value as the steps grow; bristles (LuGre) bend first: df = (1 - f sign(dx) / g) dx / x_0.
 
     References
     ----------
@@ -89,8 +87,8 @@ def friction(law: Literal["coulomb", "stribeck", "lugre"]) -> Truth:
     return Truth(build, "unseen")
 
 
-def screw(law: Literal["sine", "saw", "two gears"]) -> Truth:
-    """A leadscrew whose error comes back with every turn: no catalogue has it."""
+def screw(law):
+    """A leadscrew whose error comes back with every turn, as a ``sine``, a ``saw`` or of ``two gears``: unseen."""
 
     def build(device, rng):
         low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
@@ -99,9 +97,9 @@ def screw(law: Literal["sine", "saw", "two gears"]) -> Truth:
 
         def setting(_, size, settings):
             x = turns * (settings.distance - low) / (high - low) + phase
-            second = 0.5 * np.sin(2.0 * np.pi * 2.4 * x) if law == "two gears" else 0.0
+            second = 0.5 * np.sin(2.0 * np.pi * 2.4 * x) * (law == "two gears")
             wave = 2.0 * (x % 1.0) - 1.0 if law == "saw" else np.sin(2.0 * np.pi * x) + second
-            return moved(settings, size * wave)
+            return replace(settings, distance=settings.distance + size * wave)
 
         return HiddenError(lambda device: 0.5 * device.largest_shift, ("force_N",), setting=setting, names=())
 

@@ -1,24 +1,22 @@
-"""Meters, stages, elements and thermometers that are wrong: zeros, scales, drifts, limits and warmth."""
+"""Meters, stages, elements and thermometers that are wrong: zeros, scales, drifts, limits and warmth.
 
-from collections.abc import Mapping
-from typing import Literal
+Warmth acts as the ``thermometer`` says, more ``hot inside``, or ``late``.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
 from femfit.device.parts import REFERENCE_TEMPERATURE
-from femfit.trial.field_table import Conditions, HiddenError
-from femfit.trial.hidden import is_magnet
+from femfit.trial.field_table import HiddenError
 from support.trial.truth import (
     BY_CURRENT,
     FIELD,
-    Bend,
     Truth,
     always,
     bent,
-    driven,
-    moved,
-    no_hall,
+    needing_hall,
+    needing_magnet,
     of_force,
     of_reading,
     place,
@@ -27,10 +25,8 @@ from support.trial.truth import (
 COPPER_ZERO = -234.5
 """Temperature at which copper's resistance, drawn on linearly, would be zero: IEC 60028."""
 
-Warmth = Literal["thermometer", "hot inside", "late"]
 
-
-def meter_errors(bend: Bend) -> Mapping[str, Truth]:
+def meter_errors(bend):
     """Every zero and scale of stage and meters, each with a bend that its definition does not have."""
 
     def current(device, settings):
@@ -40,32 +36,34 @@ def meter_errors(bend: Bend) -> Mapping[str, Truth]:
         """A channel with an error of a weight of its signal and the settings, bent along the signal or otherwise."""
 
         def form(device, settings, values):
-            signal = values[channel] - (_zero(device) if channel == "hall_V" else 0.0)
+            signal = _signal(device, values) if channel == "hall_V" else values[channel]
             x = along(device, settings) if along else signal / (float(np.abs(signal).max()) or 1.0)
             return weight(signal, settings) * bent(x, bend)
 
-        return always(of_reading(channel, limit, form), lacks=no_hall if channel == "hall_V" else lambda _: "")
+        error = of_reading(channel, limit, form)
+        return always(error, lacks=needing_hall) if channel == "hall_V" else always(error)
 
-    def setting(move, channels, limit, weight, along):
+    def setting(name, channels, limit, weight, along):
         """Settings that differ by a weight of them, bent along distance or current."""
 
         def change(device, size, settings):
-            return move(settings, size * weight(settings) * bent(along(device, settings), bend))
+            shift = size * weight(getattr(settings, name)) * bent(along(device, settings), bend)
+            return replace(settings, **{name: getattr(settings, name) + shift})
 
         return always(HiddenError(limit, channels, setting=change))
 
-    def one(*settings):
+    def one(*_):
         return 1.0
 
-    def itself(signal, _):
+    def itself(signal, *_):
         return signal
 
     force = ("force_N",)
     return {
-        "distance_offset": setting(moved, force, lambda device: device.largest_shift, one, place),
-        "distance_scale": setting(moved, force, lambda _: 0.027, lambda settings: settings.distance, place),
-        "current_offset": setting(driven, BY_CURRENT, lambda device: 0.018 * device.largest_current, one, current),
-        "current_gain": setting(driven, BY_CURRENT, lambda _: 0.018, lambda settings: settings.current, current),
+        "distance_offset": setting("distance", force, lambda device: device.largest_shift, one, place),
+        "distance_scale": setting("distance", force, lambda _: 0.027, itself, place),
+        "current_offset": setting("current", BY_CURRENT, lambda device: 0.018 * device.largest_current, one, current),
+        "current_gain": setting("current", BY_CURRENT, lambda _: 0.018, itself, current),
         "force_offset": reading("force_N", one, of_force(0.3)),
         "constant_force": reading("force_N", one, of_force(0.3)),
         "force_gain": reading("force_N", itself, 0.2),
@@ -77,11 +75,12 @@ def meter_errors(bend: Bend) -> Mapping[str, Truth]:
     }
 
 
-def _zero(device) -> float:
-    return device.actuator.hall.quiescent_V if device.actuator.hall is not None else 0.0
+def _signal(device, values):
+    """The Hall element's output over its zero; without an element nobody asks for the latter."""
+    return values["hall_V"] - (device.actuator.hall.quiescent_V if device.actuator.hall is not None else 0.0)
 
 
-def hall_saturation(law: Literal["tanh", "power", "knee"]) -> Truth:
+def hall_saturation(law):
     """A Hall element's output that bends towards a limit 1 / size: soon, late, or from two thirds of it on."""
 
     def law_of(x):
@@ -93,14 +92,14 @@ def hall_saturation(law: Literal["tanh", "power", "knee"]) -> Truth:
         return np.sign(x) * (np.minimum(np.abs(x), 2.0 / 3.0) + np.tanh(3.0 * beyond) / 3.0)
 
     def reading(device, size, settings, values):
-        zero, room = _zero(device), 1.0 / max(abs(size), 1e-9)
-        return {"hall_V": zero + room * law_of((values["hall_V"] - zero) / room)}
+        signal, room = _signal(device, values), 1.0 / max(abs(size), 1e-9)
+        return {"hall_V": values["hall_V"] - signal + room * law_of(signal / room)}
 
-    return always(HiddenError(lambda device: 1.5, ("hall_V",), reading=reading), lacks=no_hall)
+    return always(HiddenError(lambda device: 1.5, ("hall_V",), reading=reading), lacks=needing_hall)
 
 
-def integrator(law: Literal["square", "no reset", "leaky"]) -> Truth:
-    """A fluxmeter that drifts: faster and faster in each run, over the campaign without a reset, or until it leaks."""
+def integrator(law):
+    """A fluxmeter that drifts: ``square`` in each run, over all of them with ``no reset``, or until it is ``leaky``."""
 
     def course(_, settings, __):
         if law == "no reset":
@@ -113,8 +112,8 @@ def integrator(law: Literal["square", "no reset", "leaky"]) -> Truth:
     return always(of_reading("flux_linkage_Wb", 1e-4, course))
 
 
-def drift(channel: Literal["force_N", "hall_V"], law: Literal["line", "settling", "walk"]) -> Truth:
-    """A zero that drifts over the campaign: on a line, until it has settled, or as a random walk beside that."""
+def drift(channel, law):
+    """A zero that drifts over the campaign: on a ``line``, until ``settling``, or as a random ``walk`` beside that."""
     hall = channel == "hall_V"
 
     def build(device, rng):
@@ -129,10 +128,10 @@ def drift(channel: Literal["force_N", "hall_V"], law: Literal["line", "settling"
         names = ("hall_drift",) if hall else ("force_drift", "force_offset", "constant_force")
         return of_reading(channel, 0.3 if hall else of_force(0.3), course, names=names)
 
-    return Truth(build, "catalogue", no_hall) if hall else Truth(build, "when")
+    return Truth(build, "catalogue", needing_hall) if hall else Truth(build, "when")
 
 
-def lagged(values: FloatArray, settings: Conditions, seconds: float) -> FloatArray:
+def lagged(values, settings, seconds):
     """A first-order lag behind values, which starts at the first one of each run."""
     result = values.copy()
     for k in range(1, len(values)):
@@ -142,7 +141,7 @@ def lagged(values: FloatArray, settings: Conditions, seconds: float) -> FloatArr
     return result
 
 
-def winding(law: Warmth) -> Truth:
+def winding(law):
     """Copper that warms, as much as its thermometer says, more inside, or before it."""
 
     def drop(device, settings, _):
@@ -155,7 +154,7 @@ def winding(law: Warmth) -> Truth:
     return always(of_reading("voltage_V", 1.3, drop, one_way=True))
 
 
-def magnets(family: str, drawings, law: Warmth) -> Truth:
+def magnets(family, drawings, law):
     """Magnets that weaken as they warm: a curve of neodymium, a line of ferrite, or neodymium behind its thermometer.
 
     The family holds the fields by the relative change of the remanence.
@@ -165,23 +164,17 @@ def magnets(family: str, drawings, law: Warmth) -> Truth:
         lag = float(rng.uniform(60.0, 300.0))
         slope, bend = {"thermometer": (-1.2e-3, -4e-6), "hot inside": (-2e-3, 0.0), "late": (-1.1e-3, -1e-6)}[law]
 
-        def weaker(settings):
+        def fields(device, size, settings):
             rise = settings.magnet_C - REFERENCE_TEMPERATURE
             rise = lagged(rise, settings, lag) if law == "late" else rise
-            return slope * rise + bend * rise**2
-
-        def fields(device, size, settings):
-            return device.change(family, abs(size) * weaker(settings), settings)
+            return device.change(family, abs(size) * (slope * rise + bend * rise**2), settings)
 
         return HiddenError(lambda device: 2.5, FIELD, fields=fields)
 
-    def lacks(drawn):
-        return "" if any(map(is_magnet, drawn.regions)) else "no magnet"
-
-    return Truth(build, lacks=lacks, families=drawings)
+    return Truth(build, lacks=needing_magnet, families=drawings)
 
 
-def hall_element(law: Warmth) -> Truth:
+def hall_element(law):
     """Zero and sensitivity of a Hall element, by the winding's temperature, the surroundings', or behind both."""
 
     def build(device, rng):
@@ -193,15 +186,15 @@ def hall_element(law: Warmth) -> Truth:
                 "hot inside": 0.6 * settings.coil_C + 0.4 * settings.magnet_C,
                 "late": lagged(settings.magnet_C, settings, lag),
             }[law]
-            return (temperature - REFERENCE_TEMPERATURE) * (1.0 + per_volt * (values["hall_V"] - _zero(device)))
+            return (temperature - REFERENCE_TEMPERATURE) * (1.0 + per_volt * _signal(device, values))
 
         return of_reading("hall_V", 2e-2, form)
 
-    return Truth(build, lacks=no_hall)
+    return Truth(build, lacks=needing_hall)
 
 
-def load_cell(law: Literal["zero", "span", "both"]) -> Truth:
-    """A load cell near the winding whose zero, or span, follows the winding's temperature late: no catalogue has it."""
+def load_cell(law):
+    """A load cell whose ``zero``, ``span`` or ``both`` follow the winding's temperature late: no catalogue has it."""
 
     def build(device, rng):
         lag = float(rng.uniform(100.0, 900.0))

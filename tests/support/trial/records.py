@@ -5,17 +5,14 @@ friction is rounded within 1 mm/s, sticking friction is a bristle that bends, an
 inductance, the freewheel diode keeps the current from turning round.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from scipy.interpolate import RectBivariateSpline
 
-from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import spring_force
-from femfit.device.parts import Actuator
-from femfit.model.actuator_model import ActuatorModel
 from support.one_current import flat
 
 STEP_S, SAMPLE_STEPS = 20e-6, 5
@@ -26,20 +23,21 @@ DIODE_V = 0.7
 DURATION_S, RUNS = 0.35, 2
 NOISE_A, NOISE_M = 3e-3, 4e-6
 
-CAUSES: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "solenoid": {
-        "stiffer_spring": ("spring_stiffness",),
-        "bent_position": ("position_nonlinearity",),
-        "weak_supply": ("supply_sag",),
+_BOTH = {
+    "stiffer_spring": ("spring_stiffness",),
+    "bent_position": ("position_nonlinearity",),
+    "weak_supply": ("supply_sag",),
+}
+CAUSES = {
+    "solenoid": _BOTH
+    | {
         "worn_stop": ("stop_position",),
         "eddy_path": ("eddy_current_lag",),
         "kinked_spring": (),
         "side_pull": ("side_pull_friction",),
     },
-    "voice-coil": {
-        "stiffer_spring": ("spring_stiffness",),
-        "bent_position": ("position_nonlinearity",),
-        "weak_supply": ("supply_sag",),
+    "voice-coil": _BOTH
+    | {
         "more_damping": ("viscous_friction",),
         "heavier": ("mass_error",),
         "sticking": ("coulomb_friction",),
@@ -55,8 +53,8 @@ class Physics:
     """What acts beside the field; ``push`` is along growing distance in N, ``drag`` against the velocity."""
 
     mass_kg: float
-    push: Callable[[float], float]
-    drag: Callable[[float, float], float]  # (velocity, magnetic force) -> N
+    push: Callable
+    drag: Callable  # (velocity, magnetic force) -> N
     ends_m: tuple[float, float]
     resistance_ohm: float  # Of winding and supply together
     one_sided: bool
@@ -65,20 +63,18 @@ class Physics:
     dead_zone_V: float = 0.0
 
 
-def record(
-    actuator: Actuator, model: ActuatorModel, cause: str, rng: np.random.Generator
-) -> tuple[pd.DataFrame, float]:
+def record(actuator, model, cause, rng):
     """Runs of two commands with white noise on current and distance, and the size of the cause, 1 in the middle."""
     size = float(rng.uniform(0.6, 1.4))
     physics, field = _changed(actuator, model, cause, size), Field(model)
-    mechanics = actuator.mechanics
+    mechanics, box = actuator.mechanics, model.validity
     start = mechanics.ends[1] if physics.one_sided else float(mechanics.springs[0].distance_m)
     runs = []
     for run in range(RUNS):
         rows = simulate(field, physics, _command(physics.one_sided, run, rng), start)
         if cause == "bent_position":  # a cubic characteristic: right at both ends and in the middle of the range
-            travel = model.validity.distance_max_m - model.validity.distance_min_m
-            x = 2.0 * (rows["distance_m"] - model.validity.distance_min_m) / travel - 1.0
+            travel = box.distance_max_m - box.distance_min_m
+            x = 2.0 * (rows["distance_m"] - box.distance_min_m) / travel - 1.0
             rows["distance_m"] += 0.02 * size * travel * (x**3 - x)
         rows["current_A"] += rng.normal(0.0, NOISE_A, len(rows))
         rows["distance_m"] += rng.normal(0.0, NOISE_M, len(rows))
@@ -86,7 +82,7 @@ def record(
     return pd.concat(runs, ignore_index=True), size
 
 
-def _changed(actuator: Actuator, model: ActuatorModel, cause: str, size: float) -> Physics:
+def _changed(actuator, model, cause, size):
     """The drawn mechanics and circuit with one cause."""
     mechanics, circuit, box = actuator.mechanics, actuator.circuits[0], model.validity
     spring, half = mechanics.springs[0], 0.5 * (box.distance_max_m - box.distance_min_m)
@@ -96,16 +92,19 @@ def _changed(actuator: Actuator, model: ActuatorModel, cause: str, size: float) 
         "kinked_spring": lambda d: 0.5 * stiffness * max(box.distance_max_m - 0.8 * half - d, 0.0),  # met on the way
         "hardening_spring": lambda d: -0.5 * stiffness * (d - spring.distance_m) ** 3 / half**2,
     }
+    more = springs.get(cause, lambda d: 0.0)
     viscous = mechanics.viscous_N_s_per_m * (1.0 + 0.4 * size * (cause == "more_damping"))
     # A plunger off its axis leans on the bore the more, the harder it is pulled
     leaning = 0.08 * size * (cause == "side_pull")
+
+    def drag(v, force):
+        return viscous * v + (mechanics.coulomb_N + leaning * abs(force)) * float(np.tanh(v / CREEP_M_S))
+
     near, far = mechanics.ends
     return Physics(
         mass_kg=mechanics.mass_kg * (1.0 + 0.08 * size * (cause == "heavier")),
-        push=lambda d: float(mechanics.static_force(np.array(d))) + springs.get(cause, lambda d: 0.0)(d),
-        drag=lambda v, force: (
-            viscous * v + (mechanics.coulomb_N + leaning * abs(force)) * float(np.tanh(v / CREEP_M_S))
-        ),
+        push=lambda d: float(mechanics.static_force(np.array(d))) + more(d),
+        drag=drag,
         ends_m=(near + 0.08e-3 * size * (cause == "worn_stop"), far),
         resistance_ohm=circuit.resistance_ohm * (1.0 + 0.05 * size * (cause == "weak_supply")),
         one_sided=circuit.drive.diode_V is not None,
@@ -115,7 +114,7 @@ def _changed(actuator: Actuator, model: ActuatorModel, cause: str, size: float) 
     )
 
 
-def _command(one_sided: bool, run: int, rng: np.random.Generator) -> FloatArray:
+def _command(one_sided, run, rng):
     t = np.arange(0.0, DURATION_S, STEP_S * SAMPLE_STEPS)
     if one_sided:
         high, period = rng.uniform(8.0, 12.0), rng.uniform(0.10, 0.14)
@@ -128,7 +127,7 @@ def _command(one_sided: bool, run: int, rng: np.random.Generator) -> FloatArray:
 class Field:
     """Force, flux linkage and its slopes of a model's field."""
 
-    def __init__(self, model: ActuatorModel) -> None:
+    def __init__(self, model):
         box = model.validity
         margin = 0.02 * (box.distance_max_m - box.distance_min_m)
         d = np.linspace(box.distance_min_m - margin, box.distance_max_m + margin, 161)
@@ -138,17 +137,22 @@ class Field:
         self.flux = RectBivariateSpline(d, i, flat(model.magnetics).flux_linkage(*grid))
 
 
-def simulate(field: Field, physics: Physics, voltage: FloatArray, start_m: float) -> pd.DataFrame:
+def simulate(field, physics, voltage, start_m):
     """Follow a command, given at the samples and held between, from rest: time, voltage, current and distance."""
     state, rows = np.array([start_m, 0.0, 0.0, 0.0]), []
     for k, command in enumerate(voltage.tolist()):
         rows.append((k * SAMPLE_STEPS * STEP_S, command, _terminal(physics, state, command)[1], state[0]))
         for _ in range(SAMPLE_STEPS):
-            state = _stepped(field, physics, state, command)
+            a = _rate(field, physics, state, command)
+            b = _rate(field, physics, state + 0.5 * STEP_S * a, command)
+            c = _rate(field, physics, state + 0.5 * STEP_S * b, command)
+            d = _rate(field, physics, state + STEP_S * c, command)
+            state = state + STEP_S / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+            state[2] = max(state[2], 0.0) if physics.one_sided else state[2]
     return pd.DataFrame(rows, columns=["time_s", "voltage_V", "current_A", "distance_m"])
 
 
-def _terminal(physics: Physics, state: FloatArray, command: float) -> tuple[float, float]:
+def _terminal(physics, state, command):
     """Voltage and current of the winding; what flows beside the magnetising current drives the eddy path."""
     applied = command
     if physics.one_sided and command <= 0.0:
@@ -157,18 +161,7 @@ def _terminal(physics: Physics, state: FloatArray, command: float) -> tuple[floa
     return applied, (state[2] + physics.eddy_S * applied) / (1.0 + physics.eddy_S * physics.resistance_ohm)
 
 
-def _stepped(field: Field, physics: Physics, state: FloatArray, command: float) -> FloatArray:
-    a = _rate(field, physics, state, command)
-    b = _rate(field, physics, state + 0.5 * STEP_S * a, command)
-    c = _rate(field, physics, state + 0.5 * STEP_S * b, command)
-    d = _rate(field, physics, state + STEP_S * c, command)
-    changed = state + STEP_S / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-    if physics.one_sided:
-        changed[2] = max(changed[2], 0.0)
-    return changed
-
-
-def _rate(field: Field, physics: Physics, state: FloatArray, command: float) -> FloatArray:
+def _rate(field, physics, state, command):
     """Rates of distance, velocity, magnetising current and the bend of the bristles over their largest."""
     d, v, i, bend = state
     force = float(field.force(d, i)[0, 0])

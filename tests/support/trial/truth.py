@@ -6,15 +6,14 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
-from femfit.trial.field_table import Conditions, Device, HiddenError
+from femfit.trial.field_table import HiddenError
+from femfit.trial.hidden import is_magnet
 
 Group = Literal["catalogue", "drawing", "when", "unseen"]
 """An effect of the catalogue by other physics; a number of the drawing; an effect that begins or ends in the campaign;
 a cause that no catalogue has."""
 
-Build = Callable[[Device, np.random.Generator], HiddenError]
 Drawings = Mapping[str, Mapping[float, Actuator]]
 """Changed drawings by family and the number p of the change."""
 
@@ -24,9 +23,7 @@ BY_CURRENT = ("flux_linkage_Wb", "voltage_V", "force_N")
 BEND = 0.1
 """How far the form of an error departs from its definition, over its size: no bench is as simple as a definition."""
 
-Bend = Callable[[FloatArray], FloatArray]
-
-BENDS: Mapping[str, Bend] = {"even": np.abs, "odd": lambda x: x, "wave": lambda x: np.asarray(np.cos(np.pi * x))}
+BENDS = {"even": np.abs, "odd": lambda x: x, "wave": lambda x: np.asarray(np.cos(np.pi * x))}
 """How the forms depart, over -1 to 1 of a range: one for each set."""
 
 
@@ -34,26 +31,34 @@ BENDS: Mapping[str, Bend] = {"even": np.abs, "odd": lambda x: x, "wave": lambda 
 class PassingError(HiddenError):
     """An error that does not act in all runs; of one run it acts in all."""
 
-    whole: HiddenError | None = None
     course: Callable[[int], tuple[int, int]] | None = None  # Of the number of runs: the first and last, from 1
 
 
 @dataclass(frozen=True)
 class Truth:
-    """One way of being wrong."""
+    """One way of being wrong; it is built for a device with a random generator."""
 
-    build: Build
+    build: Callable
     group: Group = "catalogue"
-    lacks: Callable[[Actuator], str] = lambda actuator: ""  # What the drawing lacks to show it; empty for nothing
-    families: Callable[[Actuator], Drawings] = lambda actuator: {}  # Changed drawings, which are solved for it
+    lacks: Callable[[Actuator], str] = lambda drawn: ""  # What the drawing lacks to show it; empty for nothing
+    families: Callable[[Actuator], Drawings] = lambda drawn: {}  # Changed drawings, which are solved for it
 
 
-def always(error: HiddenError, group: Group = "catalogue", **more) -> Truth:
+def always(error, group="catalogue", **more):
     """A truth that is the same in every campaign."""
     return Truth(lambda device, rng: error, group, **more)
 
 
-def of_reading(channel: str, limit, form, *, one_way=False, names=None) -> HiddenError:
+def needing(what, test):
+    """What a drawing lacks that does not pass a test."""
+    return lambda drawn: "" if test(drawn) else f"no {what}"
+
+
+needing_hall = needing("Hall element", lambda drawn: drawn.hall is not None)
+needing_magnet = needing("magnet", lambda drawn: any(map(is_magnet, drawn.regions)))
+
+
+def of_reading(channel, limit, form, *, one_way=False, names=None):
     """An error that adds its size, or the magnitude of that, times ``form(device, settings, values)`` to a channel."""
 
     def reading(device, size, settings, values):
@@ -63,52 +68,65 @@ def of_reading(channel: str, limit, form, *, one_way=False, names=None) -> Hidde
     return HiddenError(limit if callable(limit) else lambda _: limit, (channel,), reading=reading, names=names)
 
 
-def of_force(share: float) -> Callable[[Device], float]:
+def of_family(family, limit, channels=FIELD, *, one_way=True, names=None):
+    """An error that is solved as the change of a family of drawings."""
+
+    def fields(device, size, settings):
+        return device.change(family, abs(size) if one_way else size, settings)
+
+    return HiddenError(lambda _: limit, channels, fields=fields, names=names)
+
+
+def of_force(share):
     """A limit in parts of the largest force."""
     return lambda device: share * device.largest_force
 
 
-def no_hall(actuator: Actuator) -> str:
-    """What a drawing without a Hall element lacks."""
-    return "" if actuator.hall is not None else "no Hall element"
-
-
-def bent(x: FloatArray, bend: Bend) -> FloatArray:
+def bent(x, bend):
     """1 with a bend over -1 to 1 of a range."""
     return 1.0 + BEND * bend(x)
 
 
-def place(device: Device, settings: Conditions) -> FloatArray:
+def place(device, settings):
     """Distances between -1 and 1 of the sweep's range."""
     low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
     return (2.0 * settings.distance - low - high) / (high - low)
 
 
-def moved(settings: Conditions, change: FloatArray) -> Conditions:
-    """With the body elsewhere by ``change``."""
-    return replace(settings, distance=settings.distance + change)
-
-
-def driven(settings: Conditions, change: FloatArray) -> Conditions:
-    """With a current that differs by ``change``."""
-    return replace(settings, current=settings.current + change)
-
-
-Shape = Literal["begins", "ends", "interval"]
-
-
-def only_in_some_runs(truth: Truth, name: str, shape: Shape) -> Truth:
+def only_in_some_runs(truth, name, shape):
     """A truth that begins at a run, ends before one, or acts from one to another."""
 
     def build(device, rng):
         error, share, length = truth.build(device, rng), float(rng.uniform()), float(rng.uniform())
-        named = error if error.names is not None else replace(error, names=(name,))
-        return acting_only(named, lambda runs: _acting(shape, runs, share, length))
+
+        def course(runs):
+            return _acting(shape, runs, share, length)
+
+        def acts(settings):
+            first, last = course(int(settings.run.max()) + 1)
+            return (settings.run + 1 >= first) & (settings.run + 1 <= last)
+
+        def setting(device, size, settings):
+            changed, acting = error.setting(device, size, settings), acts(settings)
+            distance = np.where(acting, changed.distance, settings.distance)
+            return replace(settings, distance=distance, current=np.where(acting, changed.current, settings.current))
+
+        def fields(device, size, settings):
+            return error.fields(device, size, settings) * acts(settings)
+
+        def reading(device, size, settings, values):
+            changed = error.reading(device, size, settings, values)
+            return {name: np.where(acts(settings), value, values[name]) for name, value in changed.items()}
+
+        stages = {"setting": setting, "fields": fields, "reading": reading}
+        acting_stages = {stage: getattr(error, stage) and function for stage, function in stages.items()}
+        names = (name,) if error.names is None else error.names
+        return PassingError(error.limit, error.channels, names=names, course=course, **acting_stages)
 
     return Truth(build, "when", truth.lacks, truth.families)
 
 
-def _acting(shape: Shape, runs: int, share: float, length: float) -> tuple[int, int]:
+def _acting(shape, runs, share, length):
     """First and last run, from 1, of at least two runs: the error is away in at least one."""
     if runs < 2:
         return 1, 1
@@ -120,36 +138,3 @@ def _acting(shape: Shape, runs: int, share: float, length: float) -> tuple[int, 
     first = 1 + int(share * runs)
     last = first + int(length * (runs - first + 1))
     return (first, last) if last - first + 1 < runs else (1, runs - 1)
-
-
-def acting_only(error: HiddenError, course: Callable[[int], tuple[int, int]]) -> PassingError:
-    """An error that is away outside of the runs that ``course`` gives of their number."""
-
-    def acts(settings):
-        first, last = course(int(settings.run.max()) + 1)
-        return (settings.run + 1 >= first) & (settings.run + 1 <= last)
-
-    def setting(device, size, settings):
-        changed = error.setting(device, size, settings)
-        current = np.where(acts(settings), changed.current, settings.current)
-        return replace(
-            settings, distance=np.where(acts(settings), changed.distance, settings.distance), current=current
-        )
-
-    def fields(device, size, settings):
-        return error.fields(device, size, settings) * acts(settings)
-
-    def reading(device, size, settings, values):
-        changed = error.reading(device, size, settings, values)
-        return {name: np.where(acts(settings), value, values[name]) for name, value in changed.items()}
-
-    return PassingError(
-        error.limit,
-        error.channels,
-        setting=setting if error.setting else None,
-        fields=fields if error.fields else None,
-        reading=reading if error.reading else None,
-        names=error.names,
-        whole=error,
-        course=course,
-    )

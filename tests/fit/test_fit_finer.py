@@ -1,0 +1,81 @@
+"""Where a sweep is too coarse for its model, its user is told what to add, and that helps."""
+
+import re
+
+import numpy as np
+import pytest
+
+from femfit.fit.build import fit_model
+from femfit.fit.coenergy_system import held_out_masks
+from femfit.fit.rows import rms, rows_of_table
+from femfit.tables.sweep_table import SweepTable
+from support.bearing import grid
+from support.closed_forms import FEW, HARD, NARROW, POT, SIX, VALVE, WIDE, steel_fit
+from support.one_current import flat
+from support.saturating_bearing import force, share
+from support.sweeps import full_table
+
+COARSE_GRIDS = {
+    "valve": (VALVE, FEW, NARROW),
+    "hard pot": (HARD, np.linspace(0.0, 1.0, 5), 1e-3 * np.array([0.1, 0.4, 0.8, 1.5, 2.5, 4.0, 6.0])),
+}
+
+
+@pytest.mark.parametrize("name", ["hard pot", "valve"])
+def test_points_that_a_coarse_sweep_is_told_to_add_make_the_force_better(name):
+    device, currents, distances = COARSE_GRIDS[name]
+    coarse = fit_model(device.table(currents, distances))
+    (note,) = (note for note in coarse.notes if "too coarse" in note)
+    assert "left out" in note  # the printed misfit to all points is another number
+    finer = coarse.to_dict()["finer_sweep"]
+    finer = fit_model(
+        device.table(np.union1d(currents, finer["current_A"]), np.union1d(distances, finer["distance_m"]))
+    )
+    assert finer.misfit.force_share < 0.5 * coarse.misfit.force_share
+    d, i = (x.ravel() for x in np.meshgrid(np.linspace(*distances[[0, -1]], 31), np.linspace(0.1, 1.0, 37)))
+    i = i * currents[-1]
+    off = [rms(flat(fit.model.magnetics).force(d, i) - device.force(d, i)) for fit in (coarse, finer)]
+    assert off[1] < 0.75 * off[0]
+    assert not any("too coarse" in note for note in finer.notes)
+
+
+def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
+    # Beyond a knee the force grows no further: six currents cannot tell where the knee stands
+    def knee(d, i):
+        return 2e-3 / d * np.minimum(i / 0.5, 2e-2 / d) ** 2
+
+    table = full_table(currents=np.linspace(0.0, 3.0, 6))
+    d, i = table.rows["distance_m"], table.rows["current_A"]
+    rows = table.rows.assign(force_N=knee(d, i)).drop(columns=["flux_linkage_Wb", "hall_T"])
+    fit = fit_model(SweepTable(rows, table.manifest), inductance_H=0.01)
+    assert fit.model.misfit.force_rms_relative > 0.01
+    assert any("too coarse" in note for note in fit.notes)
+
+
+@pytest.mark.parametrize(("table", "times"), [(full_table(), None), (POT.table(SIX, WIDE), 1)])
+def test_rows_left_out_keep_the_ends_of_both_axes_and_scattered_ones_come_once(table, times):
+    rows = rows_of_table(table)
+    masks = held_out_masks(rows)
+    for mask in masks:
+        fitted = rows.take(~mask)
+        assert fitted.distances[[0, -1]].tolist() == rows.distances[[0, -1]].tolist()
+        assert fitted.currents[[0, -1]].tolist() == rows.currents[[0, -1]].tolist()
+    edge = np.isin(rows.distance, rows.distances[[0, -1]]) | np.isin(rows.current, rows.currents[[0, -1]])
+    if times:
+        np.testing.assert_array_equal(np.sum(masks, axis=0), np.where(edge, 0, times))
+
+
+def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirror_are_refined():
+    """Five distances leave the force between them open."""
+    currents, distances = (0.0, 1.0, 2.0, 3.0), np.linspace(0.12e-3, 0.88e-3, 5)
+    fit = steel_fit(currents, currents, tuple(distances))
+    of_distances, _ = map(float, re.findall(r"([\d.]+) % at most", str(fit).splitlines()[-1]))
+    d, i = grid(np.linspace(0.12e-3, 0.88e-3, 33), currents, currents)
+    between = 100.0 * share(fit.model.force(d, i), force(d, i)).max()
+    assert between < 4.0 * of_distances
+    (note,) = (note for note in fit.notes if "too coarse" in note)
+    assert "whole distance left out" in note
+    axis, added = fit.circuits.finer
+    assert axis == "distance"
+    assert len(added) > 1
+    np.testing.assert_allclose(np.sort(added), np.sort(1e-3 - np.array(added)), atol=1e-12)
