@@ -53,14 +53,18 @@ class Signatures(Printed):
         return [name for name in map(str, self.rows) if name in {"force_N", "hall_T"} or is_flux(name)]
 
     def __str__(self) -> str:
-        """The rms change of each channel by one standard deviation of each number."""
+        """What matters most first: rms change of each channel by one standard deviation of each number."""
         channels = self.channels
         words = {name: name.rpartition("_")[0].replace("_", " ") for name in channels} | {"hall_T": "Hall field"}
+        sizes = {
+            number: number.tolerance * np.sqrt(np.nanmean(self.of(number)[channels].to_numpy() ** 2, axis=0))
+            for number in self.numbers
+        }
+        largest = np.max([*sizes.values()], axis=0, initial=np.finfo(np.float64).tiny)
         lines = []
-        for number in self.numbers:
-            rms = number.tolerance * np.sqrt(np.nanmean(self.of(number)[channels] ** 2, axis=0))
-            changes = ", ".join(f"{words[name]} {amount(size, name)}" for name, size in zip(channels, rms, strict=True))
-            lines.append(f"{number.title} +- {amount(number.tolerance, number.unit)}: {changes}")
+        for number in sorted(self.numbers, key=lambda number: -max(sizes[number] / largest)):
+            changes = (f"{words[name]} {amount(v, name)}" for name, v in zip(channels, sizes[number], strict=True))
+            lines.append(f"{number.title} +- {amount(number.tolerance, number.unit)}: {', '.join(changes)}")
         return "\n".join(lines)
 
 
