@@ -28,6 +28,7 @@ def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
     assert np.sqrt(np.mean(flux**2)) < 0.02 * np.sqrt(np.mean(table**2))
 
 
+@pytest.mark.nightly
 def test_it_is_better_than_every_law_of_columns():
     rows, fit = network_of("push")
     assert fit.left_out < rank_laws(BUILT_IN, rows).recommended.error

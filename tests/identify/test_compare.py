@@ -90,14 +90,14 @@ def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model
     A body that comes back by more than twice as far by chance, one in twenty, is beyond what was declared, too.
     """
     noise, beyond = {name: 0.2 * sd for name, sd in NOISE.items()}, []
-    for seed in range(20, 24):
+    for seed in range(20, 22):
         table = campaign(levitation_model, seed, runs=2, mount_m=20e-6, rho=0.0, noise=noise)
         comparison = compare(levitation_model, table)
         assert comparison.mount_assumed
         declared = compare(levitation_model, replace(table, declared_noise={"distance_m": 20e-6}))
         beyond.append((comparison.verdict == "agrees", bool(comparison.beyond_noise), bool(declared.beyond_noise)))
     agreeing, assumed, known = np.sum(beyond, axis=0)
-    assert agreeing >= 3
+    assert agreeing == 2
     assert assumed > known
 
 

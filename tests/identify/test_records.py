@@ -402,7 +402,7 @@ def test_the_drawing_s_eddy_currents_close_the_balances(conducting):
         assert left < share * whole
 
 
-@pytest.mark.parametrize("share", [0.0, pytest.param(0.1, marks=pytest.mark.nightly), -0.1])
+@pytest.mark.parametrize("share", [0.0, *(pytest.param(share, marks=pytest.mark.nightly) for share in (0.1, -0.1))])
 def test_a_lag_that_the_drawing_does_not_predict_is_named_with_its_size(conducting, share):
     built = replace(with_conductivity(conducting, share), motion=None)
     record = recorded(held(built))
