@@ -110,14 +110,11 @@ class StepFunction:
         def made(function: GraphFunction) -> ca.Function:
             return function.by_tables if compact else function.at_a_point
 
-        steps = [(made(step), made(slope())) for step, slope in graph.steps]
+        moves = [made(step) for step, _ in graph.steps]
         looks = [made(graph.reading(output.name)) for output in outputs]
-        look_slopes = [made(graph.reading_slope(output.name)) for output in outputs]
-        moves = [step for step, _ in steps]
         count = points * sum(function.n_instructions() for function in (*moves, *looks))
         written = count < MOST_WRITTEN and not compact
-        functions = (*moves, *(slope for _, slope in steps), *looks, *look_slopes)
-        plain = all(function.is_a("SXFunction") for function in functions)
+        plain = all(function.is_a("SXFunction") for function in (*moves, *looks))  # then slopes are, of the same rows
         symbol: Any = ca.SX if written and plain else ca.MX
         shapes = (("x", n), ("P", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
         x, matrix, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
@@ -125,19 +122,22 @@ class StepFunction:
         def of_each(function: ca.Function, points: Any) -> Any:
             return ca.horzcat(*(function(point, u) for point in ca.horzsplit(points)))
 
-        def slope(function: ca.Function, x: Any) -> Any:
-            return ca.reshape(function(x, u), -1, n)
+        def slope(function: GraphFunction, x: Any) -> Any:
+            return ca.reshape(made(function)(x, u), -1, n)
 
         def moved(x: Any) -> Any:
-            for step, _ in steps:
-                x = step(x, u)
+            for move in moves:
+                x = move(x, u)
             return x
 
         def moved_slope(x: Any) -> Any:
             result = symbol.eye(n)
-            for step, step_slope in steps:
-                result, x = slope(step_slope, x) @ result, step(x, u)
+            for move, (_, make_slope) in zip(moves, graph.steps, strict=True):
+                result, x = slope(make_slope(), x) @ result, move(x, u)
             return result
+
+        def read_slope(name: str, x: Any) -> Any:
+            return slope(graph.reading_slope(name), x)
 
         terms = Terms(
             product=ca.mtimes,
@@ -149,7 +149,7 @@ class StepFunction:
             moved=lambda points, _: ca.horzcat(*map(moved, ca.horzsplit(points))),
             moved_slope=lambda x, _: moved_slope(x),
             read=[partial(of_each, look) for look in looks],
-            read_slope=[partial(slope, look) for look in look_slopes],
+            read_slope=[partial(read_slope, output.name) for output in outputs],
         )
         mean, covariance = filter_.predicted(terms, x, matrix, u)
         predicted, seen = mean, []
