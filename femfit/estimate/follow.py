@@ -10,12 +10,12 @@ from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.consistency import Beside, Innovations, beside, innovations_of
-from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
+from femfit.estimate.constants import AT_STOP, NOISE_SAMPLES
 from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.estimate.prepare import Prepared, prepare
-from femfit.estimate.process import FilterOutcome, Output
+from femfit.estimate.process import FilterOutcome
 from femfit.estimate.run_filter import Replayed, replay
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -67,15 +67,6 @@ class OneFilter:
         """The deviation of the distance that it claims, in the median of the record's second half."""
         settled = self.replayed.deviation[len(self.replayed.deviation) // 2 :, 0]
         return float(np.nanmedian(settled)) if np.isfinite(settled).any() else float("nan")
-
-    @property
-    def worst_reading(self) -> tuple[Output, float, float]:
-        """Which reading before its end was farthest off, by how many deviations, and by how much."""
-        replayed, row = self.replayed, int(np.argmax(self.replayed.outcome != FilterOutcome.RUNNING))
-        rows = slice(max(0, row + 1 - LEAST_JUDGED), row + 1)
-        ratio = np.nan_to_num(np.abs(replayed.innovation[rows]) / np.sqrt(replayed.variance[rows]))
-        sample, k = np.unravel_index(int(ratio.argmax()), ratio.shape)
-        return self.built.process.outputs[k], float(ratio[sample, k]), float(replayed.innovation[rows][sample, k])
 
     @property
     def mean_square(self) -> float:

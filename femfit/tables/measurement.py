@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
-import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
@@ -130,9 +129,6 @@ class TimeSeries(_Measured):
     ('current_A', 'distance_m', 'hall_V')
     """
 
-    # By channel, the end of a range at which each sample is clipped; NaN where it is not
-    clipped: Mapping[str, FloatArray] = field(default_factory=dict)
-
     kind: ClassVar[str] = "samples"
     known_channels: ClassVar[tuple[str, ...]] = SERIES_CHANNELS
 
@@ -181,14 +177,13 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
             )
     ordered = all("order" in measurement.given for measurement in measurements)
     columns = dict.fromkeys(name for measurement in measurements for name in measurement.given)
-    result = replace(
+    return replace(
         first,
         rows=pd.concat(_numbered(measurements), ignore_index=True),
         given=tuple(name for name in columns if ordered or name != "order"),
         findings=tuple(dict.fromkeys(finding for measurement in measurements for finding in measurement.findings)),
         source=" and ".join(measurement.source for measurement in measurements),
     )
-    return replace(result, clipped=_clipped(measurements)) if isinstance(result, TimeSeries) else result
 
 
 def _numbered(measurements: Sequence[Measurement]) -> list[pd.DataFrame]:
@@ -205,13 +200,3 @@ def _numbered(measurements: Sequence[Measurement]) -> list[pd.DataFrame]:
                 begin[name] = start + int(number.max()) + 1
         result.append(rows)
     return result
-
-
-def _clipped(series: Sequence[Measurement]) -> dict[str, np.ndarray]:
-    """The ends at which samples are clipped, of channels of all files."""
-    records = [record for record in series if isinstance(record, TimeSeries)]
-    names = dict.fromkeys(name for record in records for name in record.clipped)
-    return {
-        name: np.concatenate([record.clipped.get(name, np.full(len(record.rows), np.nan)) for record in records])
-        for name in names
-    }

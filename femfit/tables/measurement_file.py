@@ -206,7 +206,6 @@ def _time_series(raw: RawTable, path: Path, words: Words) -> TimeSeries:
         declared_noise=noise,
         findings=(*remarks, *unused),
         source=path.name,
-        clipped=clipped,
         **words.texts,
     )
 

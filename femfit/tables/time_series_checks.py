@@ -58,11 +58,11 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
     return np.cumsum(breaks), findings
 
 
-def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dict[str, FloatArray]]:
-    """Set aside what is impossible, stuck or clipped, which becomes NaN; and the levels of the clipped, by channel."""
+def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], set[str]]:
+    """Set aside what is impossible, stuck or clipped, as NaN; and which channels are clipped somewhere."""
     rows, findings = _without_impossible(rows)
     time = rows["time_s"].to_numpy()
-    levels_of: dict[str, FloatArray] = {}
+    clipped: set[str] = set()
     for name in (name for name in rows.columns if _channel(name).sensor):
         values = rows[name].to_numpy(copy=True)
         readable = np.isfinite(values)
@@ -76,7 +76,7 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
         long = length > max(_LEAST_STUCK, _MUCH_LONGER * usual)
         stuck = long[stretch] & readable & (values != 0.0)  # a current that is off rests at zero
         if ended.any():
-            levels_of[name] = np.where(ended, values, np.nan)
+            clipped.add(name)
         for faulty, fault in ((stuck & ~ended, "stuck"), (ended, "clipped")):
             if faulty.any():
                 levels = [f"{level:.4g}" for level in np.unique(values[faulty])]
@@ -85,7 +85,7 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
                 findings.append(finding(fault, size=float(faulty.sum()), column=name, **facts))
                 values[faulty] = np.nan
         rows[name] = values
-    return rows, findings, levels_of
+    return rows, findings, clipped
 
 
 def _without_impossible(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
