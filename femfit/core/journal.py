@@ -105,8 +105,10 @@ class Journal:
         self._file.seek(0)
         first = _header(self._file.readline())
         aside = _kept(directory, header.configuration_hash)
-        if first is None and self._file.tell():
-            self.changed = () if aside.exists() else ("the journal's first line, which is damaged",)
+        if first is None and (end := self._file.tell()):
+            self._file.seek(end - 1)
+            cut_short = self._file.read(1) != b"\n"
+            self.changed = () if cut_short or aside.exists() else ("the journal's first line, which is damaged",)
             self._file.truncate(0)
         elif first is not None and first.configuration_hash != header.configuration_hash:
             if not aside.exists():
@@ -170,11 +172,15 @@ def _checksum(key: str, result: Mapping[str, Any]) -> int:
     return zlib.crc32(json.dumps([key, result]).encode())
 
 
+def _refused(text: str) -> float:
+    raise ValueError(f"{text} is the result of no computation")
+
+
 def _parse(line: bytes) -> dict[str, Any] | None:
     if not line.endswith(b"\n"):
         return None
     try:
-        entry = json.loads(line)
+        entry = json.loads(line, parse_constant=_refused)
     except (ValueError, RecursionError):
         return None
     return entry if isinstance(entry, dict) else None
