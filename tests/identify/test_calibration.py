@@ -379,7 +379,7 @@ def test_a_deeper_pole_is_among_the_causes_of_readings_that_it_would_give(model,
 @pytest.mark.nightly
 def test_a_face_is_calibrated_by_its_name_and_written_with_all_its_corners(model, turned_bench, conical):
     done = femfit(
-        "calibrate", conical / "conical.toml", turned_bench, "--numbers", "frame: pole face at z = 5 mm", "-o",
+        "calibrate", conical / "conical.toml", turned_bench, "--numbers", "frame: face at z = 5 mm with its cone", "-o",
         conical / "new.toml", "--runs", conical / "runs", "--json", conical / "calibrated.json", "--workers", 1,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
