@@ -281,24 +281,3 @@ def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: Coeffici
             continue
         squares[name] = np.array(errors) ** 2
     return squares
-
-
-def fit_functions(
-    law: ForceLaw,
-    stage_one: StageOne,
-    bounds: CoefficientBounds,
-    functions: Sequence[str] | None = None,
-    negligible: FloatArray | None = None,
-) -> tuple[CoefficientFunction, ...]:
-    """Stage two for every coefficient of a law; arguments as of :func:`fit_coefficient_function`, one a column."""
-    return tuple(
-        fit_coefficient_function(
-            stage_one.currents,
-            stage_one.coefficients[:, k],
-            basis,
-            bounds.of_column(k),
-            None if functions is None else functions[k],
-            0.0 if negligible is None else float(negligible[k]),
-        )
-        for k, basis in enumerate(law.basis)
-    )

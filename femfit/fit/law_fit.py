@@ -20,8 +20,8 @@ from femfit.fit.law_columns import (
     TermBounds,
     default_bounds,
     design_matrix,
+    fit_coefficient_function,
     fit_each_current,
-    fit_functions,
     term_bounds,
     term_names,
 )
@@ -157,7 +157,18 @@ def fit_law(
     stage_one = fit_each_current(law, shape, rows, sigma, bounds)
     scale, _ = rows.error_scale
     typical = np.sqrt(np.mean(law.columns(rows.distance, shape) ** 2, axis=0))
-    stage_two = fit_functions(law, stage_one, bounds, functions, NEGLIGIBLE * scale / typical)
+    negligible = NEGLIGIBLE * scale / typical
+    stage_two = tuple(
+        fit_coefficient_function(
+            stage_one.currents,
+            stage_one.coefficients[:, k],
+            basis,
+            bounds.of_column(k),
+            None if functions is None else functions[k],
+            float(negligible[k]),
+        )
+        for k, basis in enumerate(law.basis)
+    )
     chosen = tuple(function.name for function in stage_two)
     matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
     limits = term_bounds(chosen, law.basis, rows.currents, bounds)

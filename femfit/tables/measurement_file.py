@@ -3,7 +3,7 @@
 Beside them a small table of columns: inductances at clamped distances.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.tables.columns import BENCH_COLUMNS, column_option, match_column
@@ -232,13 +231,8 @@ def read_inductance_table(
         )
     d, i, inductance = (bench.rows[name].to_numpy() for name in ("distance_m", "current_A", "inductance_H"))
     good = np.isfinite(d + i + inductance) & (d >= 0.0) & (i != 0.0) & (inductance > 0.0)
-    usable, findings = _usable(good, path, "distance >= 0, current and inductance > 0")
-    return InductanceTable(d[usable], i[usable], inductance[usable], (*bench.findings, *findings), path.name)
-
-
-def _usable(good: BoolArray, path: Path, needed: str) -> tuple[BoolArray, Sequence[Finding]]:
-    """The rows that have what is needed, and how many were left out."""
+    needed, lost = "distance >= 0, current and inductance > 0", int((~good).sum())
     if not good.any():
         raise TableError(f"{path} has no row with {needed} in it.")
-    lost = int((~good).sum())
-    return good, [finding("cells without", size=float(lost), rows=lost, columns=needed)] if lost else []
+    findings = [finding("cells without", size=float(lost), rows=lost, columns=needed)] if lost else []
+    return InductanceTable(d[good], i[good], inductance[good], (*bench.findings, *findings), path.name)
