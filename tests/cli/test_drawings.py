@@ -93,9 +93,8 @@ def test_a_fit_is_of_the_variant_that_is_chosen(variants, tmp_path):
         models.append(json.loads((tmp_path / "model.json").read_text())["magnetics"])
         (tmp_path / "model.json").unlink()
     assert models[0] == models[1]
-    for where, words in (((), "--where variant=1"), (("variant=7",), "variant = 7"), (("variant=2",), "status ok")):
-        refused = femfit("fit", run, *(word for one in where for word in ("--where", one)))
-        assert (refused.returncode, words in refused.stderr) == (1, True)
+    refused = femfit("fit", run, "--where", "variant=2")
+    assert (refused.returncode, "status ok" in refused.stderr) == (1, True)
 
 
 def test_a_table_needs_no_stop_and_a_model_ends_where_its_sweep_does(tmp_path):

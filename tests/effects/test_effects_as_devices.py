@@ -27,10 +27,6 @@ def with_springs(*springs):
     return replace(model, motion=replace(model.motion, springs=springs))
 
 
-def with_circuit(model, **fields):
-    return replace(model, circuits=(replace(model.circuit, **fields),))
-
-
 def with_motion(model, **fields):
     return replace(model, motion=replace(model.motion, **fields))
 
@@ -42,14 +38,14 @@ def missing_spring(model):
     return added("spring", stiffness=stiffness, preload=float(push) / nominal.force_N)
 
 
-def a_twentieth_newton(model):
-    return added("spring_preload", preload=0.05 / nominal_of(model).force_N)
-
-
 @pytest.mark.parametrize(
     ("base", "effect", "device"),
     [
-        (solenoid, added("supply_sag", inner_resistance=0.1), lambda m: with_circuit(m, resistance_ohm=22.0)),
+        (
+            solenoid,
+            added("supply_sag", inner_resistance=0.1),
+            lambda m: replace(m, circuits=(replace(m.circuit, resistance_ohm=22.0),)),
+        ),
         (with_springs, missing_spring, lambda _: with_springs(DRAWN)),
         # The same free length, 4.5 mm
         (
@@ -57,7 +53,11 @@ def a_twentieth_newton(model):
             added("spring_stiffness", stiffness_error=0.2),
             lambda _: with_springs(Spring(240.0, 0.0, 4.5e-3)),
         ),
-        (lambda: with_springs(DRAWN), a_twentieth_newton, lambda _: with_springs(Spring(200.0, 0.15, 4e-3))),
+        (
+            lambda: with_springs(DRAWN),
+            lambda m: added("spring_preload", preload=0.05 / nominal_of(m).force_N),
+            lambda _: with_springs(Spring(200.0, 0.15, 4e-3)),
+        ),
         (solenoid, added("mass_error", mass_error=0.1), lambda m: with_motion(m, mass_kg=0.0275)),
         (solenoid, added("viscous_friction", damping_per_s=5.0), lambda m: with_motion(m, viscous_N_s_per_m=0.125)),
     ],

@@ -7,12 +7,14 @@ import pytest
 from femfit.field import newton as current_path
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
+from femfit.field.point_rows import NO_CONVERGENCE
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import failed_points, summarise
 from femfit.field.tolerance import SolverSettings
-from femfit.tables.sweep_table import read_sweep_table
+from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from support.actuators import magnet, swept_at
 from support.saturating import bobbin, rows_at
+from support.sweeps import full_table
 
 QUICK = SolverSettings(order=3, corner_fraction=0.3)
 CURRENTS = (-2.0, 0.0, 2.0, 8.0)
@@ -53,6 +55,18 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(actuator, 
     monkeypatch.setattr(sweep_module, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
     again = run_sweep(few, tmp_path, workers=1, settings=QUICK)  # its journal is read, missing fields and all
     pd.testing.assert_frame_equal(again.rows, table.rows, check_exact=True)
+
+
+@pytest.mark.parametrize(("count", "named", "curve"), [(1, "; at 16 mm. ", False), (2, "; at 16 mm, 17.5 mm. ", True)])
+def test_distances_that_fail_whole_are_named_and_the_curve_is_blamed_for_several(count, named, curve):
+    """Currents that were solved elsewhere put the blame on one distance's mesh; several distances, on the steel."""
+    table = full_table()
+    failed = table.rows["distance_m"].round(6).isin([0.016, 0.0175][:count])
+    rows = table.rows.assign(status=np.where(failed, NO_CONVERGENCE, "ok"))
+    (line,) = failed_points(SweepTable(rows, table.manifest))
+    assert line.startswith(f"{failed.sum()} points {NO_CONVERGENCE}{named}")
+    assert ("B-H curve" in line) == curve
+    assert ("narrow gap" in line) != curve
 
 
 def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):

@@ -18,7 +18,7 @@ from femfit.model.with_effects import with_effects
 from femfit.tables.measurement_file import read_bench_table
 from femfit.tables.sweep_table import read_sweep_table
 from support.one_current import flat
-from support.small_drawing import SMALL
+from support.small_drawing import SMALL, at_distances
 
 HEIGHT, RADIUS, IRON = (
     "moving.regions.magnet.z_mm[1]",
@@ -41,6 +41,21 @@ def table(small_sweep):
 @pytest.fixture(scope="module")
 def model(table):
     return fit_model(table).model
+
+
+@pytest.mark.parametrize("material", ["iron", pytest.param("steel_1010", marks=pytest.mark.nightly)])
+def test_between_the_points_of_its_sweep_a_model_has_the_force_and_flux_linkage_of_the_field(tmp_path, material):
+    """The field is solved at distances and currents that the sweep left out."""
+    currents = "[0, 1, 2, 3, 4]" if material == "steel_1010" else "[0, 0.5, 1]"
+    text = SMALL.replace('material = "iron"', f'material = "{material}"').replace("[0, 0.5, 1]", currents)
+    assert currents in text
+    model = fit_model(_sweep(tmp_path / "drawn", text)).model
+    here = at_distances(text, "[4.5, 6.2, 9.7]").replace(currents, "[0.3, 0.8]")
+    rows = _sweep(tmp_path / "between", here).rows
+    for name in ("force", "flux_linkage"):
+        solved = rows["force_N" if name == "force" else "flux_linkage_Wb"]
+        missed = getattr(model, name)(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()) - solved
+        assert np.abs(missed).max() < 2e-3 * np.abs(solved).max()
 
 
 def _drawn(model, key):

@@ -1,7 +1,5 @@
 """Every kind of device against its closed form, and what holds for every model that was fitted."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from femfit.fit.build import fit_model
 from femfit.fit.coenergy import fit_coenergy, obeyed_shapes
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN
-from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.several_magnetics import CoenergyTensor
 from support.bearing import grid
 from support.closed_forms import (
@@ -96,20 +93,6 @@ def test_all_quantities_are_slopes_of_one_coenergy(name):
     if several:
         size = np.abs(m.inductance(d, i)).max()
         np.testing.assert_allclose(m.inductance(d, i), m.inductance(d, i).swapaxes(-1, -2), atol=1e-14 * size)
-
-
-@every_device
-def test_a_model_survives_its_file_and_says_what_it_is(name):
-    fit, (d, i) = fit_of(name), DEVICES[name].between
-    again = model_from_dict(json.loads(json.dumps(model_to_dict(fit.model))))
-    np.testing.assert_array_equal(flat(again.magnetics).force(d, i), flat(fit.model.magnetics).force(d, i))
-    assert (again.circuits, again.motion) == (fit.model.circuits, fit.model.motion)
-    np.testing.assert_equal(vars(again.validity), vars(fit.model.validity))
-    assert again.misfit == fit.misfit
-    facts = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
-    assert facts["rows"] == len(fit.rows.force) == fit.misfit.rows
-    assert str(fit).startswith(fit.model.name)
-    assert all(f"note: {note}" in str(fit) for note in facts["notes"])
 
 
 def test_a_linear_winding_needs_one_parabola_in_the_current_and_shapes_that_its_rows_obey():

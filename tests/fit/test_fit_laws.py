@@ -110,12 +110,9 @@ def test_folds_leave_out_every_inner_row_and_keep_the_ends(paper_rows):
     assert len(folds) == 8 + len(currents) - 2
 
 
-def both_signs():
-    return rows_of_table(force_table(paper_force, currents=np.linspace(-0.3, 0.3, 7)), MASS, G)
-
-
 def test_a_laws_attracting_bound_holds_at_positive_currents_and_leaves_negative_ones_free():
-    fit = fit_law(F1E, both_signs())
+    both_signs = force_table(paper_force, currents=np.linspace(-0.3, 0.3, 7))
+    fit = fit_law(F1E, rows_of_table(both_signs, MASS, G))
     assert fit.functions == ("constant", "through-origin")
     # The data are of the law itself.
     np.testing.assert_allclose(fit.joint.x, [5.996e-9, 4.509e-6], rtol=1e-6)

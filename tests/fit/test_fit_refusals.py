@@ -66,12 +66,6 @@ UNUSABLE = [
 ]
 
 
-@pytest.mark.parametrize(("table", "message"), UNUSABLE)
-def test_an_unusable_table_is_refused_with_place_and_remedy(table, message):
-    with pytest.raises(TableError, match=message):
-        fit_model(table())
-
-
 def few_turns():
     """A winding whose flux linkage contradicts the force, small as it is beside the other's."""
     table, (_, upper) = Saturating().table(), ("lower", "upper")
@@ -111,10 +105,10 @@ UNFIT = [
 ]
 
 
-@pytest.mark.parametrize(("table", "options", "message"), UNFIT)
+@pytest.mark.parametrize(("table", "options", "message"), [*((t, None, words) for t, words in UNUSABLE), *UNFIT])
 def test_a_table_that_gives_no_such_model_is_refused_with_the_reason(table, options, message):
-    with pytest.raises(FitError, match=message):
-        fit_model(table(), **options)
+    with pytest.raises(TableError if options is None else FitError, match=message):
+        fit_model(table(), **(options or {}))
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,20 @@ def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
     assert found.settled
 
 
+@pytest.mark.nightly
+def test_a_number_that_is_twenty_tolerances_off_is_found_and_called_unusual(place, built):
+    """The data know it far better than its tolerance; a field solved with the true height gave the readings."""
+    text = BASE.replace("length_mm = 0.03", "length_mm = 0.003").replace("= 500", f"= {TRUE_IRON}")
+    (place / "tight.toml").write_text(text)
+    readings(built, offset=0.0).to_csv(place / "tight.csv", index=False)
+    options = {"numbers": HEIGHT, "effects": [], "workers": 1}
+    result = calibrate(place / "tight.toml", place / "tight.csv", place / "tight", **options)
+    (height,) = result.numbers
+    assert result.settled
+    assert abs(height.value - TRUE_HEIGHT) < 4.0 * height.sd_as_drawn < 0.002  # of 0.07 mm
+    assert "unusual" in str(result)
+
+
 def test_a_number_of_the_drawing_is_the_same_in_every_run(found, bench):
     """What begins at a run is a magnet that was weakened, and no length."""
     observations = placed(found.model.without_effects, read_bench_table(bench))

@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 import femfit as ff
 from femfit.core.errors import TableError
 from femfit.device.electrics import PositionSensor
+from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -96,6 +97,7 @@ HIDDEN = {
     "eddy_current_lag": ({"ring_share": 0.15, "time_s": 4e-3}, None, set()),  # its share and its time go together
     "mass_error": ({"mass_error": 0.03}, 0.3, {"constant_force"}),
     "supply_sag": ({"inner_resistance": 0.05}, 0.3, {"resistance"}),
+    "side_pull_friction": ({"share": 0.05}, 0.3, set()),
 }
 
 
@@ -113,6 +115,21 @@ def test_a_hidden_effect_is_in_the_class_with_its_size_and_a_model_that_has_it_l
         assert diagnose(with_effects(model, [effect]), record).verdict == "nothing_missing"
     if name == "mass_error":
         assert result.where.channel == "force_balance_N"
+
+
+@pytest.mark.nightly
+def test_a_stiffer_suspension_is_found_with_its_size_and_is_no_other_preload():
+    """A body that swings in the middle of its travel, on a spring 30 % stiffer than drawn."""
+    drawn, true = (
+        replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(k, 0.0, 3e-3),), viscous_N_s_per_m=0.5))
+        for k in (2000.0, 2600.0)
+    )
+    swing = logged([switched([0.0], [0.4], 0.12, model=true, start_m=1.2e-3)], noise=(5e-4, 2e-6))
+    result = diagnose(drawn, swing)
+    assert (result.verdict, result.missing[0].name) == ("named", "spring_stiffness")
+    assert result.missing[0].parameters["stiffness_error"] == pytest.approx(0.3, rel=0.05)
+    low, high = ff.add_effects(drawn, swing, ["spring_stiffness", "spring_preload"]).added[1].ci95["preload"]
+    assert low < 0.0 < high
 
 
 @pytest.mark.nightly

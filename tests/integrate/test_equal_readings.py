@@ -97,3 +97,9 @@ def test_a_quiet_record_is_left_in_peace(name, columns, options):
     rows = QUIET[name][["time_s", "coil_voltage_V", *columns]]
     codes = {finding.code for finding in integrate_coil(rows, **options).findings}
     assert codes <= {"plateau"}
+
+
+def test_a_wrong_area_beside_a_coarse_converter_is_a_gain_and_nothing_stuck():
+    """A Hall probe shows that the coil's area is off by a fifth, though the converter repeats most readings."""
+    integral = integrate_coil(COARSE, method="trapezoid", coil_area_m2=1.2 * AREA)
+    assert [finding.code for finding in integral.findings] == ["gain"]

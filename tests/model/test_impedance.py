@@ -62,36 +62,29 @@ def test_a_lag_is_passive_and_vanishes_at_low_frequency(levitation_model):
     assert inductance[-1] == pytest.approx(0.6 * levitation_model.inductance(0.022, 0.5), rel=1e-3)
 
 
-def test_a_bench_reads_the_same_impedance(levitation_model):
-    f = np.array([np.nan, 20.0, 300.0])
-    d, i = np.full(3, 0.022), np.full(3, 0.5)
-    at = Conditions(nominal_of(levitation_model), frequency_Hz=f)
-    read = predict_readings(
-        levitation_model, d, i, at, [added("eddy_current_lag", **LAG)], ("inductance_H", "resistance_ohm")
-    )
-    z = with_effects(levitation_model, [added("eddy_current_lag", **LAG)]).impedance(d[1:], i[1:], f[1:])
-    np.testing.assert_allclose(read["resistance_ohm"][1:], z.real, rtol=1e-9)
-    np.testing.assert_allclose(read["inductance_H"][1:], z.imag / (2.0 * np.pi * f[1:]), rtol=1e-4)  # of a table
-    assert read["inductance_H"][0] == pytest.approx(levitation_model.inductance(0.022, 0.5), rel=1e-9)
-    assert read["resistance_ohm"][0] == pytest.approx(levitation_model.circuit.resistance_ohm, rel=1e-12)
-
-
-def test_a_bench_reads_eddy_currents_beside_effects(levitation_model):
-    model = with_eddies(levitation_model)
-    f, d, i = np.array([20.0, 300.0, 5e3]), np.full(3, 0.022), np.full(3, 0.5)
-    turns = added("turns", turns_error=0.04)
-    changed = with_effects(model, [turns])
-    at = Conditions(nominal_of(model), frequency_Hz=f)
-    read = predict_readings(model, d, i, at, [turns], ("inductance_H", "resistance_ohm"))
-    z = changed.impedance(d, i, f)
-    np.testing.assert_allclose(read["resistance_ohm"], z.real, rtol=1e-4)  # of a table
-    np.testing.assert_allclose(read["inductance_H"], z.imag / (2.0 * np.pi * f), rtol=1e-4)
-    # All that flux induces goes with the square of the turns, the wire's resistance with their number
-    ohms, drawn = model.circuit.resistance_ohm, model.impedance(d, i, f).real
-    np.testing.assert_allclose(read["resistance_ohm"] - 1.04 * ohms, 1.04**2 * (drawn - ohms), rtol=1e-9)
-
-
 BOTH = ("resistance_ohm", "inductance_H")
+
+
+@pytest.mark.parametrize("name", ["eddy_current_lag", "turns"])
+def test_a_bench_reads_the_same_impedance_without_and_with_eddy_currents_beside_effects(levitation_model, name):
+    lag = name == "eddy_current_lag"
+    model, effect = (
+        (levitation_model, added(name, **LAG))
+        if lag
+        else (with_eddies(levitation_model), added(name, turns_error=0.04))
+    )
+    f, d, i = np.array([np.nan, 20.0, 300.0, 5e3]), np.full(4, 0.022), np.full(4, 0.5)
+    at = Conditions(nominal_of(model), frequency_Hz=f)
+    read = predict_readings(model, d, i, at, [effect], ("inductance_H", "resistance_ohm"))
+    z = with_effects(model, [effect]).impedance(d[1:], i[1:], f[1:])
+    np.testing.assert_allclose(read["resistance_ohm"][1:], z.real, rtol=1e-4)  # of a table
+    np.testing.assert_allclose(read["inductance_H"][1:], z.imag / (2.0 * np.pi * f[1:]), rtol=1e-4)
+    ohms, drawn = model.circuit.resistance_ohm, model.impedance(d[1:], i[1:], f[1:]).real
+    if lag:
+        assert read["inductance_H"][0] == pytest.approx(model.inductance(0.022, 0.5), rel=1e-9)
+        assert read["resistance_ohm"][0] == pytest.approx(ohms, rel=1e-12)
+    else:  # all that flux induces goes with the square of the turns, the wire's resistance with their number
+        np.testing.assert_allclose(read["resistance_ohm"][1:] - 1.04 * ohms, 1.04**2 * (drawn - ohms), rtol=1e-9)
 
 
 def test_between_its_grid_a_change_is_the_conductivity_s(levitation_model):

@@ -12,8 +12,8 @@ from femfit.device.parts import LinearMaterial, Region
 from femfit.field.layout import layout_of
 from femfit.field.problem import LinearActuator
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY, assembly, coil_on_a_magnet, magnet, rectangle
-from support.field import in_current, solved
+from support.actuators import GEOMETRY, assembly, coil_on_a_magnet, device, magnet, rectangle
+from support.field import in_current, prepared, solved
 
 # Converged values of Table 1's actuator (30 turns): an independent run at order 6, corners graded to 0.03 mm, domain
 # radius 2 m, stable to 0.01 %. Columns: distance in m, F_0 in N, F_1 in N/A, F_2 in N/A^2, magnet's field in T.
@@ -104,15 +104,6 @@ def test_force_is_smooth_on_a_stretched_mesh():
         assert in_current(problem.solve(distance)).force[0] == pytest.approx(curve(distance), rel=1e-6)
 
 
-def test_stretching_a_mesh_gives_what_a_new_mesh_gives():
-    actuator, settings = paper_actuator(), SolverSettings()
-    layout = layout_of(actuator, settings)
-    stretched = in_current(LinearActuator(actuator, (0.015, 0.03), layout, settings).solve(0.028))
-    fresh = in_current(LinearActuator(actuator, (0.028,), layout, settings).solve(0.028))
-    np.testing.assert_allclose(stretched.force[:2], fresh.force[:2], rtol=3e-4)
-    np.testing.assert_allclose(stretched.flux_linkage, fresh.flux_linkage, rtol=3e-4)
-
-
 def test_open_boundary_costs_no_accuracy():
     # At the largest distance, where the far field counts most: a tenth of the error that the row itself states.
     actuator = paper_actuator()
@@ -124,6 +115,22 @@ def test_open_boundary_costs_no_accuracy():
 def test_self_force_of_a_magnet_alone_is_removed_entirely():
     solution = solved(assembly(moving=[magnet(1.45, 0.0055, 0.005, permeability=1.05)], distances=(0.02,)))
     assert abs(solution.force[0]) < 1e-12
+
+
+def test_the_forces_on_three_bodies_add_up_to_nothing():
+    """Action is reaction: of a magnet, an iron disc and a second magnet each is the moving part once."""
+    bodies = [
+        magnet(1.2, 0.008, 0.005, z_min=-0.011, permeability=1.05, name="below"),
+        magnet(0.0, 0.010, 0.004, permeability=500.0, name="iron"),
+        magnet(0.9, 0.006, 0.006, z_min=0.009, permeability=1.05, name="above"),
+    ]
+    forces = []
+    for k, body in enumerate(bodies):
+        lowered = replace(body, vertices_m=tuple((r, z - 0.03) for r, z in body.vertices_m))
+        drawn = device("three", fixed=bodies[:k] + bodies[k + 1 :], moving=[lowered], distances=(0.03,))
+        forces.append(prepared(drawn, 0.03).rows(0.03, (0.0,))["force_N"][0])
+    assert abs(sum(forces)) < 1e-4 * max(map(abs, forces))
+    assert min(map(abs, forces)) > 0.05 * max(map(abs, forces))
 
 
 def test_larger_geometry_scales_force_with_area_and_field_not_at_all():

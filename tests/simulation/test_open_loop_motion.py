@@ -204,6 +204,26 @@ def test_a_blocked_winding_leaves_its_core_the_eddy_currents():
     assert -1.0 / rate == pytest.approx(slowest, rel=1e-2)
 
 
+@pytest.mark.parametrize("bandwidth", [None, 2000.0])
+def test_eddy_currents_behind_an_amplifier_answer_its_current_and_its_supply_limits_it(bandwidth):
+    """A e' = -e - L_ei i' has e = -(1 - exp(-t / A)) L_ei i' along a ramp; at too low a supply the ramp is late."""
+    model = with_eddies(solenoid(HELD, Drive("current", bandwidth_Hz=bandwidth)), (20e-3, 2e-3))
+    command = Profile("current", np.array([0.0, 0.02]), np.array([0.0, 0.5]), "linear")
+    supplied = [replace(model, circuits=(replace(model.circuit, voltage_max_V=v),)) for v in (500.0, 2.0)]
+    free, limited = (simulate(m, drive=command, duration_s=0.02, start_m=4e-3, sample_time_s=1e-5) for m in supplied)
+    time, found = free.table["time_s"], free.table["flux_linkage_Wb"]
+    there = model.windings.magnetics.state(np.array(4e-3), np.zeros(3)).inductance
+    times, modes = np.linalg.eigh(there[1:, 1:])
+    along = (modes.T @ there[1:, 0])[:, None] * 25.0 * (1.0 - np.exp(-time / times[:, None]))
+    flux = there[0, 0] * 25.0 * time - there[0, 1:] @ modes @ along
+    behind = 0.0 if bandwidth is None else there[0, 0] * 25.0 / (2.0 * np.pi * bandwidth)
+    late = time > 0.01
+    np.testing.assert_allclose((found - found[0])[late], flux[late] - behind, atol=2e-3 * flux.max())
+    assert closes(free)
+    assert limited.table["voltage_V"].max() <= 2.0
+    assert limited.table["current_A"][-1] < 0.9 * free.table["current_A"][-1]
+
+
 def test_the_energy_of_two_circuits_and_of_a_fall_past_a_ring_is_all_there(levitation_model):
     stop = replace(levitation_model.motion, far_stop=Stop(0.04), near_stop=Stop(0.016))
     model = with_eddies(cut_in_two(replace(levitation_model, motion=stop)), TIMES)

@@ -26,13 +26,6 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(design):
     assert np.all(first[-1] != other[-1])
 
 
-def test_a_sensor_that_sticks_loses_the_magnet_by_name(design):
-    result = run(design, Experiment("backstepping", "ukf", (0.022,), stuck_after_s=0.1), steps=1000)
-    assert not result.held.any()
-    assert set(result.outcomes()) <= {LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.FILTER_DIVERGED}
-    assert np.all(result.outcome_time_s > 0.1)
-
-
 @pytest.mark.parametrize(("scale", "outcome"), [(1.5, LoopOutcome.PULLED_IN), (0.6, LoopOutcome.FELL)])
 def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, scale, outcome):
     design = design_loop(levitation_model, noise=0.0)
@@ -42,12 +35,6 @@ def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, s
     assert np.isfinite(result.series.distance_m[:lost]).all()
     assert np.isnan(result.series.distance_m[lost:]).all()
     assert np.isnan(result.statistics.tracking_rms_m).all()  # a lost magnet is never a number
-
-
-def test_a_diverging_filter_is_named_and_says_what_to_do(design):
-    result = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
-    assert set(result.outcomes()) == {LoopOutcome.FILTER_DIVERGED}
-    assert np.isnan(result.statistics.estimate_rms_m).all()
 
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
@@ -232,16 +219,22 @@ def of_laser(noise=None, voltage_max_V=None):
 FILTERED = {"controller": None, "targets_m": (0.022,), "runs": 4, "seconds": 0.2}
 CAUSES = {
     "gains": (
-        of_laser(), {"controller": "pid", "gains": {"kp": 40.0, "kd": 1.0}, "seconds": 1.5}, "Without the gains given",
+        of_laser(), {"controller": "pid", "gains": {"kp": 40.0, "kd": 1.0}, "seconds": 1.5}, "asked-for",
+        "Without the gains given",
     ),
-    "latency": (of_laser(), {"latency": 80, "seconds": 1.5}, "", "Without the latency the same runs hold"),
-    "noise that fills the commands": (of_laser(1.0), {}, "The sensors' noise: laser 1.00 V", "to the driver's limit"),
+    "latency": (of_laser(), {"latency": 80, "seconds": 1.5}, "asked-for", "", "Without the latency the same runs hold"),
+    "noise that fills the commands": (
+        of_laser(1.0), {}, "noise", "The sensors' noise: laser 1.00 V", "to the driver's limit",
+    ),
     "noise without room": (
-        of_laser(60e-3, 1.02 * 0.852), {}, "The sensors' noise: laser", "brings a body at rest back",
+        of_laser(60e-3, 1.02 * 0.852), {}, "noise", "The sensors' noise: laser", "brings a body at rest back",
     ),
-    "a fault that was asked for": (of_rig, FILTERED | {"stuck_after_s": 0.05}, "Without the fault", "sensor stuck"),
+    "a fault that was asked for": (
+        of_rig, FILTERED | {"stuck_after_s": 0.05}, "asked-for", "Without the fault", "sensor stuck",
+    ),
     "a fault where the loop is lost without it": (
-        of_rig, FILTERED | {"estimator": "direct", "noise": 0.012, "stuck_after_s": 0.05}, "The sensors' noise", "too",
+        of_rig, FILTERED | {"estimator": "direct", "noise": 0.012, "stuck_after_s": 0.05}, "noise",
+        "The sensors' noise", "too",
     ),
 }  # fmt: skip
 LONG = tuple(name for name in CAUSES if name != "noise that fills the commands")
@@ -249,9 +242,10 @@ LONG = tuple(name for name in CAUSES if name != "noise that fills the commands")
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.nightly] * (n in LONG)) for n in CAUSES])
 def test_a_lost_loop_names_its_cause_with_its_numbers_and_never_what_is_done_already(name, optical, levitation_model):
-    make, options, first, *words = CAUSES[name]
+    make, options, code, first, *words = CAUSES[name]
     options = {"controller": "backstepping", "estimator": "ukf", "runs": 2, "seconds": 0.4, **options}
     loop = close_loop(make(optical, levitation_model), **options)
     assert loop.held < loop.runs
+    assert loop.cause.code == loop.data()["cause"]["code"] == code
     assert loop.advice.startswith(first)
     assert not unmentioned(words, loop.advice)

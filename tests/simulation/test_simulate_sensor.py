@@ -158,6 +158,19 @@ def test_a_pickup_coil_reads_the_mean_voltage_of_a_sample(delay):
     assert np.ptp(wanted) > 0.0
 
 
+@pytest.mark.parametrize("delay", [1.0, 2.5])
+def test_a_late_hall_element_reads_the_field_of_an_earlier_part_of_a_sample(levitation_model, delay):
+    """Within a sample the loop takes the motion's cubic, a line is d'' T^2 / 8 off it: here up to 16 m/s^2."""
+    model = replace(levitation_model, sample_time_s=PICKUP_STEP_S)
+    model = replace(model, sensor=replace(model.sensor, delay_s=delay * PICKUP_STEP_S))
+    places = PATH + np.array([20e-3, 0.0, 0.0])
+    prompt = model.sensor.voltage(places[:, 0], places[:, 2])
+    wanted = np.interp(TIME - delay * PICKUP_STEP_S, TIME, prompt)
+    slope = np.abs(np.gradient(prompt, places[:, 0])).max()
+    found = read_by_the_loop(model, "hall", places)
+    np.testing.assert_allclose(found[5:], wanted[5:], atol=1.1 * slope * 16.0 * PICKUP_STEP_S**2 / 8.0)
+
+
 RUNS = 100
 
 

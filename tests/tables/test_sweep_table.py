@@ -28,18 +28,6 @@ def test_a_table_comes_back_bit_for_bit_with_its_manifest(tmp_path):
     assert json.loads((tmp_path / "manifest.json").read_text()) == {"kind": "sweep", "name": "a"}
 
 
-def test_a_failed_write_leaves_the_earlier_table(tmp_path, monkeypatch):
-    write_sweep_table(SweepTable(ROWS), tmp_path)
-
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(pd.DataFrame, "to_parquet", full)
-    with pytest.raises(OSError, match="space"):
-        write_sweep_table(SweepTable(ROWS.iloc[:1]), tmp_path)
-    pd.testing.assert_frame_equal(read_sweep_table(tmp_path).rows, ROWS)
-
-
 VARIED = pd.DataFrame(
     {
         "current_A": [0.0, 1.0] * 4,

@@ -59,6 +59,15 @@ def test_a_weaker_magnet_and_fewer_turns_are_what_the_field_is_solved_to_be(tmp_
     np.testing.assert_allclose((change["force_N"], change["flux_linkage_Wb"]), solved[:2], rtol=1e-6)
 
 
+@pytest.mark.parametrize("name", sets.SETS)
+def test_a_truth_of_no_size_changes_nothing(name, device):
+    settings = conditions(1.0, 40.0, 35.0)
+    for truth, error in sets.truths_of(DRAWING, name).items():
+        if not error.lacks(device.actuator) and "lateral" not in truth:  # a field that takes 15 s to solve
+            for values in changed(device, built(error, device), 0.0, settings).values():
+                np.testing.assert_allclose(values, 0.0, atol=1e-9, err_msg=truth)
+
+
 def test_a_wall_that_is_hardly_pinned_follows_the_anhysteretic_curve():
     cycle = np.tile(np.concatenate([np.linspace(-1, 1, 41), np.linspace(1, -1, 41)]), 2)
     free, pinned = (memory.jiles_atherton(cycle, pinning, 0.3, 0.1)[82:] for pinning in (0.003, 0.2))
