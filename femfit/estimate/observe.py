@@ -35,7 +35,7 @@ class Observation(Printed):
     Examples
     --------
     >>> import femfit as ff
-    >>> ff.close_loop("model.json", runs=1, seconds=0.5, rng=1).write_csv("log.csv")
+    >>> ff.close_loop("model.json", targets_m=(0.022,), runs=1, seconds=0.5, rng=1).write_csv("log.csv")
     >>> seen = ff.observe("model.json", "log.csv", find=False)
     >>> seen.filters[0].trusted
     True
@@ -119,7 +119,7 @@ def observe(
     Examples
     --------
     >>> import femfit as ff
-    >>> loop = ff.close_loop("model.json", runs=1, seconds=0.5, rng=1)
+    >>> loop = ff.close_loop("model.json", targets_m=(0.022,), runs=1, seconds=0.5, rng=1)
     >>> loop.write_csv("log.csv")
     >>> seen = ff.observe("model.json", "log.csv", find=False)
     >>> print(str(seen).splitlines()[0])

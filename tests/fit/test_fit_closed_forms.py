@@ -170,7 +170,7 @@ def test_each_point_of_a_steel_bearing_and_what_lies_between_is_met_relative_to_
     assert missed.max() < 0.05
     assert rms(missed) < 0.01
     rows = steel_fit(ONE_SIDE, ONE_SIDE).rows
-    assert share(model.force(*rows.points), rows.force).max() < 0.03
+    assert share(model.force(rows.distance, rows.circuit_currents), rows.force).max() < 0.03
     largest = force(0.2e-3, np.array([3.0, 0.0]))
     np.testing.assert_allclose(model.force(d, -i), model.force(d, i), atol=1e-12 * largest)
     np.testing.assert_allclose(model.flux_linkage(d, -i), -model.flux_linkage(d, i), atol=1e-12)
