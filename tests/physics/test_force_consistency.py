@@ -117,8 +117,14 @@ def test_self_force_of_a_magnet_alone_is_removed_entirely():
     assert abs(solution.force[0]) < 1e-12
 
 
-def test_the_forces_on_three_bodies_add_up_to_nothing():
-    """Action is reaction: of a magnet, an iron disc and a second magnet each is the moving part once."""
+@pytest.mark.parametrize(
+    ("settings", "most"), [(SolverSettings(), 1e-5), (SolverSettings(order=2, corner_fraction=0.3), 6e-3)]
+)
+def test_the_forces_on_three_bodies_add_up_to_nothing(settings, most):
+    """Action is reaction: of a magnet, an iron disc and a second magnet each is the moving part once.
+
+    On the coarse mesh 0.3 % of the largest force is left, and 2.3 % where the self-force is not subtracted.
+    """
     bodies = [
         magnet(1.2, 0.008, 0.005, z_min=-0.011, permeability=1.05, name="below"),
         magnet(0.0, 0.010, 0.004, permeability=500.0, name="iron"),
@@ -128,8 +134,8 @@ def test_the_forces_on_three_bodies_add_up_to_nothing():
     for k, body in enumerate(bodies):
         lowered = replace(body, vertices_m=tuple((r, z - 0.03) for r, z in body.vertices_m))
         drawn = device("three", fixed=bodies[:k] + bodies[k + 1 :], moving=[lowered], distances=(0.03,))
-        forces.append(prepared(drawn, 0.03).rows(0.03, (0.0,))["force_N"][0])
-    assert abs(sum(forces)) < 1e-4 * max(map(abs, forces))
+        forces.append(prepared(drawn, 0.03, settings).rows(0.03, (0.0,))["force_N"][0])
+    assert abs(sum(forces)) < most * max(map(abs, forces))
     assert min(map(abs, forces)) > 0.05 * max(map(abs, forces))
 
 
