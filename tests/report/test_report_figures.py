@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from femfit.identify.misfit import MeasuredCurves
+from femfit.report.bench_report import SCALAR
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure
 from femfit.report.field_figures import colour_limit, field_figure, flux_levels
 from femfit.report.loop_report import closed_loop_figure, loop_figures
 from femfit.report.misfit_figures import curves_figure
 from femfit.report.model_figures import at_supply, force_curves_figure, hall_figure, stroke_figure, sweep_grid
-from femfit.report.style import svg_uri
+from femfit.report.style import svg_uri, words
 
 WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|H|%|s|Hz|µm)[^()]*\)")
 
@@ -151,3 +152,8 @@ def test_a_record_has_points_without_curves_and_without_anything_added_one_colum
     none = replace(curves, before=np.zeros((0, 9)), after=np.zeros((0, 9)))
     lines = curves_figure(none, fitted=False).axes[0].get_lines()
     assert {line.get_marker() for line in lines} == {"o"}
+
+
+@pytest.mark.parametrize("covariate", SCALAR)
+def test_a_misfit_can_be_drawn_over_each_covariate(covariate):
+    assert words("covariates", covariate)
