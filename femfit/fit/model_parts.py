@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +27,11 @@ from femfit.model.validity import ActuatorKind, ValidityBox
 MASS_UNKNOWN = "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g."
 
 Part = TypeVar("Part")
+
+
+@dataclass(frozen=True)
+class _OneSensor:
+    sensor: AnySensor
 
 
 def actuator_entry(
@@ -154,7 +159,7 @@ def other_sensors_of(
     sensors: list[OtherSensor] = []
     notes, halls = [], 0
     for record in entry.get("sensors") or ():
-        sensor: AnySensor = _recorded(AnySensor, "sensor", record)  # type: ignore[arg-type]  # a union is no class
+        sensor: AnySensor = _recorded(_OneSensor, "sensor", {"sensor": record}).sensor
         if isinstance(sensor, PickupCoil):
             flux = linked.get(sensor.name, "the sweep holds no flux linkage of it. Sweep the drawing again.")
             if isinstance(flux, str):

@@ -1,5 +1,6 @@
 """Sweeps of actuators without a circuit and with several: columns, journal, reading back."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -53,6 +54,17 @@ def test_a_table_with_two_circuits_is_read_back(swept):
     summary = summarise(table)
     assert summary["failed"] == 0
     assert summary["force_min_N"] < 0.0 < summary["force_max_N"]
+
+
+def test_two_circuits_flux_linkages_are_affine_in_their_inductances(swept):
+    actuator, _, table = swept
+    if any(region.material == STEEL for region in actuator.moving.regions):
+        pytest.skip("a property of linear devices")
+    for _, rows in table.rows.groupby("distance_m"):
+        mutual = rows["inductance_lower_upper_H"] * rows["current_upper_A"]
+        np.testing.assert_allclose(
+            rows["flux_linkage_lower_Wb"], rows["inductance_lower_H"] * rows["current_lower_A"] + mutual, rtol=1e-9
+        )
 
 
 @pytest.mark.parametrize("tolerance", [None, 1e-2])

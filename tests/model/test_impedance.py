@@ -68,18 +68,15 @@ BOTH = ("resistance_ohm", "inductance_H")
 @pytest.mark.parametrize("name", ["eddy_current_lag", "turns"])
 def test_a_bench_reads_the_same_impedance_without_and_with_eddy_currents_beside_effects(levitation_model, name):
     lag = name == "eddy_current_lag"
-    model, effect = (
-        (levitation_model, added(name, **LAG))
-        if lag
-        else (with_eddies(levitation_model), added(name, turns_error=0.04))
-    )
+    model = levitation_model if lag else with_eddies(levitation_model)
+    effect = added(name, **LAG) if lag else added(name, turns_error=0.04)
     f, d, i = np.array([np.nan, 20.0, 300.0, 5e3]), np.full(4, 0.022), np.full(4, 0.5)
     at = Conditions(nominal_of(model), frequency_Hz=f)
     read = predict_readings(model, d, i, at, [effect], ("inductance_H", "resistance_ohm"))
     z = with_effects(model, [effect]).impedance(d[1:], i[1:], f[1:])
-    of_a_table = 1e-9 if lag else 1e-4
-    np.testing.assert_allclose(read["resistance_ohm"][1:], z.real, rtol=of_a_table)
-    np.testing.assert_allclose(read["inductance_H"][1:], z.imag / (2.0 * np.pi * f[1:]), rtol=1e-4)
+    tabulated = 1e-4  # what a table of eddy currents or of an inductance is told to
+    np.testing.assert_allclose(read["resistance_ohm"][1:], z.real, rtol=1e-9 if lag else tabulated)
+    np.testing.assert_allclose(read["inductance_H"][1:], z.imag / (2.0 * np.pi * f[1:]), rtol=tabulated)
     ohms, drawn = model.circuit.resistance_ohm, model.impedance(d[1:], i[1:], f[1:]).real
     if lag:
         assert read["inductance_H"][0] == pytest.approx(model.inductance(0.022, 0.5), rel=1e-9)

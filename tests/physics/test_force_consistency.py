@@ -104,6 +104,15 @@ def test_force_is_smooth_on_a_stretched_mesh():
         assert in_current(problem.solve(distance)).force[0] == pytest.approx(curve(distance), rel=1e-6)
 
 
+def test_stretching_a_mesh_gives_what_a_new_mesh_gives():
+    actuator, settings = paper_actuator(), SolverSettings()
+    layout = layout_of(actuator, settings)
+    stretched = in_current(LinearActuator(actuator, (0.015, 0.03), layout, settings).solve(0.028))
+    fresh = in_current(LinearActuator(actuator, (0.028,), layout, settings).solve(0.028))
+    np.testing.assert_allclose(stretched.force[:2], fresh.force[:2], rtol=3e-4)
+    np.testing.assert_allclose(stretched.flux_linkage, fresh.flux_linkage, rtol=3e-4)
+
+
 def test_open_boundary_costs_no_accuracy():
     # At the largest distance, where the far field counts most: a tenth of the error that the row itself states.
     actuator = paper_actuator()

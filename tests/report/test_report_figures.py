@@ -155,5 +155,5 @@ def test_a_record_has_points_without_curves_and_without_anything_added_one_colum
 
 
 @pytest.mark.parametrize("covariate", SCALAR)
-def test_a_misfit_can_be_drawn_over_each_covariate(covariate):
+def test_each_covariate_of_a_misfit_has_its_label(covariate):
     assert words("covariates", covariate)

@@ -112,19 +112,12 @@ def test_a_study_compares_direct_measurement_and_filter_for_all_controllers(stud
 
 def at_rest(model, **options):
     """Rms in m at 22 mm of the direct measurement, and rms and mean of what the filter is off by, of 16 runs."""
-    options = {
-        "controller": "backstepping",
-        "targets_m": (0.022,),
-        "runs": 16,
-        "seconds": 1.0,
-        "recorded": 16,
-    } | options
-    loop = close_loop(model, **options)
+    steady = {"controller": "backstepping", "targets_m": (0.022,), "runs": 16, "recorded": 16}
+    loop = close_loop(model, seconds=1.0, **steady, **options)
     series, settled = loop.result.series, slice(len(loop.result.time_s) // 3, None)
     true = series.distance_m
-    direct, estimate = (
-        (d - true)[settled] for d in (direct_distance(loop.design, series), series.estimated_distance_m)
-    )
+    direct = (direct_distance(loop.design, series) - true)[settled]
+    estimate = (series.estimated_distance_m - true)[settled]
     return loop, np.sqrt(np.mean(direct**2)), np.sqrt(np.mean(estimate**2)), np.mean(estimate)
 
 

@@ -26,6 +26,13 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(design):
     assert np.all(first[-1] != other[-1])
 
 
+def test_a_sensor_that_sticks_loses_the_magnet_by_name(design):
+    result = run(design, Experiment("backstepping", "ukf", (0.022,), stuck_after_s=0.1), steps=1000)
+    assert not result.held.any()
+    assert set(result.outcomes()) <= {LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.FILTER_DIVERGED}
+    assert np.all(result.outcome_time_s > 0.1)
+
+
 @pytest.mark.parametrize(("scale", "outcome"), [(1.5, LoopOutcome.PULLED_IN), (0.6, LoopOutcome.FELL)])
 def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, scale, outcome):
     design = design_loop(levitation_model, noise=0.0)
@@ -35,6 +42,12 @@ def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, s
     assert np.isfinite(result.series.distance_m[:lost]).all()
     assert np.isnan(result.series.distance_m[lost:]).all()
     assert np.isnan(result.statistics.tracking_rms_m).all()  # a lost magnet is never a number
+
+
+def test_a_diverging_filter_is_named_and_says_what_to_do(design):
+    result = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
+    assert set(result.outcomes()) == {LoopOutcome.FILTER_DIVERGED}
+    assert np.isnan(result.statistics.estimate_rms_m).all()
 
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
