@@ -94,7 +94,7 @@ class Filter(Printed, ABC):
         """
         mean, order = np.asarray(mean, dtype=np.float64), self.process.order
         if covariance is None:
-            covariance, mean = self.process.require_start_covariance(), self.process.begun(mean)
+            covariance, mean = self.process.start_covariance, self.process.first_estimate(mean)
         count = len(mean) if mean.ndim == 2 else runs
         fitting = {(order, order), (1, order, order), (count, order, order)}
         if mean.shape not in {(order,), (count, order)} or np.shape(covariance) not in fitting:
@@ -188,7 +188,7 @@ class Filter(Printed, ABC):
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         process = self.process
-        if len(state.mean) == 1 and not state.outcome.item() and process.has_graph:
+        if len(state.mean) == 1 and not state.outcome.item() and process.light:
             plain = isinstance(voltage, float) and process.inputs == 1
             inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
             matrix = state.covariance[0] if self.carries == "covariance" else state.factor[0].T

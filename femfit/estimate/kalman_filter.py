@@ -84,7 +84,7 @@ class UnscentedFilter(Filter):
         The points lie as far out as without eddy currents: with many they would leave the model's distances.
         """
         order = self.process.order
-        others = order - self.process.eddies
+        others = order - (self.process.model.eddy.count if self.process.model.eddy else 0)
         spread = self.alpha * sqrt(others)
         return spread, 0.5 / spread**2, 2.0 - self.alpha**2 * (others / order)
 
@@ -199,7 +199,7 @@ def kalman_filter(
         biases=biases,
         commanded=commanded,
     )
-    covariance = process.require_start_covariance().copy()
+    covariance = process.start_covariance.copy()
     if first_deviation_m is not None:
         covariance[0, 0] = first_deviation_m**2
     return _KINDS[kind](replace(process, start_covariance=covariance))
