@@ -113,7 +113,6 @@ def error_bound(
     places[:, 2 : 2 + circuits] = np.tile(currents, (len(distances_m), 1))
     model.validity.require(places[:, 0], places[:, 2 : 2 + circuits])
     volts = model.resistances_ohm * places[:, 2 : 2 + circuits]
-    volts = volts[:, 0] if circuits == 1 else volts
     slope, outputs = process.state_jacobian(places, volts), output_jacobians(process, places)
     covariance = np.broadcast_to(process.start_covariance, slope.shape)
     for _ in range(SETTLING_STEPS):

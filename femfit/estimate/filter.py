@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.errors import FilterError
-from femfit.core.graph import Memo
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Printed
 from femfit.core.text import counted
@@ -135,7 +134,6 @@ class Filter(Printed, ABC):
             Input u held from this sample to the next; of a process with n inputs of shape (runs, n) or (n,).
         """
         inputs = _given(state, voltage, self.process.inputs, VOLTAGES)
-        inputs = inputs[:, 0] if self.process.inputs == 1 else inputs
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
             matrix = getattr(state, self.carries).transpose(1, 2, 0)
@@ -198,24 +196,18 @@ class Filter(Printed, ABC):
                 return after
         return self.update(self.predict(state, voltage), measurement)
 
-    @property
+    @cached_property
     def single(self) -> StepFunction:
-        """One step of one run as one function, by the process's graph; made once."""
-        if "single" not in self._known:
-            self._known["single"] = StepFunction(self)
-        made: StepFunction = self._known["single"]
-        return made
-
-    @property
-    def _terms(self) -> Terms:
-        if "terms" not in self._known:
-            self._known["terms"] = in_arrays(self.process)
-        made: Terms = self._known["terms"]
-        return made
+        """One step of one run as one function, by the process's graph."""
+        return StepFunction(self)
 
     @cached_property
-    def _known(self) -> Memo:
-        return Memo()
+    def _terms(self) -> Terms:
+        return in_arrays(self.process)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is worked out again on demand is not pickled."""
+        return {name: value for name, value in vars(self).items() if name not in {"single", "_terms"}}
 
     @final
     def _next_alone(self, state: FilterState, step: SingleStep) -> FilterState | None:

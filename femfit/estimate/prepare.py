@@ -100,7 +100,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
     held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
     log = Log(
-        inputs=inputs[:, 0] if len(commands) == 1 else inputs,
+        inputs=inputs,
         readings=np.stack([values for values, _ in channels], axis=1),
         begins=begins,
         guesses=_guesses(model, distance, track.current_A[:, : len(columns)]),

@@ -24,7 +24,6 @@ from femfit.identify.suggest import Suggestion
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.report.misfit_figures import (
-    covariate_figure,
     curves_figure,
     residual_maps_figure,
     worst_first,
@@ -41,12 +40,6 @@ RANKED = 12
 
 SOURCE = "measurement"
 """What was measured is called where only its diagnosis is given."""
-
-SCALAR = (
-    "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "velocity_m_s",
-    "current_rate_A_s",
-)  # fmt: skip
-"""Covariates that a map over distance and current does not show."""
 
 
 def render_diagnosis(
@@ -66,11 +59,6 @@ def render_diagnosis(
     effects = diagnosis.explanations[0].effects if diagnosis.explanations else ()
     facts, figures = _curves(diagnosis.model, observations, effects, floor)
     figures["misfit-maps"] = partial(residual_maps_figure, observations, scale, has_floor)
-    covariates = [name for name in diagnosis.where.covariates if name in SCALAR] if has_floor else []
-    if covariates:
-        channel = diagnosis.where.channel
-        values = observations.residual / scale[channel]
-        figures["misfit-covariates"] = partial(covariate_figure, observations, values, channel, covariates)
     facts |= {
         "title": f"{diagnosis.model.name}: the bench and the model",
         "lead": f"{source} beside the model's predictions",
@@ -82,7 +70,6 @@ def render_diagnosis(
         "certainty": certainty_sentence(diagnosis) if diagnosis.missing else "",
         "classes": [effect for effect in diagnosis.missing if len(effect.members) > 1],
         "known": has_floor,
-        "covariates": covariates,
         "hashes": hashes,
         **_measured_facts(diagnosis),
     }
@@ -119,7 +106,6 @@ def render_comparison(comparison: Comparison) -> str:
         "summary": [("", line) for line in str(comparison).splitlines() if line.strip()][:SHOWN],
         "diagnosis": None,
         "known": has_floor,
-        "covariates": [],
     }
     return _render(facts, ["curves", "misfit"], figures)
 

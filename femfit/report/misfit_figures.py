@@ -14,7 +14,6 @@ from femfit.identify.settings import setting_cells
 from femfit.report.style import (
     INK,
     MUTED,
-    VERMILION,
     WIDTH,
     Axes,
     Figure,
@@ -29,8 +28,6 @@ MM = 1e3
 
 LEAST_LIMIT = 2.0
 """A map's colours span at least so many standard deviations: noise alone should look pale."""
-
-BINS = 12
 
 
 def residual_maps_figure(observations: Observations, scale: Mapping[str, float], sigma: bool) -> Figure:
@@ -50,33 +47,6 @@ def residual_maps_figure(observations: Observations, scale: Mapping[str, float],
         bar.set_label("in noise σ" if sigma else f"in {name.rpartition('_')[2]}")
     panels[0].set_ylabel(words("curves", "current_A"))
     return figure
-
-
-def covariate_figure(observations: Observations, residual: FloatArray, channel: str, names: Sequence[str]) -> Figure:
-    """One channel's residual, over its noise, against temperature, time, branch or run."""
-    figure = new_figure(2.7, width=min(WIDTH, 2.8 + 2.5 * len(names)))
-    panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
-    here = observations.of(channel)
-    for ax, name in zip(panels, names, strict=True):
-        x = observations.column(name)[here]
-        _binned(ax, x, residual[here])
-        ax.axhline(0.0, color=MUTED, linewidth=0.8)
-        ax.set_xlabel(words("covariates", name))
-    panels[0].set_ylabel(f"{CHANNEL_WORDS[channel]}:\nrecorded − predicted (σ)")
-    return figure
-
-
-def _binned(ax: Axes, x: FloatArray, y: FloatArray) -> None:
-    finite = np.isfinite(x)
-    x, y = x[finite], y[finite]
-    levels = np.unique(x)
-    cuts = levels if len(levels) <= BINS else np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)[:-1])
-    group = np.searchsorted(np.unique(cuts), x, side="right")
-    table = pd.DataFrame({"x": x, "y": y}).groupby(group).agg({"x": "mean", "y": ["mean", "sem"]})
-    ax.errorbar(
-        table["x"]["mean"], table["y"]["mean"], 2.0 * table["y"]["sem"].fillna(0.0),
-        fmt="o-", color=VERMILION, markersize=3.5, linewidth=1.0, elinewidth=0.9,
-    )  # fmt: skip
 
 
 _SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1e-3}

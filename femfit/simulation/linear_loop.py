@@ -140,9 +140,9 @@ def linear_observer(
         return _linear_direct(model, point, observer)
     process = observer.process
     rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
-    A = process.state_jacobian(rest[None], point.commands[None] if n > 1 else point.commands)[0]
+    A = process.state_jacobian(rest[None], point.commands[None])[0]
     (B,) = central_differences(
-        lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs if n > 1 else inputs[:, 0]),
+        lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs),
         point.commands[None],
         _command_scale(model, point),
     )

@@ -174,7 +174,6 @@ REFUSALS = {
     "start of another order": (started(np.zeros(2), np.eye(3)), r"shapes \(3,\) and \(3, 3\).*instead received \(2,\)"),
     "start without spread": (started(START, np.diag([1.0, 1.0, 0.0])), "positive definite"),
     "start that is no number": (started(np.array([np.nan, 0.0, 0.0]), np.eye(3)), "finite"),
-    "sigma points without spread": (lambda rig: UnscentedFilter(levitation_process(rig), alpha=0.0), "alpha > 0"),
     "no circuit": (lambda rig: levitation_process(replace(rig, circuits=())), "circuit"),
     "no motion": (lambda rig: levitation_process(replace(rig, motion=None)), "motion"),
     "no sensor": (lambda rig: levitation_process(replace(rig, sensor=None)), "sensor"),
