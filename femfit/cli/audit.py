@@ -1,9 +1,6 @@
 """``femfit audit`` and ``femfit tolerance``: a model checked as its file holds it, and a series of devices."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 import femfit as ff
 from femfit.cli.command import Outcome, command
@@ -34,7 +31,7 @@ def tolerance(
     sweep: Path,
     *,
     distance_mm: float,
-    current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
+    current_A: tuple[float, ...] = (),
     of: str = "force_N",
 ) -> Outcome:
     """How a series of devices scatters by the drawing's tolerances, and which number to hold more tightly.

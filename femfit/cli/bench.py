@@ -34,7 +34,7 @@ class BenchOptions:
     resistance_ohm: Annotated[float | None, NOT_NEGATIVE] = None
     turns_ratio: Annotated[float, POSITIVE] = 1.0
     settling_s: Annotated[float, NOT_NEGATIVE] = 0.0
-    still_A: Annotated[float, Parameter(name="--still-A"), NOT_NEGATIVE] = 1e-3
+    still_A: Annotated[float, NOT_NEGATIVE] = 1e-3
     still_um: Annotated[float, NOT_NEGATIVE] = 1.0
     model: Path | None = None
 

@@ -31,7 +31,7 @@ def calibrate(
     *data: Path,
     output: Annotated[Path, OUTPUT, Writes(DRAWING)],
     numbers: str | None = None,
-    effects: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
+    effects: Annotated[tuple[str, ...], Parameter(name="--with")] = (),
     runs: Annotated[Path | None, Writes(MODEL, _MODEL, _DIRECTORY), Writes(MODEL, _AS_DRAWN)] = None,
     workers: Annotated[int | None, AT_LEAST_ONE] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,

@@ -27,8 +27,7 @@ Value = TypeVar("Value")
 OUTPUT = Parameter(name=["--output", "-o"])
 POSITIVE, NOT_NEGATIVE = Parameter(validator=Number(gt=0.0)), Parameter(validator=Number(gte=0.0))
 AT_LEAST_ONE = Parameter(validator=Number(gte=1))
-REPEATED = Parameter(negative=(), show_default=False)
-FLAG = Parameter(negative=())
+REPEATED = Parameter(show_default=False)
 
 
 ToWrite = tuple[Path | None, Callable[[Path], object]]

@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
 import femfit as ff
 from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, Writes, command
 from femfit.core.files import PAGE
@@ -15,7 +13,7 @@ def diagnose(
     model: Path,
     data: Path,
     *,
-    exclude: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    exclude: tuple[str, ...] = (),
     report: Annotated[Path | None, Writes(PAGE)] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
 ) -> Outcome:

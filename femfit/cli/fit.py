@@ -5,10 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
-
 import femfit as ff
-from femfit.cli.command import FLAG, OUTPUT, Outcome, Writes, command, names_of, pairs, parsed
+from femfit.cli.command import OUTPUT, Outcome, Writes, command, names_of, pairs, parsed
 from femfit.core.errors import FitError
 from femfit.core.files import MODEL
 
@@ -30,15 +28,15 @@ def fit(
     table: Path,
     *,
     model: str = "coenergy",
-    where: Annotated[tuple[str, ...], FLAG] = (),
+    where: tuple[str, ...] = (),
     output: Annotated[Path | None, OUTPUT, _BESIDE] = None,
-    bound: Annotated[tuple[str, ...], FLAG] = (),
+    bound: tuple[str, ...] = (),
     functions: str | None = None,
-    inductance_H: Annotated[float | None, Parameter(name="--inductance-H")] = None,
+    inductance_H: float | None = None,
     actuator: Path | None = None,
     mass_g: float | None = None,
     resistance_ohm: float | None = None,
-    supply_V: Annotated[str | None, Parameter(name="--supply-V")] = None,
+    supply_V: str | None = None,
 ) -> Outcome:
     """Fit a model to a sweep table, or to measured inductances, and write it.
 

@@ -1,9 +1,6 @@
 """``femfit heat``: how warm winding and magnet become, what that costs, and which current may last."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 import femfit as ff
 from femfit.cli.command import Outcome, command
@@ -13,8 +10,8 @@ from femfit.cli.command import Outcome, command
 def heat(
     actuator: Path,
     *,
-    current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
-    voltage: Annotated[tuple[float, ...], Parameter(negative=())] = (),
+    current_A: tuple[float, ...] = (),
+    voltage: tuple[float, ...] = (),
     distance_mm: float | None = None,
 ) -> Outcome:
     """How warm winding and magnet become: hot resistance, remanence, time, and the largest current that may last.

@@ -25,7 +25,7 @@ class ImportFemOptions:
         Height z in mm, in the file, of the fixed parts' face from which distances are counted.
     """
 
-    moving_labels: Annotated[tuple[int, ...], Parameter(name="--moving-label", negative=())] = ()
+    moving_labels: Annotated[tuple[int, ...], Parameter(name="--moving-label")] = ()
     mover_side: Literal["auto", "above", "below"] = "auto"
     face_mm: float | None = None
 

@@ -8,7 +8,6 @@ from cyclopts import Parameter
 
 import femfit as ff
 from femfit.cli.command import (
-    FLAG,
     NO_TABLE_OPTIONS,
     OUTPUT,
     Outcome,
@@ -43,7 +42,7 @@ class ImportOptions:
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
     decimal: Literal[".", ","] | None = None
     distance_start_mm: float | None = None
-    keep_force: Annotated[bool, FLAG] = False
+    keep_force: bool = False
     actuator: Path | None = None
 
 
@@ -52,7 +51,7 @@ _DEFAULTS = ImportOptions()
 
 @command("File for mapping and findings as JSON.")
 def import_table(
-    tables: Annotated[tuple[Path, ...], FLAG],
+    tables: tuple[Path, ...],
     *,
     output: Annotated[
         Path, OUTPUT, Writes(SWEEP, "sweep.parquet"), Writes(SWEEP, "sweep.csv"), Writes(MANIFEST, "manifest.json")

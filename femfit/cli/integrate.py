@@ -55,16 +55,16 @@ class IntegrateOptions:
 
     coil_area_m2: Annotated[float | None, Parameter(name="--coil-area")] = None
     method: MethodOption | None = None
-    initial_field_T: Annotated[float | None, Parameter(name="--initial-field-T")] = None
+    initial_field_T: float | None = None
     zero_reading_s: Annotated[float | None, POSITIVE] = None
     settling_s: Annotated[float | None, NOT_NEGATIVE] = None
-    still_A: Annotated[float | None, Parameter(name="--still-A"), POSITIVE] = None
+    still_A: Annotated[float | None, POSITIVE] = None
     current_to_field_A_per_T: Annotated[float | None, Parameter(name="--current-to-field"), POSITIVE] = None
     lab: Path | None = None
     coil_area_sigma_m2: Annotated[float | None, Parameter(name="--coil-area-sigma"), NOT_NEGATIVE] = None
     reference_gain_sigma: Annotated[float | None, NOT_NEGATIVE] = None
-    reference_offset_sigma_T: Annotated[float | None, Parameter(name="--reference-offset-sigma-T"), NOT_NEGATIVE] = None
-    offset_sigma_uV: Annotated[float | None, Parameter(name="--offset-sigma-uV"), NOT_NEGATIVE] = None
+    reference_offset_sigma_T: Annotated[float | None, NOT_NEGATIVE] = None
+    offset_sigma_uV: Annotated[float | None, NOT_NEGATIVE] = None
     coverage: Annotated[float, POSITIVE] = 2.0
 
 

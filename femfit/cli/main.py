@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from femfit import __version__
 from femfit.core.errors import FemfitError, UsageError
@@ -55,6 +55,8 @@ def build_app() -> App:
         help="From an electromagnetic actuator's drawing to a model that a filter can run.",
         help_format="plaintext",  # markdown would take a tenth of a second to import
         version=__version__,
+        # Units keep their letters; nothing is turned off by an option of its own
+        default_parameter=Parameter(name_transform=lambda name: name.replace("_", "-"), negative=()),
         suppress_keyboard_interrupt=False,  # main says that finished work is kept
     )
     for place, (name, target, text) in enumerate(COMMANDS):

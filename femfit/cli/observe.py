@@ -8,7 +8,6 @@ from cyclopts import Parameter
 
 import femfit as ff
 from femfit.cli.command import (
-    FLAG,
     NO_MEASUREMENT_OPTIONS,
     MeasurementOptions,
     Outcome,
@@ -29,7 +28,7 @@ def observe(
     filters: Annotated[str, Parameter(name="--filter")] = "ukf",
     sensors: str | None = None,
     biases: str | None = None,
-    keep_noise: Annotated[bool, FLAG] = False,
+    keep_noise: bool = False,
     write_noise: Annotated[Path | None, Writes(MODEL)] = None,
     picture: Annotated[Path | None, Writes(PICTURE)] = None,
     csv: Annotated[Path | None, Writes(REPLAYED)] = None,

@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
@@ -56,8 +56,10 @@ def run(
         Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
         stay without it.
     """
+    from femfit.cli.output import sweep_progress
     from femfit.core.processes import process_pool
     from femfit.device.load import remarks
+    from femfit.field.sweep_rows import failed_points, summarise
     from femfit.heat.find_temperatures import temperatures_at_supply
     from femfit.model.several_magnetics import NETWORK
     from femfit.report.page import ReportContent
@@ -73,8 +75,11 @@ def run(
     for remark in remarks(parts):
         print(remark)
     with step("sweep") as say:
-        table, summary, notes = _sweep(actuator, parts, output, workers or len(os.sched_getaffinity(0)), signatures)
-        say(said("run", "sweep", summary), *notes)
+        processes = workers or len(os.sched_getaffinity(0))
+        with sweep_progress(parts.name) as progress:
+            table = ff.run_sweep(actuator, output, workers=processes, signatures=signatures, progress=progress)
+        summary = summarise(table)
+        say(said("run", "sweep", summary), *failed_points(table))
     with step("fit") as say:
         reference = _fit(table, "coenergy", model_file)
         say(said("run", "fit", reference), *reference.notes)
@@ -138,18 +143,6 @@ def _single_actuator(path: Path) -> ff.Actuator:
         )
         raise ActuatorFileError(str(path), [problem])
     return sweep.actuator
-
-
-def _sweep(
-    actuator: Path, parts: ff.Actuator, directory: Path, workers: int, signatures: bool
-) -> tuple[ff.SweepTable, dict[str, Any], list[str]]:
-    """The table, its summary, and what is to be said of it."""
-    from femfit.cli.output import sweep_progress
-    from femfit.field.sweep_rows import failed_points, summarise
-
-    with sweep_progress(parts.name) as progress:
-        table = ff.run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
-    return table, summarise(table), failed_points(table)
 
 
 def _fit(table: ff.SweepTable, law: str, file: Path) -> ff.FitResult:

@@ -4,8 +4,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
 import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, Outcome, ToWrite, Writes, command, names_of
 from femfit.core.files import PICTURE, REPLAYED, write_text
@@ -19,7 +17,7 @@ def sense(
     voltage: float | None = None,
     drive: Path | None = None,
     test_voltage: Annotated[float, NOT_NEGATIVE] = 0.0,
-    test_frequency_Hz: Annotated[float | None, Parameter(name="--test-frequency-Hz"), POSITIVE] = None,
+    test_frequency_Hz: Annotated[float | None, POSITIVE] = None,
     runs: Annotated[int, AT_LEAST_ONE] = 20,
     seed: Annotated[int, NOT_NEGATIVE] = 1,
     picture: Annotated[Path | None, Writes(PICTURE)] = None,

@@ -12,7 +12,6 @@ from cyclopts.validators import Number
 import femfit as ff
 from femfit.cli.command import (
     AT_LEAST_ONE,
-    FLAG,
     NOT_NEGATIVE,
     POSITIVE,
     Outcome,
@@ -59,7 +58,7 @@ class OpenLoopOptions:
     duration_ms: Annotated[float | None, POSITIVE] = None
     start_mm: float | None = None
     sample_time_ms: Annotated[float | None, Parameter(name="--step-ms"), POSITIVE] = None
-    extrapolate: Annotated[bool, FLAG] = False
+    extrapolate: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:

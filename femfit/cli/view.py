@@ -3,10 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import Parameter
-
 import femfit as ff
-from femfit.cli.command import FLAG, OUTPUT, Outcome, Writes, command
+from femfit.cli.command import OUTPUT, Outcome, Writes, command
 from femfit.core.errors import DomainError, UsageError
 from femfit.core.files import require_outputs
 
@@ -24,8 +22,8 @@ def view(
     *,
     output: Annotated[Path | None, OUTPUT, Writes()] = None,
     distance_mm: float | None = None,
-    current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
-    what: Annotated[tuple[What, ...], FLAG] = (),
+    current_A: tuple[float, ...] = (),
+    what: tuple[What, ...] = (),
 ) -> Outcome:
     """Draw geometry, mesh, flux lines and |B| at a point, and write the field for ParaView.
 

@@ -113,9 +113,8 @@ def error_bound(
     places[:, 2 : 2 + circuits] = np.tile(currents, (len(distances_m), 1))
     model.validity.require(places[:, 0], places[:, 2 : 2 + circuits])
     volts = model.resistances_ohm * places[:, 2 : 2 + circuits]
-    volts = volts[:, 0] if circuits == 1 else volts
     slope, outputs = process.state_jacobian(places, volts), output_jacobians(process, places)
-    covariance = np.broadcast_to(process.require_start_covariance(), slope.shape)
+    covariance = np.broadcast_to(process.start_covariance, slope.shape)
     for _ in range(SETTLING_STEPS):
         covariance = next_covariance(process, covariance, slope, outputs)
     return ErrorBound(
@@ -123,7 +122,7 @@ def error_bound(
         sensors=tuple(output.name for output in process.outputs),
         places=places,
         deviations=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
-        first=np.sqrt(np.diag(process.require_start_covariance())),
+        first=np.sqrt(np.diag(process.start_covariance)),
     )
 
 
@@ -148,7 +147,7 @@ def bound_along(process: FilterProcess, states: FloatArray, inputs: FloatArray) 
         )
     slopes, outputs = process.state_jacobian(states[:-1], inputs[1:]), output_jacobians(process, states)
     result = np.empty((len(states), process.order, process.order))
-    result[0] = _informed(process, process.require_start_covariance()[None], outputs[:, :1])[0]
+    result[0] = _informed(process, process.start_covariance[None], outputs[:, :1])[0]
     for k, slope in enumerate(slopes):
         result[k + 1] = next_covariance(process, result[k : k + 1], slope[None], outputs[:, k + 1 : k + 2])[0]
     return result
@@ -174,7 +173,7 @@ def _informed(process: FilterProcess, covariance: FloatArray, outputs: FloatArra
 
 def output_jacobians(process: FilterProcess, states: FloatArray) -> FloatArray:
     """dh/dx of every sensor at N states, shape (sensors, N, n)."""
-    return np.stack([process.output_jacobian(states, output) for output in process.outputs])
+    return np.stack([process.gradient(output.name, states) for output in process.outputs])
 
 
 def without_stops(model: ActuatorModel) -> ActuatorModel:

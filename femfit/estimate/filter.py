@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.errors import FilterError
-from femfit.core.graph import Memo
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Printed
 from femfit.core.text import counted
@@ -94,7 +93,7 @@ class Filter(Printed, ABC):
         """
         mean, order = np.asarray(mean, dtype=np.float64), self.process.order
         if covariance is None:
-            covariance, mean = self.process.require_start_covariance(), self.process.begun(mean)
+            covariance, mean = self.process.start_covariance, self.process.first_estimate(mean)
         count = len(mean) if mean.ndim == 2 else runs
         fitting = {(order, order), (1, order, order), (count, order, order)}
         if mean.shape not in {(order,), (count, order)} or np.shape(covariance) not in fitting:
@@ -135,7 +134,6 @@ class Filter(Printed, ABC):
             Input u held from this sample to the next; of a process with n inputs of shape (runs, n) or (n,).
         """
         inputs = _given(state, voltage, self.process.inputs, VOLTAGES)
-        inputs = inputs[:, 0] if self.process.inputs == 1 else inputs
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
             matrix = getattr(state, self.carries).transpose(1, 2, 0)
@@ -188,7 +186,7 @@ class Filter(Printed, ABC):
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         process = self.process
-        if len(state.mean) == 1 and not state.outcome.item() and process.has_graph:
+        if len(state.mean) == 1 and not state.outcome.item() and process.light:
             plain = isinstance(voltage, float) and process.inputs == 1
             inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
             matrix = state.covariance[0] if self.carries == "covariance" else state.factor[0].T
@@ -198,24 +196,18 @@ class Filter(Printed, ABC):
                 return after
         return self.update(self.predict(state, voltage), measurement)
 
-    @property
+    @cached_property
     def single(self) -> StepFunction:
-        """One step of one run as one function, by the process's graph; made once."""
-        if "single" not in self._known:
-            self._known["single"] = StepFunction(self)
-        made: StepFunction = self._known["single"]
-        return made
-
-    @property
-    def _terms(self) -> Terms:
-        if "terms" not in self._known:
-            self._known["terms"] = in_arrays(self.process)
-        made: Terms = self._known["terms"]
-        return made
+        """One step of one run as one function, by the process's graph."""
+        return StepFunction(self)
 
     @cached_property
-    def _known(self) -> Memo:
-        return Memo()
+    def _terms(self) -> Terms:
+        return in_arrays(self.process)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is worked out again on demand is not pickled."""
+        return {name: value for name, value in vars(self).items() if name not in {"single", "_terms"}}
 
     @final
     def _next_alone(self, state: FilterState, step: SingleStep) -> FilterState | None:

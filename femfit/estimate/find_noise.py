@@ -178,12 +178,10 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
     order = process.order
     following = np.minimum(flat + 1, len(prepared.time_s) - 1)
     slope = process.state_jacobian(replayed.mean[flat], prepared.log.inputs[following])
-    outputs = np.stack(
-        [process.output_jacobian(replayed.predicted[flat], output) for output in process.outputs], axis=1
-    )
+    outputs = np.stack([process.gradient(output.name, replayed.predicted[flat]) for output in process.outputs], axis=1)
     shift = replayed.mean[flat] - replayed.predicted[flat]
     # Of all sensors against the prediction; the filter takes one after the other, each about what the last improved
-    expected = np.stack([output.measure(replayed.predicted[flat]) for output in process.outputs], axis=1)
+    expected = np.stack([process.measure(output.name, replayed.predicted[flat]) for output in process.outputs], axis=1)
     innovation = np.where(np.isfinite(replayed.innovation[flat]), prepared.log.readings[flat] - expected, np.nan)
     size = chosen.shape
     return Stretches(

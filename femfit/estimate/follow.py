@@ -113,10 +113,9 @@ def follow(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: F
     built = filter_of(prepared, name, biases, noise)
     resting = None
     if prepared.resting is not None:  # of a body that stands still: the current flows as in a body that nothing moves
-        process = built.process.predicting(held=True)
-        covariance = process.process_covariance.copy()
+        covariance = built.process.process_covariance.copy()
         covariance[:2, :2] = np.diag(np.square(prepared.resting))
-        resting = replace(built, process=replace(process, process_covariance=covariance))
+        resting = replace(built, process=replace(built.process, held=True, process_covariance=covariance))
     replayed = replay(built, prepared.log, resting)
     judged = [
         innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])

@@ -3,8 +3,9 @@
 The unscented Kalman filter with control input, the paper's (19) to (31), in difference form.
 
 With delta_i = Y_i - Y_0 and s = sum_i W_i delta_i, the weighted mean is Y_0 + s, and the weighted covariance about it
-is sum_{i>0} W_i delta_i delta_i^T + (2 - alpha^2) s s^T: the centre weight, -2.5e5 for alpha = 0.002, has cancelled
-algebraically, so that it cannot cancel numerically. New points are drawn for the update, so that they contain Q.
+is sum_{i>0} W_i delta_i delta_i^T + (2 - alpha^2) s s^T: the centre weight, -2.5e5 for the paper's alpha = 0.002, has
+cancelled algebraically, so that it cannot cancel numerically. Here alpha is 1, beta 2 (a Gaussian) and kappa 0. New
+points are drawn for the update, so that they contain Q.
 
 The extended Kalman filter: the covariance follows the Jacobians of transition and measurement.
 
@@ -71,12 +72,6 @@ class UnscentedFilter(Filter):
     title: ClassVar[str] = "unscented Kalman filter"
     carries: ClassVar[Literal["covariance", "factor"]] = "factor"
 
-    alpha: float = 1.0  # Scaling of the sigma points, with beta = 2 (a Gaussian) and kappa = 0
-
-    def __post_init__(self) -> None:
-        if not self.alpha > 0.0:
-            raise FilterError(f"Sigma points need alpha > 0; instead received {self.alpha:g}.")
-
     @cached_property
     def scaling(self) -> tuple[float, float, float]:
         """Spread sqrt(n + lambda) of the points, weight W_i of all but the centre, and weight of s s^T.
@@ -84,9 +79,8 @@ class UnscentedFilter(Filter):
         The points lie as far out as without eddy currents: with many they would leave the model's distances.
         """
         order = self.process.order
-        others = order - self.process.eddies
-        spread = self.alpha * sqrt(others)
-        return spread, 0.5 / spread**2, 2.0 - self.alpha**2 * (others / order)
+        others = order - (self.process.model.eddy.count if self.process.model.eddy else 0)
+        return sqrt(others), 0.5 / others, 2.0 - others / order
 
     def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
         """Mean and covariance of the points one sample later, eqs. (21) to (24)."""
@@ -199,7 +193,7 @@ def kalman_filter(
         biases=biases,
         commanded=commanded,
     )
-    covariance = process.require_start_covariance().copy()
+    covariance = process.start_covariance.copy()
     if first_deviation_m is not None:
         covariance[0, 0] = first_deviation_m**2
     return _KINDS[kind](replace(process, start_covariance=covariance))

@@ -12,8 +12,6 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (32) and (33), as corre
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -36,7 +34,7 @@ from femfit.estimate.noise import (
     process_covariance,
 )
 from femfit.estimate.process import FilterProcess, Output
-from femfit.estimate.process_graph import ProcessGraph, process_graph
+from femfit.estimate.process_graph import process_graph
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import is_plain
 from femfit.model.hall import HallSensor
@@ -76,10 +74,9 @@ def levitation_process(
     model.require_dynamics()
     sensors = chosen_sensors(model, sensors)
     graph = process_graph(model, sensors, chosen_biases(sensors, biases, hall_bias))
-    graph = replace(graph, driven=commanded and not is_plain(model.circuits))
     distance = operating_distance(model) if distance is None else distance
     noise = default_noise(model, distance) if noise is None else noise
-    outputs = tuple(_output(graph, name, noise) for name in sensors)
+    outputs = tuple(_output(model, name, noise) for name in sensors)
     first, walks = [], []  # standard deviations of biases, and their random walks over sqrt(s)
     for name in graph.biases:
         span = 0.0 if name == HALL else readings_span(model, sensor_named(model, name))
@@ -100,33 +97,29 @@ def levitation_process(
     ]
     lower, upper = _plausible_range(model, graph.order)
     return FilterProcess(
-        names=graph.names,
-        step_s=model.sample_time_s,
-        transition=graph.transition,
+        model,
+        graph.biases,
+        graph.samples,
+        driven=commanded and not is_plain(model.circuits),
         outputs=outputs,
         process_covariance=block_diag(covariance, np.diag(np.concatenate([*added, np.zeros(0)]))),
-        transition_jacobian=graph.transition_jacobian if graph.light else None,
         lower=lower,
         upper=upper,
         start_covariance=np.diag(np.square(np.append(deviations, remembered))),
-        inputs=len(model.circuits),
-        eddies=0 if model.eddy is None else model.eddy.count,
-        graph=graph,
     )
 
 
-def _output(graph: ProcessGraph, name: str, noise: FilterNoise) -> Output:
+def _output(model: ActuatorModel, name: str, noise: FilterNoise) -> Output:
     """A sensor of the model as a filter sees it."""
-    reading = reading_of(graph.model, name)
-    hall = isinstance(sensor_named(graph.model, name), HallSensor)
+    reading = reading_of(model, name)
+    hall = isinstance(sensor_named(model, name), HallSensor)
     white = noise.hall_V if hall else noise.sensors.get(name, reading.white)
     if not white > 0.0:
         raise FilterError(
             f"A filter must know the noise of sensor {name!r}, and it must be > 0 {reading.unit}; it is {white:g}. "
             f"Give [sensors.{name}] its noise in the actuator file, or take it from a record: femfit observe."
         )
-    measure, slope = partial(graph.measure, name), partial(graph.gradient, name)
-    return Output(name, reading.unit, measure, white**2, slope, reading.period(graph.model.sample_time_s))
+    return Output(name, reading.unit, white**2, reading.period(model.sample_time_s))
 
 
 def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:

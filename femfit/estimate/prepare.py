@@ -10,19 +10,18 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.core.text import amount, amount_range, counted
+from femfit.core.text import amount, counted
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.estimate.constants import BLOCK, STANDS_STILL, STILL
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.record import (
-    at_ends,
     bridged,
     converter_step,
     on_grid,
+    sensor_readings,
     stretches_and_step,
     white_noise,
     with_distance,
-    without_repeats,
 )
 from femfit.estimate.record_checks import given_voltage, require_possible_step
 from femfit.estimate.rests import Track, find_rests
@@ -94,14 +93,14 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     volts = np.stack([feed.voltage_V for feed in feeds], axis=1) if feeds else np.zeros((len(time), 0))
     inputs, held_findings = _inputs(volts, begins)
     findings += [*rests.findings, *(told for feed in feeds for told in feed.findings), *held_findings]
-    channels = [_channel(series, reading, begins, step) for reading in readings]
+    channels = [sensor_readings(series, reading, begins, step) for reading in readings]
     noises = [_noise(series, values, reading) for (values, _), reading in zip(channels, readings, strict=True)]
     findings += [told for _, of_channel in [*channels, *noises] for told in of_channel]
     # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
     held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
     log = Log(
-        inputs=inputs[:, 0] if len(commands) == 1 else inputs,
+        inputs=inputs,
         readings=np.stack([values for values, _ in channels], axis=1),
         begins=begins,
         guesses=_guesses(model, distance, track.current_A[:, : len(columns)]),
@@ -131,12 +130,6 @@ def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorM
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
 
-def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence[str] = ()) -> tuple[str, ...]:
-    """Names of the sensors that the record has readings of, those of some columns left out."""
-    columns = {name: reading_of(model, name).column for name in sensors_of(model)}
-    return tuple(name for name, column in columns.items() if column in series.given and column not in without)
-
-
 def _left_out(series: TimeSeries) -> str:
     return " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
 
@@ -145,7 +138,7 @@ def _chosen(
     model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None, drawn: Sequence[str]
 ) -> tuple[str, ...]:
     """As asked for; else those of the drawing that were recorded, or what was where none of them is."""
-    usable = recorded_sensors(model, series)
+    usable = tuple(name for name in sensors_of(model) if reading_of(model, name).column in series.given)
     wanted = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
     for name in wanted:
         sensor_named(model, name)
@@ -179,22 +172,6 @@ def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, li
     before = np.concatenate([held[:1], held[:-1]])
     before[begins] = held[begins]
     return before, findings
-
-
-def _channel(
-    series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: float
-) -> tuple[FloatArray, list[Finding]]:
-    """Readings of a sensor; NaN where they are missing, or stand at an end of the range that the drawing shows."""
-    name = str(reading.column)
-    column, findings = without_repeats(series.rows[name].to_numpy(copy=True), begins, reading, step)
-    clipped = at_ends(column, reading)
-    if clipped.any():
-        limited = np.isfinite(reading.high - reading.low)
-        limits = amount_range(reading.low, reading.high, reading.unit) if limited else "its range"
-        facts = {"clipped": int(clipped.sum()), "samples": f"{len(column)}", "name": reading.name, "limits": limits}
-        findings.append(finding("clipped sensor", column=name, **facts))
-        column[clipped] = np.nan
-    return column, findings
 
 
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:

@@ -9,70 +9,47 @@ Entry by entry over all runs at once, it is also several times faster for many s
 first.
 """
 
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cached_property
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
-from femfit.core.errors import FilterError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, central_differences
+from femfit.estimate.process_graph import ProcessGraph
 from femfit.estimate.words import sentence
 
-Transition = Callable[[FloatArray, FloatArray], FloatArray]
-Measure = Callable[[FloatArray], FloatArray]
 
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Output:
     """One sensor of a process, whose noise is independent of the others'."""
 
     name: str
     unit: str
-    measure: Measure  # h: states (N, n) -> measurements (N,)
     variance: float
-    jacobian: Measure | None = None  # dh/dx, shape (N, n); central differences where absent
     period: int = 1  # Samples from one reading to the next; those between are missing
 
 
-@dataclass(frozen=True, eq=False)
-class FilterProcess:
-    """A discrete process with its inputs and the readings of one or more sensors, batched over N states.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FilterProcess(ProcessGraph):
+    """A graph with its noise, its first estimate and the states that it holds for, batched over N states.
 
     The input does not reach the measurement directly: z of a sample is taken before its u is applied.
     """
 
-    names: tuple[str, ...]  # State names with units, for example ``distance_m``
-    step_s: float
-    transition: Transition  # f: states (N, n) and inputs (N,), or (N, inputs), -> next states (N, n)
     outputs: tuple[Output, ...]  # All sensors, in the order of a measurement's entries
-    process_covariance: FloatArray  # Q, added once a step; shape (n, n)
-    transition_jacobian: Transition | None = None  # df/dx, shape (N, n, n); central differences where absent
+    process_covariance: FloatArray  # Q, added once a sample; shape (n, n)
+    start_covariance: FloatArray  # Of a first estimate's error by default; shape (n, n)
     # Range of states that the model can still say something about; shape (n,)
-    lower: FloatArray | None = None
-    upper: FloatArray | None = None
-    start_covariance: FloatArray | None = None  # Covariance of a first estimate's error by default; shape (n, n)
-    inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
-    eddies: int = 0  # States that are eddy currents
-    graph: Any = None  # A :class:`femfit.estimate.process_graph.ProcessGraph` that moves all states and reads them
+    lower: FloatArray
+    upper: FloatArray
 
-    def predicting(self, **changes: Any) -> "FilterProcess":
-        """The same process whose states move as by its graph with other fields; it is read as before."""
-        graph = replace(self.graph, **changes)
-        slopes = None if self.transition_jacobian is None else graph.transition_jacobian
-        return replace(self, transition=graph.transition, transition_jacobian=slopes)
-
-    @cached_property
-    def has_graph(self) -> bool:
-        """Whether transition and outputs are those of the graph, and it is light."""
-        graph = self.graph
-        owners = [getattr(self.transition, "__self__", None)]
-        owners += [getattr(getattr(output.measure, "func", None), "__self__", None) for output in self.outputs]
-        return graph is not None and all(owner is graph for owner in owners) and bool(graph.light)
+    @property
+    def inputs(self) -> int:
+        """Commands of a sample, one a circuit."""
+        return len(self.model.circuits)
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""
@@ -91,61 +68,27 @@ class FilterProcess:
     @cached_property
     def _bounds(self) -> list[tuple[int, float, float]]:
         """The states with a range, and the ranges."""
-        if self.lower is None or self.upper is None:
-            return []
         bounded = np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper))
         return [(int(k), float(self.lower[k]), float(self.upper[k])) for k in bounded]
 
-    @cached_property
-    def _deviations(self) -> FloatArray | None:
-        """Standard deviations of a first estimate: over these the functions are linear enough for a filter."""
-        if self.start_covariance is None:
-            return None
-        deviations = np.sqrt(np.diag(self.start_covariance))
-        return deviations if np.all(deviations > 0.0) else None
-
-    def require_start_covariance(self) -> FloatArray:
-        """The covariance of a first estimate."""
-        if self.start_covariance is None:
-            raise FilterError("This process has no covariance for a first estimate; give start(mean, covariance).")
-        return self.start_covariance
-
-    @property
-    def order(self) -> int:
-        """Number of states n."""
-        return len(self.names)
-
-    @property
-    def base(self) -> int:
-        """Number of states that are no samples which a filter remembers."""
-        return self.order if self.graph is None else int(self.graph.base)
-
-    def begun(self, first: FloatArray) -> FloatArray:
+    def first_estimate(self, first: FloatArray) -> FloatArray:
         """A first estimate (..., n) of a body that was at rest before; states that are left out at the end are zero."""
         missing = self.base - first.shape[-1] if first.ndim else 0
         if 0 < missing < self.base:
             first = np.concatenate([first, np.zeros((*first.shape[:-1], missing), first.dtype)], axis=-1)
-        if self.base == self.order or first.shape[-1:] != (self.base,):
+        if not self.samples or first.shape[-1:] != (self.base,):
             return first
-        every = self.graph.from_rest(first.reshape(-1, self.base))
-        return np.asarray(every.reshape(*first.shape[:-1], self.order))
+        return self.from_rest(first.reshape(-1, self.base)).reshape(*first.shape[:-1], self.order)
 
     def state_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
-        """df/dx of shape (N, n, n), analytic where the process has it."""
-        if self.transition_jacobian is not None:
+        """df/dx of shape (N, n, n): exact, or of a large graph differences over a first estimate's deviations."""
+        if self.light:
             return self.transition_jacobian(states, inputs)
         return central_differences(
             lambda points: self.transition(points, np.concatenate([inputs] * (2 * self.order))),
             states,
-            self._deviations,
+            np.sqrt(np.diag(self.start_covariance)),
         )
-
-    def output_jacobian(self, states: FloatArray, output: Output) -> FloatArray:
-        """dh/dx of shape (N, n) of one sensor, analytic where it has it."""
-        if output.jacobian is not None:
-            return output.jacobian(states)
-        measure = output.measure
-        return central_differences(lambda points: measure(points)[:, None], states, self._deviations)[:, 0, :]
 
 
 class FilterOutcome(IntEnum):

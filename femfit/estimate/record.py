@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
-from femfit.core.text import amount
+from femfit.core.text import amount, amount_range
 from femfit.device.electrics import PositionSensor
 from femfit.estimate.constants import (
     DIFFERENCE_ORDER,
@@ -162,23 +162,28 @@ def repeated(values: FloatArray, begins: NDArray[np.intp], period: int) -> BoolA
     return np.asarray((since % period != 0) & np.isfinite(values))
 
 
-def without_repeats(
-    values: FloatArray, begins: NDArray[np.intp], reading: Reading, step_s: float
+def sensor_readings(
+    series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step_s: float
 ) -> tuple[FloatArray, list[Finding]]:
-    """Readings with NaN where a slow sensor's last one was repeated, and what is said of it."""
-    period = reading.period(step_s)
-    again = repeated(values, begins, period)
-    if not again.any():
-        return values, []
-    facts = {"name": reading.name, "period": period, "repeats": int(again.sum()), "column": str(reading.column)}
-    return np.where(again, np.nan, values), [finding("repeated", **facts)]
+    """Readings of a sensor, NaN where they tell nothing, and what is said of those.
 
-
-def at_ends(values: FloatArray, reading: Reading) -> BoolArray:
-    """Which samples stand at an end of the sensor's range."""
+    That is where a slow sensor's last one was repeated, or one stands at an end of the range that the drawing shows.
+    """
+    column, period, findings = str(reading.column), reading.period(step_s), []
+    values = series.rows[column].to_numpy(copy=True)
+    if (again := repeated(values, begins, period)).any():
+        facts = {"name": reading.name, "period": period, "repeats": int(again.sum())}
+        findings.append(finding("repeated", column=column, **facts))
+        values[again] = np.nan
     span = reading.high - reading.low
     slack = 1e-9 * span if np.isfinite(span) else 0.0
-    return (values >= reading.high - slack) | (values <= reading.low + slack)
+    clipped = (values >= reading.high - slack) | (values <= reading.low + slack)
+    if clipped.any():
+        limits = amount_range(reading.low, reading.high, reading.unit) if np.isfinite(span) else "its range"
+        facts = {"clipped": int(clipped.sum()), "samples": f"{len(values)}", "name": reading.name, "limits": limits}
+        findings.append(finding("clipped sensor", column=column, **facts))
+        values[clipped] = np.nan
+    return values, findings
 
 
 def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
@@ -213,12 +218,8 @@ def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading
     """
     time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
     begins, step = stretches_and_step(time, segment)
-    read, passed = without_repeats(series.rows[str(reading.column)].to_numpy(copy=True), begins, reading, step)
-    clipped = at_ends(read, reading)
-    if clipped.any():
-        facts = {"clipped": int(clipped.sum()), "samples": f"{len(read)}", "name": sensor.name}
-        passed.append(finding("clipped distance", column="distance_m", **facts))
-    distance, late = distance_of(sensor, np.where(clipped, np.nan, read)), reading.delay_s / step
+    readings, passed = sensor_readings(series, reading, begins, step)
+    distance, late = distance_of(sensor, readings), reading.delay_s / step
     slow = reading.sample_time_s is not None and reading.sample_time_s > 1.5 * step
     if slow or abs(late - round(late)) < WHOLE:
         return _later(distance, segment, round(late)), passed

@@ -21,7 +21,7 @@ from femfit.estimate.process import FilterState
 class Log(NamedTuple):
     """What a filter is fed with: inputs held from the sample before, readings, and where stretches begin."""
 
-    inputs: FloatArray  # (samples,)
+    inputs: FloatArray  # (samples, circuits)
     readings: FloatArray  # (samples, sensors); NaN where missing
     begins: IntArray  # Indices of the first samples of stretches without a gap, ascending from 0
     guesses: FloatArray  # First estimate of every sample, of which pieces take theirs; (samples, n)

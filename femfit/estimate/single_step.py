@@ -16,7 +16,6 @@ from femfit.core.graph import GraphFunction
 from femfit.core.numerics import FloatArray
 from femfit.core.tape import Caller
 from femfit.estimate.process import FilterProcess, Output
-from femfit.estimate.process_graph import ProcessGraph
 
 if TYPE_CHECKING:
     from femfit.estimate.filter import Filter
@@ -63,10 +62,10 @@ def in_arrays(process: FilterProcess) -> Terms:
         return process.state_jacobian(points[:, 0].T, inputs).transpose(1, 2, 0)
 
     def reading(output: Output, points: FloatArray) -> FloatArray:
-        return as_points(output.measure(points.reshape(len(points), -1).T), points)
+        return as_points(process.measure(output.name, points.reshape(len(points), -1).T), points)
 
     def reading_slope(output: Output, points: FloatArray) -> FloatArray:
-        return process.output_jacobian(points[:, 0].T, output).T[None]
+        return process.gradient(output.name, points[:, 0].T).T[None]
 
     return Terms(
         product=lambda a, b: np.einsum("ijr,jkr->ikr", a, b),
@@ -101,7 +100,7 @@ class StepFunction:
     """
 
     def __init__(self, filter_: "Filter", *, compact: bool = False) -> None:
-        graph: ProcessGraph = filter_.process.graph
+        graph = filter_.process
         outputs, n = filter_.process.outputs, graph.order
         m = len(outputs)
         points = 1 if filter_.carries == "covariance" else 2 * n + 1

@@ -55,15 +55,13 @@ class OffsetFilter:
     sample_time: float
     field_model: FieldModel | None = None
     initial_field: float = float("nan")  # B_0 in T; NaN takes the reference's first reading
-    offset_sigma: float = FIRST_OFFSET_SIGMA_V  # Standard uncertainty of the offset voltage at the start, V
     offset_wander: float = OFFSET_WANDER_V  # How far the offset walks, V/sqrt(s)
-    interval: float = UPDATE_INTERVAL
 
     def start(self) -> OffsetState:
         """The state before the first sample."""
         mean = np.zeros((2, 4))
         mean[0, 0] = self.initial_field
-        covariance = np.diag([self.noise.initial_T**2, self.offset_sigma**2])
+        covariance = np.diag([self.noise.initial_T**2, FIRST_OFFSET_SIGMA_V**2])
         magnet = None if self.field_model is None else precycled(self.field_model.terms)
         return OffsetState(LastSample(), mean, covariance, np.zeros((5, 0)), magnet)
 
@@ -89,7 +87,7 @@ class OffsetFilter:
             last, steps = increments(state.last, block[begin:], self.coil, self.noise, self.sample_time)
             latest = np.stack([block.time[begin:], raw[begin:], steps.dt, steps.field, steps.variance])
             samples = np.concatenate([state.pending, latest], axis=1)
-            window = max(1, round(self.interval / self.sample_time))
+            window = max(1, round(UPDATE_INTERVAL / self.sample_time))
             for first in range(0, samples.shape[1], window):
                 rows, target = samples[:, first : first + window], out[:, begin + first : begin + first + window]
                 elapsed = self._predict(state, rows, target)

@@ -150,27 +150,22 @@ class ReportContent:
 
     @property
     def levitates(self) -> bool:
-        """Whether the moving part is meant to be held by the force against its weight."""
-        return levitates(self.actuator, self.rows)
+        """Whether the drawing has a sensor or reference for a body that can hang within the sweep."""
+        if self.actuator is None or self.rows is None or self.rows.hanging_weight is None:
+            return False
+        return self.actuator.hall is not None or bool(self.actuator.reference_distances_m)
 
 
-def levitates(actuator: Actuator | None, rows: FitRows | None) -> bool:
-    """Whether a drawing has a sensor or reference for a body that can hang within the sweep."""
-    if actuator is None or rows is None or rows.hanging_weight is None:
-        return False
-    return actuator.hall is not None or bool(actuator.reference_distances_m)
-
-
-def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> Place:
+def picture_point(content: ReportContent, actuator: Actuator, rows: FitRows) -> Place:
     """Distance in m and current in A, or one a circuit, at which the field is drawn.
 
     A body that is meant to hang is drawn at its first reference distance and its holding current, every other actuator
     at :func:`strongest_point`.
     """
-    if levitates(actuator, rows) and model.motion is not None:
+    if content.levitates and content.model.motion is not None:
         distances = actuator.reference_distances_m or (float(np.median(rows.distances)),)
         try:
-            return distances[0], holding_current(model, distances[0])
+            return distances[0], holding_current(content.model, distances[0])
         except DomainError:
             pass
     return strongest_point(actuator)

@@ -112,7 +112,7 @@ def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
 
     rows = content.rows
     assert rows is not None  # noqa: S101 - a drawing comes with its sweep
-    points = picture_point(actuator, content.model, rows), strongest_point(actuator)
+    points = picture_point(content, actuator, rows), strongest_point(actuator)
     samples: dict[Place, FieldSample] = {p: sample_field(actuator, *p) for p in dict.fromkeys(points)}
     return replace(content, field=samples[points[0]], strongest=samples[points[1]])
 

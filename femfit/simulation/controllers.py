@@ -54,14 +54,6 @@ class Controller(ABC):
         """
 
 
-def reference_currents(model: ActuatorModel, reference: Reference) -> FloatArray:
-    """Currents of shape (runs, n) that move a body as the reference does, worked out where it does not bring them."""
-    if reference.currents is not None:
-        return np.atleast_2d(reference.currents)
-    r, a = np.atleast_1d(reference.distance), np.atleast_1d(reference.acceleration)
-    return currents_for_acceleration(model, r, a, reference.velocity)
-
-
 @dataclass(frozen=True, eq=False)
 class Backstepping(Controller):
     """The nonlinear controller, (34) with its sign, gravity, 1/m and coil lag put right.
@@ -183,7 +175,7 @@ class Pid(Controller):
         w1, w2, e1, e2 = memory.T
         b0, b1, b2 = self.gains
         along = np.asarray(self.direction)
-        needed = resting_command(self.model, reference_currents(self.model, reference))
+        needed = resting_command(self.model, np.atleast_2d(reference.currents))
         error = reference.distance - estimate[:, 0]
         w = (1.0 + self.filter_pole) * w1 - self.filter_pole * w2 + b0 * error + b1 * e1 + b2 * e2
         # As gains on the voltage R i: none behind an amplifier, which closes the loop of the current itself

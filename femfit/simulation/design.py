@@ -125,13 +125,9 @@ class LoopDesign:
             return made if isinstance(made, str) else ""
         if name not in self._reasons:
             self._reasons[name] = ""
-            if not self._is_stable(name):
+            if not self._filtered.growth(made) < 0.0:
                 self._reasons[name] = sentence("loop", "none_stable", self, name)
         return self._reasons[name]
-
-    def _is_stable(self, name: ControllerName) -> bool:
-        made = self._made(name)
-        return not isinstance(made, str) and self._filtered.growth(made) < 0.0
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:
@@ -198,7 +194,7 @@ class LoopDesign:
         The filters whose names end in 4 estimate the first sensor's bias as a state more.
         """
         if name == "direct":
-            return DirectObserver(distance_inverse(self.model, self.sensors[0]))
+            return DirectObserver(self.model, self.sensors[0])
         return kalman_filter(
             self.model,
             cast("FilterKind", name.removesuffix("4")),

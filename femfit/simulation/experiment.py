@@ -2,7 +2,7 @@
 
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,28 +13,22 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import LoopDesign, ObserverName
-from femfit.simulation.loop import ClosedLoop, LoopProgress, LoopResult, TimeSeries, run_loop, stage
+from femfit.simulation.loop import ClosedLoop, LoopProgress, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observers import distance_inverse
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.sensor import SensorErrors
-from femfit.simulation.targets import reference_steps
+from femfit.simulation.targets import Reference, reference_steps
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Experiment(SensorErrors):
     """What is asked of a loop, and what is wrong with it."""
 
     controller: ControllerName
     observer: ObserverName
     targets_m: tuple[float, ...]  # Reference distances in turn; one for a hold
     force_scale: float = 1.0
-    faulty: str | None = None  # Name of the sensor that the faults are of; None: the first
-    # In the unit of its reading
-    offset: float = 0.0
-    drift_per_s: float = 0.0
-    stuck_after_s: float = np.inf
-    dropout_probability: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value, lawful, needed in (
@@ -51,17 +45,6 @@ class Experiment:
                 )
 
 
-def _place(design: LoopDesign, name: str | None) -> int:
-    """Which of the loop's sensors a name means."""
-    if name is None:
-        return 0
-    if name not in design.sensors:
-        raise DomainError(
-            f"A fault must be of a sensor that the loop reads ({', '.join(design.sensors)}); instead received {name!r}."
-        )
-    return design.sensors.index(name)
-
-
 def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
     """The direct measurement of a recorded loop in m: its readings inverted with the current that its observer had.
 
@@ -69,7 +52,7 @@ def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
     """
     readings, n = series.readings[..., 0], len(design.model.circuits)
     currents = series.estimated_currents_A[..., :n].reshape(readings.size, n)
-    distance, _ = distance_inverse(design.model, design.sensors[0]).distance(readings.ravel(), currents)
+    distance = distance_inverse(design.model, design.sensors[0])(readings.ravel(), currents)
     rows = np.arange(len(readings))[:, None]
     latest = np.maximum.accumulate(np.where(np.isnan(readings), 0, rows), axis=0)
     held = np.take_along_axis(distance.reshape(readings.shape), latest, axis=0)
@@ -98,18 +81,21 @@ class LoopRuns:
     def loop(self) -> ClosedLoop:
         """The loop that is run."""
         design, e, model = self.design, self.experiment, self.design.model
-        path = reference_steps(e.targets_m, self.path_steps, model.sample_time_s, design.reference_rate_rad_s)
+        if e.faulty not in {None, *design.sensors}:
+            raise DomainError(
+                f"A fault must be of a sensor that the loop reads ({', '.join(design.sensors)}); instead received "
+                f"{e.faulty!r}."
+            )
+        r, v, a = reference_steps(e.targets_m, self.path_steps, model.sample_time_s, design.reference_rate_rad_s)
         # The current that a linear controller adds to its own
-        currents = currents_for_acceleration(model, path.distance, path.acceleration, path.velocity)
+        path = Reference(r, v, a, currents_for_acceleration(model, r, a, v))
         return ClosedLoop(
             plant=Plant(self._truth if e.force_scale == 1.0 else with_force_scale(self._truth, e.force_scale)),
             sensors=design.loop_sensors(self._truth),
-            errors=SensorErrors(
-                _place(design, e.faulty), e.offset, e.drift_per_s, e.stuck_after_s, e.dropout_probability
-            ),
+            errors=e,
             observer=design.observer(e.observer),
             controller=design.controller(e.controller),
-            reference=replace(path, currents=currents).at(slice(0, self.steps)),
+            reference=path.at(slice(0, self.steps)),
             latency=design.latency,
         )
 
@@ -132,7 +118,7 @@ class LoopRuns:
             np.tile(rest, (self.runs, 1)),
             deepcopy(self.random) if random is None else random,
             supported_steps=self.supported_steps,
-            show=stage(self.progress, stage_name),
+            show=self.progress and partial(self.progress, stage_name),
             **options,
         )
 

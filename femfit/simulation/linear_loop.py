@@ -12,27 +12,24 @@ References
 K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), chapters 3 and 4.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.core.numerics import ComplexArray, FloatArray, central_differences
 from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.model.dynamics import state_scale
-from femfit.model.sensors import sample_weights, sampled_value
+from femfit.model.sensors import sample_weights, sampled_value, sensor_named
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint, solve_riccati
 from femfit.simulation.plant import Plant
 from femfit.simulation.sensor import LoopSensor
 from femfit.simulation.targets import Reference
-
-_PROBE = 1e-5
-"""Part of a state's range over which differences are taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +84,15 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
     def step(both: FloatArray) -> FloatArray:
         return plant.step(both[:, : len(rest)], both[:, len(rest) :])
 
-    both = differences(step, np.concatenate([rest, point.commands]), np.concatenate([scale, push]))
+    start = np.concatenate([rest, point.commands])
+    (both,) = central_differences(step, start[None], np.concatenate([scale, push]))
     slopes = []
     for sensor in sensors:
         # Of p samples one is read: what is seen is (p - 1)/2 samples old on average
         late = (sensor.delay + 0.5 * (sensor.period - 1)) * model.sample_time_s
         weights = sample_weights(replace(sensor.sensor, delay_s=late), model.sample_time_s)
-        slope = differences(partial(sampled_value, model, sensor.sensor), rest, scale)
-        slopes.append(np.outer(weights, slope))
+        slope = central_differences(partial(sampled_value, model, sensor.sensor), rest[None], scale)
+        slopes.append(np.outer(weights, slope[0]))
     C = np.zeros((len(sensors), max(map(len, slopes), default=1), len(rest)))
     for j, rows in enumerate(slopes):
         C[j, : len(rows)] = rows
@@ -131,13 +129,6 @@ def _command_scale(model: ActuatorModel, point: OperatingPoint) -> FloatArray:
     return np.where(commands_currents(model), widths, widths * model.resistances_ohm)
 
 
-def differences(function: Callable[[FloatArray], FloatArray], rest: FloatArray, scale: FloatArray) -> FloatArray:
-    """Jacobian (m, n) of a function of points (N, n) -> (N, m) or (N,), by differences over a part of what is large."""
-    steps = np.diag(_PROBE * scale)
-    values = function(np.concatenate([rest + steps, rest - steps])).reshape(2 * len(rest), -1)
-    return ((values[: len(rest)] - values[len(rest) :]) / (2.0 * _PROBE * scale)[:, None]).T
-
-
 def linear_observer(
     model: ActuatorModel, point: OperatingPoint, observer: Filter | DirectObserver | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -149,13 +140,13 @@ def linear_observer(
         return _linear_direct(model, point, observer)
     process = observer.process
     rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
-    A = process.state_jacobian(rest[None], point.commands[None] if n > 1 else point.commands)[0]
-    B = differences(
-        lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs if n > 1 else inputs[:, 0]),
-        point.commands,
+    A = process.state_jacobian(rest[None], point.commands[None])[0]
+    (B,) = central_differences(
+        lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs),
+        point.commands[None],
         _command_scale(model, point),
     )
-    C = np.stack([process.output_jacobian(rest[None], output)[0] for output in process.outputs])
+    C = np.stack([process.gradient(output.name, rest[None])[0] for output in process.outputs])
     # As in the bound: a sensor that is read at every p-th sample tells as much as one of p times the variance
     R = np.diag([output.variance * output.period for output in process.outputs])
     covariance = solve_riccati(A.T, C.T, process.process_covariance, R)
@@ -169,11 +160,11 @@ def _linear_direct(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Jacobians of a step of the direct measurement in state, commands and first reading."""
     n, rest = len(point.commands), point.state
-    reading = observer.inverse.reading(rest[None, 0], model.currents_of(rest[None]))
+    reading = sampled_value(model, sensor_named(model, observer.sensor), Plant(model).start(rest[None]))
     scales = state_scale(model)[: 2 + n], _command_scale(model, point), np.maximum(np.abs(reading), 1e-3)
-    slopes = differences(
+    (slopes,) = central_differences(
         lambda x: observer.step(observer.start(x[:, : 2 + n]), x[:, 2 + n : -1], x[:, -1:]).mean,
-        np.concatenate([rest, point.commands, reading]),
+        np.concatenate([rest, point.commands, reading])[None],
         np.concatenate(scales),
     )
     return slopes[:, : 2 + n], slopes[:, 2 + n : -1], slopes[:, -1:]
@@ -188,9 +179,9 @@ def linear_controller(
     reference = Reference(np.array([point.distance_m]), still, still, point.currents_A[None])
     rest, scale = np.zeros(states + controller.words), np.full(states + controller.words, 1e-2)
     rest[:states], scale[:states] = point.state, state_scale(model)[:states]
-    slopes = differences(
+    (slopes,) = central_differences(
         lambda both: np.concatenate(controller.command(both[:, states:], both[:, :states], reference), axis=1),
-        rest,
+        rest[None],
         scale,
     )
     by_estimate = np.zeros((len(slopes), estimated))

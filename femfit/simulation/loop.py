@@ -97,19 +97,6 @@ class LoopStatistics:
         return float(mean), consistency_band(max(1, total))
 
 
-def _summands(error: FloatArray, deviation: FloatArray, quality: FloatArray, read: IntArray) -> FloatArray:
-    """What of one sample :func:`_statistics` takes, shape (4, runs)."""
-    return np.stack([error**2, deviation**2, np.where(read > 0, quality * read, 0.0), read])
-
-
-def _statistics(sums: FloatArray, held: BoolArray, steps: int) -> LoopStatistics:
-    """From sums over the samples: squares of error and deviation, normalised innovations, readings."""
-    mean = np.where(held, sums, np.nan) / steps
-    with np.errstate(invalid="ignore"):
-        quality = mean[2] / mean[3]
-    return LoopStatistics(np.sqrt(mean[0]), np.sqrt(mean[1]), quality, sums[3])
-
-
 @dataclass(frozen=True, eq=False)
 class LoopResult:
     """What came of a batch of runs."""
@@ -198,7 +185,8 @@ def run_loop(
             row = np.column_stack([column[recorded_runs] for column in columns])
             record[k] = row if all_alive else np.where(alive[recorded_runs, None], row, np.nan)
         read = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
-        sums += _summands(belief[:, 0] - state[:, 0], state[:, 0] - reference.distance, quality, read)
+        error, deviation = belief[:, 0] - state[:, 0], state[:, 0] - reference.distance
+        sums += np.stack([error**2, deviation**2, np.where(read > 0, quality * read, 0.0), read])
         touched[:] = False
         moved = loop.plant.step(state, on_their_way[0], touched)
         state = moved if all_alive else np.where(alive[:, None], moved, state)
@@ -206,10 +194,13 @@ def run_loop(
         if not alive.any():
             break
     outcome, when = watch.end()
+    mean = np.where(outcome == _HELD, sums, np.nan) / steps
+    with np.errstate(invalid="ignore"):
+        quality = mean[2] / mean[3]
     return LoopResult(
         time_s=step * np.arange(steps, dtype=np.float64),
         series=_series(record, n, len(loop.sensors)),
-        statistics=_statistics(sums, outcome == _HELD, steps),
+        statistics=LoopStatistics(np.sqrt(mean[0]), np.sqrt(mean[1]), quality, sums[3]),
         outcome=outcome,
         outcome_time_s=when,
     )
@@ -281,10 +272,3 @@ class _Watch:
 
 LoopProgress = Callable[[str, int, int], None]
 """Takes what is simulated, how many samples are done, and of how many."""
-
-
-def stage(progress: LoopProgress | None, name: str) -> Show | None:
-    """What one part of the work is told, as it is said of that part alone."""
-    if progress is None:
-        return None
-    return lambda done, total: progress(name, done, total)

@@ -15,10 +15,11 @@ References
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure 11.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -29,92 +30,40 @@ from femfit.estimate.filter import Filter
 from femfit.estimate.record import distance_of
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
-from femfit.model.sensing import characteristic
 from femfit.model.sensors import sensor_named
 
 NEWTON_STEPS = 60
 TABLE_POINTS = 513
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class HallInverse:
-    """Distance from Hall voltage, prepared once a model; build with :func:`hall_inverse`."""
-
-    model: ActuatorModel
-    # Table at the middle current, ascending in volts: the first guess; shape (points,)
-    distances_m: FloatArray
-    volts: FloatArray
-
-    def distance(self, hall_voltage: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Solve quiescent + sensitivity B(d, i) = v for d, at readings v in V of shape (n,).
-
-        Parameters
-        ----------
-        current : array, shape (n, circuits)
-            In A.
-
-        Returns
-        -------
-        distance : array, shape (n,)
-            In m; at the nearer edge of the validity box where the reading is outside of its voltages, NaN where it is
-            no number.
-        clipped : array of bool, shape (n,)
-            Which were outside, or no number.
-        """
-        box, sensor = self.model.validity, self.model.require_sensor()
-        volts, current = np.asarray(hall_voltage, float), np.asarray(current, float)
-        shape = np.broadcast_shapes(volts.shape, current.shape[:-1])
-        volts, current = np.broadcast_to(volts, shape), np.broadcast_to(current, (*shape, current.shape[-1]))
-        near = sensor.output(np.asarray(box.distance_min_m), current)
-        far = sensor.output(np.asarray(box.distance_max_m), current)
-        finite = np.isfinite(volts) & np.all(np.isfinite(current), axis=-1)
-        low, high = np.minimum(near, far), np.maximum(near, far)
-        with np.errstate(invalid="ignore"):
-            inside = finite & (volts >= low) & (volts <= high)
-        # What cannot be solved is taken at the middle current, where it can
-        wanted = np.where(inside, volts, self.volts[len(self.volts) // 2])
-        amps = np.where(inside[..., None], current, _middle(self.model)[: current.shape[-1]])
-        solved = self._solve(wanted, amps)
-        with np.errstate(invalid="ignore"):
-            edge = np.where((volts > high) == (near > far), box.distance_min_m, box.distance_max_m)
-        return np.where(inside, solved, np.where(finite, edge, np.nan)), ~inside
-
-    def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """What the element reads in V, at distances in m and currents in A."""
-        return self.model.require_sensor().output(distance, current)
-
-    def _solve(self, volts: FloatArray, current: FloatArray) -> FloatArray:
-        box, sensor = self.model.validity, self.model.require_sensor()
-        scale = sensor.sensitivity_V_per_T
-        centre = np.asarray(0.5 * (box.distance_min_m + box.distance_max_m))
-        coil = sensor.output(centre, current) - sensor.output(centre, _middle(self.model))
-        distance = np.interp(volts - coil, self.volts, self.distances_m)
-        tolerance = 1e-13 * (self.volts[-1] - self.volts[0]) + 1e-15 * abs(sensor.quiescent_V)
-        low = np.full_like(distance, box.distance_min_m)
-        high = np.full_like(distance, box.distance_max_m)
-        falling = sensor.output(low, current) > sensor.output(high, current)
-        for _ in range(NEWTON_STEPS):
-            field, slope, _ = sensor.field.derivatives(distance, current)
-            excess = sensor.quiescent_V + scale * field - volts
-            if np.all(np.abs(excess) <= tolerance):
-                return distance
-            beyond = (excess > 0.0) == falling  # the solution lies at a larger distance
-            low, high = np.where(beyond, distance, low), np.where(beyond, high, distance)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                step = distance - excess / (scale * slope)
-            distance = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-        field = sensor.output(distance, current)
-        if np.any(np.abs(field - volts) > 1e-9 * (self.volts[-1] - self.volts[0])):
-            raise FilterError(
-                "The Hall voltage could not be inverted to a distance: the fitted field is too uneven within the "
-                "validity box. Fit the Hall field with fewer knots."
-            )
-        return distance
+Inverse = Callable[[FloatArray, FloatArray], FloatArray]
+"""From readings of shape (runs,), and currents in A of shape (runs, circuits), to distances in m of shape (runs,)."""
 
 
-def hall_inverse(model: ActuatorModel) -> HallInverse:
-    """Prepare the inversion."""
+def distance_inverse(model: ActuatorModel, name: str) -> Inverse:
+    """The inversion of the characteristic of a sensor of this name, prepared once a model.
+
+    A distance is at the nearer edge of the validity domain where the reading lies outside of what it reads there, and
+    NaN where reading or current are no numbers.
+
+    Raises
+    ------
+    FilterError
+        If it reads something that many distances give.
+    """
+    sensor, box = sensor_named(model, name), model.validity
+    if isinstance(sensor, HallSensor):
+        return partial(_of_hall_voltage, model, *_hall_table(model))
+    if isinstance(sensor, PositionSensor):  # the current does not matter
+        return lambda reading, _: np.clip(distance_of(sensor, reading), box.distance_min_m, box.distance_max_m)
+    raise FilterError(
+        f"A distance must follow from the reading of one sensor for a loop without a filter; {name} reads "
+        f"{sensor.kind}. Use a filter, which needs no inversion, or name a position or Hall sensor first."
+    )
+
+
+def _hall_table(model: ActuatorModel) -> tuple[FloatArray, FloatArray]:
+    """Distances in m and ascending readings in V at the middle current: first guesses."""
     box, sensor = model.validity, model.require_sensor()
     distances = np.linspace(box.distance_min_m, box.distance_max_m, TABLE_POINTS)
     for corner in product(*box.current_limits_A):
@@ -128,50 +77,59 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
             )
     volts = sensor.output(distances, _middle(model))
     order = np.argsort(volts)
-    return HallInverse(model, distances[order], volts[order])
+    return distances[order], volts[order]
+
+
+def _of_hall_voltage(
+    model: ActuatorModel, distances: FloatArray, table: FloatArray, volts: FloatArray, current: FloatArray
+) -> FloatArray:
+    """Solve quiescent + sensitivity B(d, i) = v for d."""
+    box, sensor = model.validity, model.require_sensor()
+    near, far = (sensor.output(np.asarray(end), current) for end in (box.distance_min_m, box.distance_max_m))
+    finite = np.isfinite(volts) & np.all(np.isfinite(current), axis=-1)
+    with np.errstate(invalid="ignore"):
+        inside = finite & (volts >= np.minimum(near, far)) & (volts <= np.maximum(near, far))
+        edge = np.where((volts > np.maximum(near, far)) == (near > far), box.distance_min_m, box.distance_max_m)
+    # What cannot be solved is taken at the middle current, where it can
+    wanted = np.where(inside, volts, table[len(table) // 2])
+    amps = np.where(inside[..., None], current, _middle(model))
+    return np.where(inside, _solved(model, distances, table, wanted, amps), np.where(finite, edge, np.nan))
+
+
+def _solved(
+    model: ActuatorModel, distances: FloatArray, table: FloatArray, volts: FloatArray, current: FloatArray
+) -> FloatArray:
+    """By Newton's steps within a bracket that narrows."""
+    box, sensor = model.validity, model.require_sensor()
+    scale = sensor.sensitivity_V_per_T
+    centre = np.asarray(0.5 * (box.distance_min_m + box.distance_max_m))
+    coil = sensor.output(centre, current) - sensor.output(centre, _middle(model))
+    distance = np.interp(volts - coil, table, distances)
+    tolerance = 1e-13 * (table[-1] - table[0]) + 1e-15 * abs(sensor.quiescent_V)
+    low = np.full_like(distance, box.distance_min_m)
+    high = np.full_like(distance, box.distance_max_m)
+    falling = sensor.output(low, current) > sensor.output(high, current)
+    for _ in range(NEWTON_STEPS):
+        field, slope, _ = sensor.field.derivatives(distance, current)
+        excess = sensor.quiescent_V + scale * field - volts
+        if np.all(np.abs(excess) <= tolerance):
+            return distance
+        beyond = (excess > 0.0) == falling  # the solution lies at a larger distance
+        low, high = np.where(beyond, distance, low), np.where(beyond, high, distance)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = distance - excess / (scale * slope)
+        distance = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+    if np.any(np.abs(sensor.output(distance, current) - volts) > 1e-9 * (table[-1] - table[0])):
+        raise FilterError(
+            "The Hall voltage could not be inverted to a distance: the fitted field is too uneven within the "
+            "validity box. Fit the Hall field with fewer knots."
+        )
+    return distance
 
 
 def _middle(model: ActuatorModel) -> FloatArray:
     """The middle of the validity domain's currents, of shape (n,)."""
     return np.asarray(model.validity.current_limits_A.mean(axis=1))
-
-
-@dataclass(frozen=True, eq=False)
-class PositionInverse:
-    """Distance from a position sensor's reading, by interpolation; the current does not matter."""
-
-    model: ActuatorModel
-    sensor: PositionSensor
-
-    def distance(self, reading: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Distances in m within the validity domain, and which readings lie beyond it."""
-        box = self.model.validity
-        distance = distance_of(self.sensor, np.broadcast_to(reading, np.shape(current)[:-1]))
-        inside = (distance >= box.distance_min_m) & (distance <= box.distance_max_m)
-        return np.clip(distance, box.distance_min_m, box.distance_max_m), ~inside
-
-    def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:  # noqa: ARG002  as of a Hall element
-        """What it reads at a distance in m."""
-        return characteristic(self.sensor, distance)
-
-
-def distance_inverse(model: ActuatorModel, name: str) -> HallInverse | PositionInverse:
-    """The inversion of a sensor of this name.
-
-    Raises
-    ------
-    FilterError
-        If it reads something that many distances give.
-    """
-    sensor = sensor_named(model, name)
-    if isinstance(sensor, HallSensor):
-        return hall_inverse(model)
-    if isinstance(sensor, PositionSensor):
-        return PositionInverse(model, sensor)
-    raise FilterError(
-        f"A distance must follow from the reading of one sensor for a loop without a filter; {name} reads "
-        f"{sensor.kind}. Use a filter, which needs no inversion, or name a position or Hall sensor first."
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +153,13 @@ class DirectObserver:
     A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure 14.
     """
 
-    inverse: HallInverse | PositionInverse
+    model: ActuatorModel
+    sensor: str  # Name of the first
+
+    @cached_property
+    def inverse(self) -> Inverse:
+        """Distance from its reading."""
+        return distance_inverse(self.model, self.sensor)
 
     def start(self, mean: FloatArray) -> Seen:
         """The belief itself."""
@@ -204,17 +168,17 @@ class DirectObserver:
     def update(self, state: Seen, measurement: FloatArray) -> Seen:
         """The distance alone, from readings of shape (runs, sensors)."""
         mean, first = state.mean.copy(), measurement[:, 0]
-        distance = self.inverse.distance(first, self.inverse.model.currents_of(mean))[0]
+        distance = self.inverse(first, self.model.currents_of(mean))
         mean[:, 0] = np.where(np.isnan(first), mean[:, 0], distance)
         return Seen(mean, state.diverged, state.normalised_innovation_squared)
 
     def step(self, state: Seen, voltage: FloatArray, measurement: FloatArray) -> Seen:
         """Coil equations, inversion, difference quotient; a sample that is missing leaves distance and velocity."""
         mean, first = state.mean, measurement[:, 0]
-        model = self.inverse.model
+        model = self.model
         n, step = len(model.circuits), model.sample_time_s
         currents = self._coil_currents(mean, voltage)
-        measured, _ = self.inverse.distance(first, currents)
+        measured = self.inverse(first, currents)
         moved = np.concatenate([np.stack([measured, (measured - mean[:, 0]) / step], axis=1), currents], axis=1)
         missing = np.isnan(first)
         moved[missing, :2] = mean[missing, :2]
@@ -235,7 +199,7 @@ class DirectObserver:
 
     @cached_property
     def _alone(self) -> ActuatorModel:
-        return self.inverse.model.without_eddies
+        return self.model.without_eddies
 
 
 def innovation_quality(state: Any) -> FloatArray:

@@ -6,7 +6,7 @@ wrong model adds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +162,7 @@ def sense(
         states[:, k] = table[name]
     volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
     rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
-    free = built.process.predicting(model=without_stops(model))
+    free = replace(built.process, model=without_stops(model))
     return Sensing(
         motion=motion,
         sensors=sensors,
@@ -205,7 +205,7 @@ def _errors(
     """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
     process, names = built.process, [output.name for output in built.process.outputs]
     # What is remembered follows from the first states: the body was at rest before
-    first = np.linalg.cholesky(process.require_start_covariance()[: process.base, : process.base])
+    first = np.linalg.cholesky(process.start_covariance[: process.base, : process.base])
     start = states[0, : process.base] + generator.standard_normal((runs, process.base)) @ first.T
     start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
     moved = states[:, : model.order]

@@ -42,11 +42,11 @@ class LoopSensor:
         return self.reading.name
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class SensorErrors:
     """What is wrong with one sensor, in the unit of its reading."""
 
-    faulty: int = 0  # Which sensor, by its place
+    faulty: str | None = None  # Name of the sensor; None: the first
     offset: float = 0.0  # Constant offset that the model does not know
     drift_per_s: float = 0.0
     stuck_after_s: float = np.inf  # From then on the last reading is repeated; infinite for never
@@ -167,16 +167,16 @@ def read_sensors(
     array, shape (runs, sensors)
         NaN for a sensor that is not read at this sample.
     """
-    result, runs = np.empty_like(values), len(values)
+    result, runs, faulty = np.empty_like(values), len(values), errors.faulty or sensors[0].name
     for k, sensor in enumerate(sensors):
         # Always both, so that switching one error on leaves the other's random numbers as they were
         white, lost = random.standard_normal(runs), random.random(runs)
         if sample % sensor.period:
             result[:, k] = np.nan
             continue
-        off = errors.offset + errors.drift_per_s * time if k == errors.faulty else 0.0
+        off = errors.offset + errors.drift_per_s * time if sensor.name == faulty else 0.0
         reading = convert(sensor, values[:, k] + off + sensor.reading.noise * white)
-        if k != errors.faulty:
+        if sensor.name != faulty:
             result[:, k] = reading
             continue
         low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan

@@ -25,7 +25,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.simulation.allocation import limited, limits_of
 from femfit.simulation.constants import FIRST_FACTOR, LAST_FACTOR
-from femfit.simulation.controllers import Controller, reference_currents
+from femfit.simulation.controllers import Controller
 from femfit.simulation.linear_loop import LinearPlant
 from femfit.simulation.operating_point import OperatingPoint, feedback_gain, resting_command
 from femfit.simulation.targets import Reference
@@ -53,7 +53,7 @@ class StateFeedback(Controller):
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """The law, clamped; the integral stands while the clamp holds back what it asks for."""
         q, pending = memory[:, 0], memory[:, 1:]
-        currents = reference_currents(self.model, reference)
+        currents = np.atleast_2d(reference.currents)
         needed = resting_command(self.model, currents)
         error = estimate[:, 0] - reference.distance
         moving = np.empty_like(estimate)

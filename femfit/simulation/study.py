@@ -49,11 +49,6 @@ class ClosedLoopStudy(Printed):
     loops: tuple[LoopSummary, ...]  # One a controller, all of its runs recorded
     steps: tuple[StepRow, ...]
 
-    @property
-    def no_direct(self) -> str:
-        """Why nothing is compared with the direct measurement; empty where it is."""
-        return self.design.why_no_direct
-
     def __str__(self) -> str:
         design = self.design
         judged = [judged_loop(design, name, FILTER) for name in design.controllers]
@@ -69,7 +64,7 @@ class ClosedLoopStudy(Printed):
         return {
             "model": self.design.model.name,
             "seed": self.seed,
-            "no_direct": self.no_direct,
+            "no_direct": self.design.why_no_direct,
             **design_data(self.design, [(name, FILTER) for name in self.design.controllers]),
             "steps": [json_ready(asdict(row)) for row in self.steps],
         }

@@ -14,13 +14,6 @@ from femfit.simulation.events import Event
 from femfit.simulation.profile import Profile
 from femfit.simulation.system import Side
 
-
-def command_before(profiles: Sequence[Profile], time: float) -> float:
-    """The last change of a command up to a time in s; the begin where there is none."""
-    turns = np.concatenate([[0.0], *(profile.turns_s for profile in profiles)])
-    return float(turns[turns <= time].max())
-
-
 Kind = Literal["pull_in", "drop_out", "to_near", "to_far"]
 
 
@@ -62,6 +55,7 @@ class Switching:
 def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequence[Profile]) -> tuple[Switching, ...]:
     """Every way to a stop in a list of events, from a start on a stop or in the air."""
     ways: list[Switching] = []
+    turns = np.concatenate([[0.0], *(profile.turns_s for profile in profiles)])
     last_side, started, rebounds = begun_at, 0.0, False
     for event in events:
         action, _, place = event.name.partition("_")
@@ -73,7 +67,7 @@ def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequenc
         elif action == "hits" and side == last_side and ways:
             ways[-1] = replace(ways[-1], bounces=ways[-1].bounces + 1, rested_s=None)
         elif action == "hits" and side != last_side:
-            command = command_before(profiles, started)
+            command = float(turns[turns <= started].max())
             kind: Kind = "pull_in" if side == "near" else "drop_out"
             if last_side is None or rebounds:
                 kind = "to_near" if side == "near" else "to_far"

@@ -19,6 +19,7 @@ from itertools import pairwise
 from typing import NoReturn
 
 import numpy as np
+from scipy.signal import cont2discrete
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
@@ -35,7 +36,7 @@ from femfit.simulation.allocation import (
     force_range,
 )
 from femfit.simulation.constants import FOLLOWED_PART, REFERENCE_PART, USABLE_PART, USED_AUTHORITY
-from femfit.simulation.operating_point import operating_point, usable_coil_pole, zero_order_hold
+from femfit.simulation.operating_point import operating_point, usable_coil_pole
 
 
 def covered(model: ActuatorModel) -> ActuatorModel:
@@ -120,26 +121,29 @@ class Reference:
     distance: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    # Currents that hold a body which moves so, A, one more axis of n; worked out by the controller where None
-    currents: FloatArray | None = None
+    currents: FloatArray  # That hold a body which moves so, A; one more axis of n
 
     def at(self, k: int | slice | IntArray) -> "Reference":
         """The reference at sample k, or of some runs at one sample."""
-        currents = None if self.currents is None else self.currents[k]
-        return Reference(self.distance[k], self.velocity[k], self.acceleration[k], currents)
+        return Reference(self.distance[k], self.velocity[k], self.acceleration[k], self.currents[k])
 
 
-def reference_steps(targets: Sequence[float], steps: int, sample_time: float, rate: float) -> Reference:
-    """Equally long stays at each target in m, the first from rest, through filters of ``rate`` rad/s."""
+def reference_steps(
+    targets: Sequence[float], steps: int, sample_time: float, rate: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Distance in m, velocity and acceleration, (steps,), of equally long stays at each target, the first from rest.
+
+    Steps between them go through filters of ``rate`` rad/s.
+    """
     A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(rate**3), -3.0 * rate**2, -3.0 * rate]])
-    phi, gamma = zero_order_hold(A, np.array([0.0, 0.0, rate**3]), sample_time)
+    phi, gamma, *_ = cont2discrete((A, np.array([[0.0], [0.0], [rate**3]]), np.eye(3), np.zeros((3, 1))), sample_time)
     target = np.asarray(targets)[np.arange(steps) * len(targets) // steps]
     states = np.empty((steps, 3))
     state = np.array([targets[0], 0.0, 0.0])
     for k in range(steps):
         states[k] = state
-        state = phi @ state + gamma * target[k]
-    return Reference(states[:, 0], states[:, 1], states[:, 2])
+        state = phi @ state + gamma[:, 0] * target[k]
+    return states[:, 0], states[:, 1], states[:, 2]
 
 
 def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
@@ -168,9 +172,8 @@ def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
 
 def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
     step = 0.02 / rate
-    path = reference_steps((pair[0], pair[1]), 1000, step, rate)
-    moving = slice(500, 1000)  # the second half: the step and ten time constants
-    r, v, a = path.distance[moving], path.velocity[moving], path.acceleration[moving]
+    # The second half: the step and ten time constants
+    r, v, a = (values[500:] for values in reference_steps((pair[0], pair[1]), 1000, step, rate))
     needed = _voltages(model, r, v, a, step)
     resting = _voltages(model, r, np.zeros_like(v), np.zeros_like(a), np.inf)
     # Of what can be held: beyond it a voltage may be used while the current changes, and is left to the feedback

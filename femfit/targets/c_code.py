@@ -103,8 +103,8 @@ def _texts(
 ) -> dict[str, str]:
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
-    process, start = built.process, built.process.require_start_covariance()
-    source, sizes = _arithmetic(StepFunction(built, compact=True).function, process.graph, real)
+    process, start = built.process, built.process.start_covariance
+    source, sizes = _arithmetic(StepFunction(built, compact=True).function, process, real)
     size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],

@@ -179,14 +179,11 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
     first = [operating_distance(model), 0.0, *[0.0] * len(model.circuits)]
     functions = [python_source(name, function, arguments) for name, function, arguments in _functions(model, process)]
     listed = ", ".join(f"read_{k}" for k in range(len(names)))
-    if process.graph.samples:
+    if process.samples:
         functions.append("MOVED_ON = moved_on, moved_on_slope")
     else:
         functions.append("MOVED_ON = moved, moved_slope")
     functions.append(f"READ = [{listed}]\nREAD_SLOPES = [{listed.replace('read', 'read_slope')}]")
-    lower, upper = process.lower, process.upper
-    assert lower is not None  # noqa: S101  a levitation process has both
-    assert upper is not None  # noqa: S101
     return {
         "name": re.sub(r"[^\w .,:+()-]", "_", model.name),
         "version": __version__,
@@ -200,9 +197,9 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
         "sample_time_s": model.sample_time_s,
         "process_covariance": process.process_covariance.tolist(),
         "variances": [output.variance for output in process.outputs],
-        "start_covariance": process.require_start_covariance().tolist(),
-        "lower": _plain(lower),
-        "upper": _plain(upper),
+        "start_covariance": process.start_covariance.tolist(),
+        "lower": _plain(process.lower),
+        "upper": _plain(process.upper),
         "scaling": UnscentedFilter(process).scaling,
         "steps": model.sample_step.count,
         "plant_steps": Plant(model).steps,
@@ -214,7 +211,7 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
 
 def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, GraphFunction, tuple[str, ...]]]:
     """Names, functions and arguments of what is written from the graph."""
-    graph, made = process.graph, []
+    graph, made = process, []
     with building():
         x, u = SX.sym("x", graph.order), SX.sym("u", len(model.circuits))
         for name, moved in (("moved", graph.moved(x, u)), ("moved_on", graph.moved_on(x, u))):

@@ -118,7 +118,7 @@ def test_predicted_readings_are_those_of_the_samples(name, delay):
     at, found = built.start(states[0]).mean, []
     for k, u in enumerate(volts):
         at = at if k == 0 else process.transition(at, np.array([u]))
-        found.append(process.outputs[0].measure(at)[0])
+        found.append(process.measure(process.outputs[0].name, at)[0])
     wanted = sampled_readings(model, sensor_named(model, name), states)
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.ptp(wanted))
 
@@ -143,7 +143,7 @@ def test_the_current_of_a_body_pressed_to_its_stop_rises_as_its_inductance_there
     """A light body that two amperes pull through a tenth of a millimetre in a sample, were there no stop."""
     light = Mechanics(0.5e-3, 0.0, near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
     model = replace(solenoid(light), sample_time_s=2e-4)
-    fine, free = alone(model), alone(model).predicting(model=without_stops(model))
+    fine, free = alone(model), alone(without_stops(model))
     state, volts = np.array([[0.2e-3, velocity, 1.8]]), np.full(1, 40.0)
     assert free.transition(state, volts)[0, 0] < 0.0
     decay = np.exp(-20.0 * 2e-4 / inductance(0.2e-3))
@@ -213,7 +213,8 @@ def test_sigma_points_lie_as_far_out_as_without_eddy_currents(levitation_model, 
             asked.append(np.ptp(states[:, 0]))
             return move(states, volts)
 
-        filter_ = UnscentedFilter(replace(process, transition=transition))
+        vars(process)["transition"] = transition
+        filter_ = UnscentedFilter(process)
         moved = filter_.predict(filter_.start(resting(one)), 1.0)
         assert not moved.outcome.any()
         reached += asked

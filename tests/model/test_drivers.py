@@ -12,7 +12,7 @@ from casadi import SX
 from femfit.device.electrics import Drive
 from femfit.model.equations import Driver, driver_voltages
 from femfit.model.with_effects import with_effects
-from femfit.simulation.observers import DirectObserver, distance_inverse
+from femfit.simulation.observers import DirectObserver
 from femfit.simulation.plant import Plant
 from support.added_effects import added
 from support.halves import cut_in_two
@@ -85,7 +85,7 @@ def test_a_plant_is_kept_and_sent_after_use_and_has_any_number_of_runs(levitatio
 
 def test_a_reading_that_is_far_off_leaves_the_direct_measurement_s_currents_possible(levitation_model):
     model = levitation_model
-    observer, box = DirectObserver(distance_inverse(model, "hall")), model.validity
+    observer, box = DirectObserver(model, "hall"), model.validity
     mean = np.zeros((2, model.order))
     mean[:, 0], mean[:, 1] = box.distance_min_m, [-1.0, 1.0] * np.full(2, 0.03 / model.sample_time_s)
     mean[:, 2:] = 0.5

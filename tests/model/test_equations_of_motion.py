@@ -260,7 +260,7 @@ def test_a_body_that_hangs_lies_or_stands_is_held_by_the_same_equations(levitati
     densities = [default_noise(device).acceleration_density for device in (model, hanging)]
     assert densities[0] == pytest.approx(densities[1], rel=1e-12)
     state = np.array([[0.0242, 0.0, operating_point(model, 0.024).currents_A[0]]])
-    rest = Reference(np.asarray(0.024), np.asarray(0.0), np.asarray(0.0))
+    rest = Reference(*map(np.asarray, (0.024, 0.0, 0.0, [0.0])))
     commands = [
         design_backstepping(device, [operating_point(device, 0.024)]).command(np.zeros((1, 0)), state, rest)[0]
         for device in (model, hanging)

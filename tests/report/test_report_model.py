@@ -15,7 +15,7 @@ from femfit.fit.build import fit_model
 from femfit.report.circuits import several_circuits
 from femfit.report.drawing import iron_loads, knee_T
 from femfit.report.model_figures import at_supply, sweep_grid
-from femfit.report.page import levitates, picture_point, strongest_point
+from femfit.report.page import picture_point, strongest_point
 from support.actuators import GEOMETRY
 from support.bearing import ENTRY, Symmetric, table_of
 from support.one_current import within
@@ -87,12 +87,12 @@ def test_iron_is_judged_beside_its_own_knee_with_the_worst_part_first(plunger_co
 
 
 def test_only_a_body_that_is_meant_to_hang_is_drawn_where_it_hangs(rig_content, plunger_content):
-    assert levitates(rig_content.actuator, rig_content.rows)
-    distance, current = picture_point(rig_content.actuator, rig_content.model, rig_content.rows)
+    assert rig_content.levitates
+    distance, current = picture_point(rig_content, rig_content.actuator, rig_content.rows)
     assert float(rig_content.model.force(distance, current)) == pytest.approx(rig_content.weight, rel=1e-6)
     plunger = plunger_content.actuator
-    assert not levitates(plunger, plunger_content.rows)
-    point = picture_point(plunger, plunger_content.model, plunger_content.rows)
+    assert not plunger_content.levitates
+    point = picture_point(plunger_content, plunger, plunger_content.rows)
     assert point == strongest_point(plunger) == (0.0005, 1.0)
 
 

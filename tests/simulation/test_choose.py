@@ -171,7 +171,7 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
     assert {row.measurement for row in alone.steps} == {"ukf"}
     assert all(row.held == row.runs for row in alone.steps)
     assert "36.8" in str(alone)
-    assert alone.data()["no_direct"] == alone.no_direct
+    assert alone.data()["no_direct"] == alone.design.why_no_direct
 
 
 def test_what_a_study_must_leave_out_is_known_from_its_design(turning):

@@ -60,8 +60,7 @@ def test_targets_are_derived_where_the_model_has_none_and_its_hall_element_is_no
 
 def test_the_reference_starts_at_rest_reaches_each_target_and_its_rates_belong_together(levitation_model):
     step, rate = 1e-4, 25.0
-    reference = reference_steps((0.022, 0.030), 20_000, step, rate)
-    r, v, a = reference.distance, reference.velocity, reference.acceleration
+    r, v, a = reference_steps((0.022, 0.030), 20_000, step, rate)
     assert (r[0], v[0], a[0]) == (0.022, 0.0, 0.0)
     # after 1 s: (1 + 25 + 25^2/2) e^-25 = 5e-9 of the step
     assert r[-1] == pytest.approx(0.030, abs=1e-9)
@@ -73,9 +72,9 @@ def test_the_reference_leaves_half_of_the_voltage_to_the_feedback(levitation_mod
     targets = levitation_model.reference_distances_m
     rate = reference_rate(levitation_model, targets)
     circuit, motion = levitation_model.circuit, levitation_model.motion
-    path = reference_steps(targets, 3000, 1e-3, rate)
-    wanted = motion.mass_kg * (motion.gravity_m_s2 - path.acceleration)
-    voltage = circuit.resistance_ohm * current_for_force(levitation_model, path.distance, wanted)
+    distance, _, acceleration = reference_steps(targets, 3000, 1e-3, rate)
+    wanted = motion.mass_kg * (motion.gravity_m_s2 - acceleration)
+    voltage = circuit.resistance_ohm * current_for_force(levitation_model, distance, wanted)
     assert voltage.min() > circuit.voltage_min_V + 0.1
     assert voltage.max() < circuit.voltage_max_V - 0.3
     narrower = replace(levitation_model, circuits=(replace(circuit, voltage_min_V=0.7, voltage_max_V=2.5),))
@@ -169,8 +168,9 @@ def test_pid_removes_a_constant_disturbance(levitation_model, design):
     plant = Plant(replace(levitation_model, motion=heavier))
     state = np.array([[0.026, 0.0, point.currents_A[0]]])
     memory, zero = np.zeros((1, design.controller("pid").words)), np.zeros(1)
+    reference = Reference(np.array([0.026]), zero, zero, point.currents_A[None])
     for _ in range(4000):
-        voltage, memory = design.controller("pid").command(memory, state, Reference(np.array([0.026]), zero, zero))
+        voltage, memory = design.controller("pid").command(memory, state, reference)
         state = plant.step(state, voltage)
     assert state[0, 0] == pytest.approx(0.026, abs=1e-7)  # backstepping would be off by 0.02 g/k_p = 0.2 mm
 
@@ -180,7 +180,7 @@ def test_commands_stay_within_the_clamp_and_nothing_winds_up_behind_it(levitatio
     circuit, controller = levitation_model.circuit, design.controller(name)
     far = np.array([[0.030, 0.0, 0.5]])
     zero = np.zeros(1)
-    reference = Reference(np.array([0.022]), zero, zero)
+    reference = Reference(np.array([0.022]), zero, zero, operating_point(levitation_model, 0.022).currents_A[None])
     memory = np.zeros((1, controller.words))
     memories = []
     for _ in range(2000):

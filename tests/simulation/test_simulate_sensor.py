@@ -120,7 +120,7 @@ def test_a_slow_sensor_is_not_read_between_its_samples_and_a_fault_is_of_the_sen
     assert np.isfinite(np.array(seen)[:, 1]).tolist() == [True, False, False, False] * 2
     assert np.isfinite(np.array(seen)[:, 0]).all()
     sensors, random = of(several, names=("laser", "ammeter")), np.random.default_rng(0)
-    errors = SensorErrors(faulty=1, offset=0.25)
+    errors = SensorErrors(faulty="ammeter", offset=0.25)
     found = read_sensors(sensors, errors, np.full((1, 2), np.nan), np.zeros((1, 2)), 0, 0.0, random)
     np.testing.assert_array_equal(found, [[0.0, 0.25]])
 

@@ -19,13 +19,13 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance
 from femfit.simulation.linear_loop import linear_plant
 from femfit.simulation.loop import ClosedLoop, run_loop
-from femfit.simulation.observers import DirectObserver, distance_inverse
+from femfit.simulation.observers import DirectObserver
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.profile import Profile
 from femfit.simulation.sensor import SensorErrors, loop_sensors
-from femfit.simulation.targets import reference_steps
+from femfit.simulation.targets import Reference
 from support.added_effects import added
 from support.bearing import CIRCUITS, ENTRY, table_of
 from support.closed_loop import run
@@ -135,7 +135,7 @@ BRIDGES = [{**circuit, "voltage_min_V": -24.0, "drive": {}} for circuit in CIRCU
 def test_two_coupled_coils_of_the_direct_measurement_follow_their_equations(currents):
     """L i' = U - R i at rest."""
     model = fit_model(table_of(entry={**ENTRY, "circuits": BRIDGES})).model
-    observer = DirectObserver(distance_inverse(replace(model, other_sensors=(LASER,)), "laser"))
+    observer = DirectObserver(replace(model, other_sensors=(LASER,)), "laser")
     mean, volts = np.array([[0.4e-3, 0.0, *currents]]), np.array([[6.0, -3.0]])
     found = observer.step(observer.start(mean), volts, np.full((1, 1), 0.1)).mean[:, 2:]
     _, _, inductance = circuit_terms(model, mean[0, 0], mean[0, 2:])
@@ -225,7 +225,7 @@ def held(truth, believed, kind="ukf", **options):
         SensorErrors(),
         kalman_filter(believed, kind, commanded=True, **options),
         design_backstepping(truth, [point]),
-        reference_steps([DISTANCE_M], STEPS, truth.sample_time_s, rate=10.0),
+        Reference(*np.broadcast_to([[DISTANCE_M], [0.0], [0.0]], (3, STEPS)), np.zeros((STEPS, 1))),
     )
     series = run_loop(loop, start, np.random.default_rng(0)).series
     error = (series.estimated_distance_m - series.distance_m)[STEPS // 2 :]

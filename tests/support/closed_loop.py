@@ -12,7 +12,7 @@ from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from femfit.simulation.sensor import SensorErrors
-from femfit.simulation.targets import reference_steps
+from femfit.simulation.targets import Reference, reference_steps
 from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
 from femfit.tables.time_series_checks import check_clock
 
@@ -35,7 +35,7 @@ def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
         errors=SensorErrors(),
         observer=design.observer("ukf"),
         controller=design_backstepping(design.model, design.points),
-        reference=path,
+        reference=Reference(*path, np.zeros((steps, 1))),
     )
     start = [design.targets_m[0], 0.0, operating_point(design.model, design.targets_m[0]).currents_A[0]]
     result = run_loop(

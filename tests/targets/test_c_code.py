@@ -65,11 +65,11 @@ def compiled(directory):
 def record_of(path, filter_, first, samples):
     """A written record with missing readings, and what femfit's filter makes of it: means beside deviations."""
     process, generator = filter_.process, np.random.default_rng(0)
-    words = words_of(process.graph.model, process)
+    words = words_of(process.model, process)
     columns = [*words["commands"], *words["reading_columns"]]
     given = [k for k, name in enumerate(words["states"][: len(first)]) if name not in columns]
     state, rows, estimates, before = filter_.start(first), [], [], None
-    still = np.array([output.measure(state.mean)[0] for output in process.outputs])
+    still = np.array([process.measure(output.name, state.mean)[0] for output in process.outputs])
     noise = np.array([output.variance**0.5 for output in process.outputs])
     for k in range(samples):
         volts = 0.5 + 0.4 * np.sin(0.1 * k + np.arange(process.inputs))
@@ -81,7 +81,7 @@ def record_of(path, filter_, first, samples):
             state = filter_.step(state, before if process.inputs > 1 else float(before[0]), readings)
         before = volts
         known = [first[j] if k == 0 else np.nan for j in given]
-        rows.append([k * process.step_s, *volts, *readings, *known])
+        rows.append([k * process.model.sample_time_s, *volts, *readings, *known])
         estimates.append(np.stack([state.mean[0], np.sqrt(np.diag(state.covariance[0]))], axis=1).ravel())
     assert state.outcome[0] in (0, 4)  # readings that no body makes leave their band
     names = ["time_s", *columns, *(words["states"][j] for j in given)]
@@ -150,7 +150,7 @@ def test_single_precision_is_as_near_as_the_export_says(levitation_model, tmp_pa
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
 def test_a_filter_that_breaks_down_says_so_and_goes_on(levitation_model, tmp_path, kind):
     export_c(levitation_model, tmp_path, None, kind)
-    reading = float(kalman_filter(levitation_model).process.outputs[0].measure(np.array([[0.022, 0.0, 0.4, 0.0]]))[0])
+    reading = float(kalman_filter(levitation_model).process.measure("hall", np.array([[0.022, 0.0, 0.4, 0.0]]))[0])
     (tmp_path / "replay.c").write_text(RECOVERING.replace("FIRST", "0.022, 0, 0.4").replace("READING", f"{reading!r}"))
     done = subprocess.run([compiled(tmp_path)], capture_output=True, text=True, check=True)
     status = list(map(int, done.stdout.split()))

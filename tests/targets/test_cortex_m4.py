@@ -132,7 +132,7 @@ def test_a_step_on_the_chip(levitation_model, tmp_path, label):
     filter_ = kalman_filter(model, kind, sensors=(sensor,))
     state = filter_.start(first)
     (output,) = filter_.process.outputs
-    still, generator, most = output.measure(state.mean)[0], np.random.default_rng(0), 0
+    still, generator, most = filter_.process.measure(output.name, state.mean)[0], np.random.default_rng(0), 0
     chip.put("first", first)
     assert chip.call("begin") == 0
     for k in range(20):
