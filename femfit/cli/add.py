@@ -3,13 +3,14 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 from cyclopts import Parameter
 
 import femfit as ff
 from femfit.cli.command import NO_MEASUREMENT_OPTIONS, OUTPUT, MeasurementOptions, Outcome, ToWrite, Writes, command
-from femfit.core.files import MODEL, PAGE
+from femfit.core.errors import UsageError
+from femfit.core.files import MODEL, PAGE, PICTURE
 
 
 @command()
@@ -25,6 +26,7 @@ def add(
     coil_temperature_C: float | None = None,
     magnet_temperature_C: float | None = None,
     report: Annotated[Path | None, Writes(PAGE)] = None,
+    picture: Annotated[Path | None, Writes(PICTURE)] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
 ) -> Outcome:
     """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
@@ -53,11 +55,17 @@ def add(
         Temperature of the magnet in degC at which the new model runs; default: the recorded mean.
     report : Path
         HTML file with the measured points on the curves before and after, and how far the error fell.
+    picture : Path
+        PNG, SVG or PDF with the distance of a record as filters without a distance sensor estimate it, before and
+        after.
     """
     from femfit.cli.output import status
+    from femfit.report.motion_figures import write_before_after
 
     with status("Reading") as say:
         actuator, measured = ff.read_model(model), table_options.read(data)
+        if picture is not None and not isinstance(measured, ff.TimeSeries):
+            raise UsageError("--picture shows a record over time through a filter; a bench table has --report.")
         runs = None
         if from_run is not None or until_run is not None:
             count = len(set(measured.rows["run"])) if "run" in measured.rows else 1
@@ -74,5 +82,10 @@ def add(
     record = result.to_dict() | {"data": data.name}
     added = [*result.model.provenance.get("added", []), record]
     remembering = replace(result.model, provenance={**result.model.provenance, "added": added})
-    files: list[ToWrite] = [(output, partial(ff.write_model, remembering)), (report, partial(ff.write_report, result))]
+
+    files: list[ToWrite] = [
+        (output, partial(ff.write_model, remembering)),
+        (picture, lambda path: write_before_after((actuator, result.model), cast("ff.TimeSeries", measured), path)),
+        (report, partial(ff.write_report, result)),
+    ]
     return Outcome(result, record, files)

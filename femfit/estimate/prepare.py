@@ -130,6 +130,12 @@ def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorM
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
 
+def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of the sensors that the record has readings of, those of some columns left out."""
+    columns = {name: reading_of(model, name).column for name in sensors_of(model)}
+    return tuple(name for name, column in columns.items() if column in series.given and column not in without)
+
+
 def _left_out(series: TimeSeries) -> str:
     return " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
 
@@ -138,7 +144,7 @@ def _chosen(
     model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None, drawn: Sequence[str]
 ) -> tuple[str, ...]:
     """As asked for; else those of the drawing that were recorded, or what was where none of them is."""
-    usable = tuple(name for name in sensors_of(model) if reading_of(model, name).column in series.given)
+    usable = recorded_sensors(model, series)
     wanted = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
     for name in wanted:
         sensor_named(model, name)

@@ -1,11 +1,16 @@
 """Pictures over time: a motion in open loop, a record that filters have seen, and a distance that is sensed."""
 
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from femfit.core.errors import TableError
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.estimate.observe import Observation
+from femfit.estimate.observe import Observation, observe
+from femfit.estimate.prepare import recorded_sensors, with_recorded_sensors
+from femfit.model.actuator_model import ActuatorModel
 from femfit.report.style import (
     BLUE,
     CATEGORIES,
@@ -17,9 +22,11 @@ from femfit.report.style import (
     Figure,
     new_figure,
     words,
+    write_picture,
 )
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.sense import Sensing
+from femfit.tables.measurement import TimeSeries
 
 _MS = 1e3
 _SPAN = 0.1
@@ -71,9 +78,15 @@ _POINTS = 20_000
 """Conventional: points of a line; more are not seen."""
 
 
-def replay_figure(observation: Observation) -> Figure:
-    """Draw distance and currents as recorded and estimated, and the normalised innovations with their band."""
+def replay_figure(observation: Observation, after: Observation | None = None) -> Figure:
+    """Draw distance and currents as recorded and estimated, and the normalised innovations with their band.
+
+    The filters are those of one observation, or the first of each of two, of a model before and after it was changed.
+    """
     lines = [(words("loop", each.name), each.replayed) for each in observation.filters]
+    if after is not None:
+        pair = zip(("before", "after"), (observation, after), strict=True)
+        lines = [(words("replay", key), one.filters[0].replayed) for key, one in pair]
     figure = new_figure(6.0)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
     every = slice(None, None, max(1, len(observation.time_s) // _POINTS))
@@ -99,6 +112,18 @@ def replay_figure(observation: Observation) -> Figure:
     panels[2].set(ylabel=words("replay", "innovation"), xlabel=words("replay", "time"), ylim=(-6.0, 6.0))
     figure.align_ylabels()
     return figure
+
+
+def write_before_after(models: tuple[ActuatorModel, ActuatorModel], series: TimeSeries, path: Path) -> None:
+    """Run the filters of two models over a record without reading its distance, and write the picture."""
+    if "distance_m" not in series.given:
+        raise TableError(
+            f"The picture before and after needs a recorded distance to compare with; {series.source} holds "
+            f"{', '.join(series.given)}. Leave out --picture, or record distance_m."
+        )
+    sensors = recorded_sensors(with_recorded_sensors(models[0], series), series, ("distance_m",))
+    before, after = (observe(model, series, sensors=sensors, find=False) for model in models)
+    write_picture(partial(replay_figure, before, after), path)
 
 
 _FLOOR_M = 1e-7
