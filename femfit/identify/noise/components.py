@@ -50,16 +50,15 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     if not with_noise:
         return None
     designs = {c: design for c in with_noise if (design := scatter[c].design) is not None}
-    readings = {c: observations.residual[design.here] for c, design in designs.items()}
     rho, contrasts = np.zeros(len(names)), {}
     for c, design in designs.items():
-        if not design.cells and not _is_noise(scatter[c], design, readings[c]):  # but a misfit
+        if not design.cells and not _is_noise(scatter[c], design):  # but a misfit
             contrasts[c] = Contrasts(0.0, 0.0, np.zeros(0), np.zeros((0, design.random.shape[1])))
             continue
         # Too few readings that follow each other do not say how they are correlated
         follows = int(np.count_nonzero(~design.chain.first))
-        k = design.best_rho(readings[c]) if min(follows, design.free) >= LEAST_REPEATS else 0
-        rho[c], contrasts[c] = rho_of(k), design.contrasts(readings[c], k)
+        k = design.best_rho() if min(follows, design.free) >= LEAST_REPEATS else 0
+        rho[c], contrasts[c] = rho_of(k), design.contrasts(k)
         if not scatter[c].repeats:  # what smooth patterns leave is never taken for the noise of a reading
             contrasts[c] = Contrasts(0.0, 0.0, contrasts[c].along, contrasts[c].columns)
     sigma, variances = _variances(observations, scatter, contrasts)
@@ -93,14 +92,14 @@ def never_varying(observations: Observations) -> list[str]:
     return names
 
 
-def _is_noise(scatter: Scatter, design: ChannelDesign, y: FloatArray) -> bool:
+def _is_noise(scatter: Scatter, design: ChannelDesign) -> bool:
     """Whether smooth patterns leave noise: enough readings to say it, and no more than a declared noise makes.
 
     Else it is a misfit, which says nothing of how readings follow each other, nor of runs and mounts.
     """
     if design.free < LEAST_REPEATS_AGAINST_DECLARED:
         return False
-    ratio = design.contrasts(y, 0).square / design.free / scatter.prior**2
+    ratio = design.contrasts(0).square / design.free / scatter.prior**2
     return ratio <= 1.0 or not contradicts(ratio, design.free, scatter.weight)
 
 

@@ -86,7 +86,8 @@ def _design(observations: Observations, c: int, repeats: bool, sigma: float, sto
         fixed = _within(fixed, cell)
     random = effects.columns[here] * ((effects.differences > 0.0)[effects.group] & ~(effects.of_stops & stops_known))
     cells = int(cell.max()) + 1 if repeats else 0
-    return ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, chain_of(observations, here), weight)
+    chain, residual = chain_of(observations, here), observations.residual[here]
+    return ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, chain, weight, residual)
 
 
 def uncertain_settings(observations: Observations, stops_known: bool) -> FloatArray:
@@ -158,7 +159,7 @@ def known_scatter(observations: Observations, c: int, constant: bool) -> Scatter
         return Scatter(prior, weight, source, design=channel_design(observations, c, repeats=False, sigma=prior))
     if np.isfinite(declared):
         design = channel_design(observations, c, repeats=True, sigma=declared)
-        shown = design.contrasts(observations.residual[design.here], 0).square / free
+        shown = design.contrasts(0).square / free
         if not contradicts(shown / declared**2, free, weight):
             both = source if weight == EXACT else f"{source} and repeats"
             return Scatter(declared, weight, both, 0.0 if weight == EXACT else float(free), design)
@@ -182,7 +183,7 @@ def _of_repeats(observations: Observations, c: int) -> tuple[int, float]:
     design = channel_design(observations, c, repeats=True)
     if design.free < LEAST_REPEATS:
         return 0, 0.0
-    square = design.contrasts(observations.residual[design.here], 0).square
+    square = design.contrasts(0).square
     largest = float(np.sum(observations.value[design.here] ** 2))
     return (design.free, square / design.free) if square > SAME_READING**2 * largest else (0, 0.0)
 
