@@ -149,43 +149,38 @@ def known_scatter(observations: Observations, c: int, constant: bool) -> Scatter
     declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
     least = quantisation_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
-    free, variance = (0, 0.0) if constant else _of_repeats(observations, c)
-    if free < LEAST_REPEATS:
+    design = None if constant else _design_of_repeats(observations, c)
+    if design is None:
         if constant and not np.isfinite(declared) and least > 0.0:  # coarser than its noise: rounding is left
             declared, source = least, "resolution"
         if not np.isfinite(declared):
             return Scatter(np.nan, 0.0, "")
         prior = max(declared, least)
         return Scatter(prior, weight, source, design=channel_design(observations, c, repeats=False, sigma=prior))
+    free, variance = design.free, design.contrasts(0).square / design.free
     if np.isfinite(declared):
-        design = channel_design(observations, c, repeats=True, sigma=declared)
-        shown = design.contrasts(0).square / free
+        weighed = channel_design(observations, c, repeats=True, sigma=declared)
+        shown = weighed.contrasts(0).square / free
         if not contradicts(shown / declared**2, free, weight):
             both = source if weight == EXACT else f"{source} and repeats"
-            return Scatter(declared, weight, both, 0.0 if weight == EXACT else float(free), design)
+            return Scatter(declared, weight, both, 0.0 if weight == EXACT else float(free), weighed)
     # Without what the declared errors of the settings make of it; but not less is left than the standard error of a
     # variance from so many repeats: below it nothing can be told apart
-    design = channel_design(observations, c, repeats=True)
     stops_known = not design.random[:, random_effects(observations).of_stops].any()
     made = float(np.mean(np.sum(uncertain_settings(observations, stops_known)[design.here] ** 2, axis=1)))
     sigma = max(float(np.sqrt(max(variance - made, variance * np.sqrt(2.0 / free)))), least)
     return Scatter(sigma, 0.0, "repeats", float(free), channel_design(observations, c, repeats=True, sigma=sigma))
 
 
-def _of_repeats(observations: Observations, c: int) -> tuple[int, float]:
-    """Degrees of freedom of repeats beside mounts, runs, temperatures and times, and their variance.
-
-    None where repeats are too few, or all the same.
-    """
+def _design_of_repeats(observations: Observations, c: int) -> ChannelDesign | None:
+    """The repeats of a channel beside mounts, runs, temperatures and times; None where too few, or all the same."""
     sorting, start, _ = repeated_readings(observations)[c]
     if len(sorting) - len(start) < LEAST_REPEATS:
-        return 0, 0.0
+        return None
     design = channel_design(observations, c, repeats=True)
-    if design.free < LEAST_REPEATS:
-        return 0, 0.0
-    square = design.contrasts(0).square
     largest = float(np.sum(observations.value[design.here] ** 2))
-    return (design.free, square / design.free) if square > SAME_READING**2 * largest else (0, 0.0)
+    shown = design.free >= LEAST_REPEATS and design.contrasts(0).square > SAME_READING**2 * largest
+    return design if shown else None
 
 
 def guessed_scatter(observations: Observations, c: int) -> Scatter:
@@ -201,13 +196,17 @@ def contradicts(ratio: float, free: float, weight: float) -> bool:
     return 2.0 * min(stats.f.sf(ratio, free, weight), stats.f.cdf(ratio, free, weight)) < CONTRADICTED
 
 
+def beside_patterns(observations: Observations, c: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Readings of a channel, what smooth patterns leave of their misfit, (n,), and the patterns' basis, (n, p)."""
+    patterns, here = smooth_patterns(observations), np.flatnonzero(observations.channel == c)
+    basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
+    return here, observations.residual[here] - basis @ (basis.T @ observations.residual[here]), basis
+
+
 def scatter_as_noise(observations: Observations) -> NoiseModel:
     """What smooth patterns leave, in place of an unknown noise: enough to weigh the channels by."""
-    patterns, zeros = smooth_patterns(observations), np.zeros(len(observations.channels))
-    sigma = np.ones(len(observations.channels))
+    zeros, sigma = np.zeros(len(observations.channels)), np.ones(len(observations.channels))
     for c in range(len(sigma)):
-        here, columns = observations.channel == c, patterns.columns[:, patterns.channel == c]
-        basis = orthonormal_basis(columns[here])
-        scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
+        _, scatter, basis = beside_patterns(observations, c)
         sigma[c] = max(float(np.sqrt(scatter @ scatter / max(len(scatter) - basis.shape[1], 1))), 1e-12)
     return NoiseModel(observations.channels, sigma, zeros, 0.0, zeros, zeros, zeros, {}, 0.0, zeros)
