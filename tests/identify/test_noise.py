@@ -122,9 +122,7 @@ def test_an_estimate_without_a_prior_has_the_degrees_of_freedom_of_its_readings(
     mounts = np.kron(np.eye(12), np.ones((50, 1)))
     y = mounts @ rng.normal(0.0, 3.0, 12) + rng.normal(0.0, 0.1, 600)
     design = design_of(y, np.ones((600, 1)), mounts)
-    found = restricted_estimate(
-        [design.contrasts(0)], np.zeros(12, int), np.zeros(12, bool), np.ones(2), np.zeros(2)
-    )
+    found = restricted_estimate([design.contrasts(0)], np.zeros(12, int), np.zeros(12, bool), np.ones(2), np.zeros(2))
     # 12 mounts that the readings resolve: 11 differences; and 600 readings less 12 means
     np.testing.assert_allclose(found.degrees_of_freedom, [11.0, 588.0], rtol=0.01)
 

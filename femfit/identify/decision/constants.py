@@ -125,8 +125,6 @@ COMPARED = 6
 VARIANTS = 12
 """Assumed, for the time that it takes: combinations of trial values of two effects' nonlinear parameters."""
 
-TIE = 2.0 * math.log(1.0 / IN_CLASS)
-"""Derived: difference of the weighted sums of squares within which two explanations stay in one class."""
-
-NONLINEAR_PRICE = 0.5
-"""Assumed: price of a nonlinear parameter over that of an amplitude, which is ln M (derived; Schwarz, 1978)."""
+NEEDED_DISTANCE = ALMOST_SURELY + math.sqrt(ALMOST_SURELY**2 + 2.0 * math.log(1.0 / IN_CLASS))
+"""Derived: distance, in standard deviations of the noise, from which a diagnosis leaves the wrong one of two explanations
+out, as promised. The weighted sums of squares differ by its square, with a standard deviation of twice itself."""
