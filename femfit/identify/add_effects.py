@@ -16,7 +16,7 @@ from femfit.identify.add_result import AddResult, filter_fall, fit_facts, suspic
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.left_out import checked_refit
+from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import beyond_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
@@ -101,22 +101,21 @@ def add_effects(
     observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
     say("Fitting the effects")
     start = in_their_runs(starting_point(whitening, wanted), whitening, runs or {})
-    fitted = checked_refit(whitening, start)
-    stay = of_last_run(fitted.fit.effects, observations)
+    fit, held = checked_refit(whitening, start)
+    stay = of_last_run(fit.effects, observations)
     # The temperatures where it is to run: as given, else as recorded in the mean
     means = observations.covariates[list(temperatures)].mean().dropna()
     recorded: dict[str, Any] = {str(name): round(float(mean), 1) for name, mean in means.items()}
     running = replace(model, **recorded | {name: t for name, t in temperatures.items() if t is not None})
     after = with_effects(running, (*staying, *stay))
-    fit = fitted.fit
     facts = fit_facts(whitening, refitted, fit.effects, fit.jacobian[:, ~fit.active])
     return AddResult(
         model=after,
         added=fit.effects,
         kept=tuple(added.effect.name for added in staying),
-        left_out=fitted.error.rms,
+        left_out=unseen_error(whitening, fit).rms,
         suspicious=suspicious_values(observations, fit),
-        findings=(*observations.findings, *fitted.findings, *guessed_noises(whitening.noise)),
+        findings=(*observations.findings, *held, *guessed_noises(whitening.noise)),
         beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),
         filter=filter_fall(model, after, measured),
         **facts,

@@ -86,7 +86,7 @@ chance, for a correlation that is at the end of its range where there is none (h
 
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each
-other."""
+other; and so many differences of neighbours, of windows, or of halves of stretches."""
 
 LEAST_REPEATS_AGAINST_DECLARED = 4 * LEAST_REPEATS
 """Conventional: a declared noise counts like so many repeats (to 10 %); and from so many degrees of freedom on, what
@@ -110,12 +110,6 @@ SAME_SETTING = 1.0 / 400.0
 
 SAME_LINE = 1.0 / 50.0
 """Assumed: settings closer than this part of their range lie on one line, along which a smooth misfit is compared."""
-
-LEAST_NEIGHBOURS = 12
-"""Conventional: pseudo-residuals from which smoothness is let guess a noise, as many as repeats must be."""
-
-NORMAL_MEDIAN = 0.6745
-"""Derived: median of the size of a standard normal number."""
 
 INDEPENDENT_DIFFERENCES = 0.37 / 2.0
 """Derived: efficiency of a median, over pseudo-residuals that share two of three readings with the next."""
@@ -298,9 +292,6 @@ SLOWEST = 1e-12
 
 LEAST_VARIANCE = 0.2
 """Assumed: part of a difference's variance that the removed patterns must leave; it is 2 without them."""
-
-LEAST_FOLLOWING = 12
-"""Assumed: fewer windows that follow another show no noise by their differences."""
 
 RESTLESS = 1.25
 """Assumed: successive windows that scatter this many times more than the sensors' noise makes have another noise."""

@@ -28,13 +28,6 @@ class LackOfFit:
     p_value: float  # Probability of at least this statistic where nothing is missing
 
 
-def tail_probability(square: float, count: int, degrees_of_freedom: float) -> float:
-    """Probability of at least this squared length, in units of the noise, in directions that hold noise alone."""
-    if np.isfinite(degrees_of_freedom):
-        return float(stats.f.sf(square / count, count, degrees_of_freedom))
-    return float(stats.chi2.sf(square, count))
-
-
 @dataclass(frozen=True, eq=False)
 class Group(WithoutCache):
     """Patterns that are tested together."""
@@ -68,7 +61,9 @@ class Group(WithoutCache):
         square, count = self.along(residual, fitted)
         if not count:
             return LackOfFit(0.0, 0, 1.0)
-        return LackOfFit(square / count, count, tail_probability(square, count, self.degrees_of_freedom))
+        repeats, ratio = self.degrees_of_freedom, square / count
+        tail = stats.f.sf(ratio, count, repeats) if np.isfinite(repeats) else stats.chi2.sf(square, count)
+        return LackOfFit(ratio, count, float(tail))
 
 
 @dataclass(frozen=True, eq=False)

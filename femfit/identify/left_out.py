@@ -63,17 +63,8 @@ def left_out_groups(observations: Observations) -> IntArray:
     return np.asarray(np.searchsorted(np.quantile(order, [0.25, 0.5, 0.75]), order))
 
 
-@dataclass(frozen=True, eq=False)
-class CheckedRefit:
-    """A refit, its error on runs left out, and what was held."""
-
-    fit: Refit
-    error: UnseenError
-    findings: tuple[Finding, ...] = ()
-
-
-def checked_refit(whitening: Whitening, start: Sequence[Start]) -> CheckedRefit:
-    """A refit of what the data show: without amplitudes that they do not identify, and without extrapolated ends."""
+def checked_refit(whitening: Whitening, start: Sequence[Start]) -> tuple[Refit, tuple[Finding, ...]]:
+    """A refit of what the data show, and what was held: amplitudes that they do not identify, and extrapolated ends."""
     fit = refit(whitening, start)
     for values_of in (_unsettled, _unidentified):
         held = values_of(whitening.observations, fit)
@@ -85,8 +76,7 @@ def checked_refit(whitening: Whitening, start: Sequence[Start]) -> CheckedRefit:
         for effect in fit.start
         if any(p.name in effect.held for p in effect.columns.effect.parameters if p.nonlinear)
     ]
-    findings = tuple(finding("not-settled", name=name) for name in slow)
-    return CheckedRefit(fit, unseen_error(whitening, fit), findings)
+    return fit, tuple(finding("not-settled", name=name) for name in slow)
 
 
 def _unsettled(observations: Observations, fit: Refit) -> list[dict[str, float]]:

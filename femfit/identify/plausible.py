@@ -73,15 +73,13 @@ def suspected_zero(
     low, high = box.distance_min_m - DOMAIN_SLACK * travel, box.distance_max_m + DOMAIN_SLACK * travel
     recorded, usual = (d >= low) & (d <= high), predict(d, i)
     # Of readings and predictions together: readings alone may be constant, as in hovering
-    spreads = {name: float(np.nanstd(np.append(read, usual[name][recorded]))) for name, read in reads.items()}
+    together = {name: np.append(read, usual[name][recorded]) for name, read in reads.items()}
+    spreads = pd.DataFrame(together).std(ddof=0).clip(lower=np.finfo(float).tiny)
 
     def misfit(rows: BoolArray, predicted: Mapping[str, FloatArray]) -> float:
         """The largest root mean square error of a channel, over its spread."""
-        errors = {name: read[rows] - predicted[name] for name, read in reads.items()}
-        finite = {name: error[np.isfinite(error)] for name, error in errors.items()}
-        least = float(np.finfo(float).tiny)
-        sizes = [np.sqrt(np.mean(e**2)) / max(spreads[name], least) for name, e in finite.items() if len(e)]
-        return float(max(sizes, default=0.0))
+        errors = pd.DataFrame({name: read[rows] - predicted[name] for name, read in reads.items()})
+        return float(np.nan_to_num(((errors**2).mean() ** 0.5 / spreads).max()))
 
     def left(shift: float) -> float:
         inside = (d + shift >= low) & (d + shift <= high)
@@ -90,9 +88,8 @@ def suspected_zero(
         return misfit(inside, predict(d[inside] + shift, i[inside]))
 
     before = misfit(np.ones(len(d), dtype=bool), usual)
-    shifts = np.linspace(-LARGEST_SHIFT, LARGEST_SHIFT, SHIFTS) * travel
-    best = float(shifts[np.argmin([left(float(shift)) for shift in shifts])])
-    step = float(shifts[1] - shifts[0])
+    largest, step = LARGEST_SHIFT * travel, 2.0 * LARGEST_SHIFT * travel / (SHIFTS - 1)
+    best = min(np.linspace(-largest, largest, SHIFTS).tolist(), key=left)
     minimum = optimize.minimize_scalar(left, bounds=(best - step, best + step), method="bounded")
     shift = float(minimum.x)
     usual_range = max(abs(end) for end in effect_by_name("distance_offset").parameters[0].plausible)

@@ -22,6 +22,7 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.sweep_columns import circuit_currents, resistance_column
+from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.identify.constants import (
     AVERAGED_TO,
     LEAST_GAPS,
@@ -29,7 +30,6 @@ from femfit.identify.constants import (
     MOST_DROPPED,
     MOST_ROWS,
     NEAR_STEPS,
-    NORMAL_MEDIAN,
     SAME_LINE,
     SAME_READING,
     SAME_SETTING,

@@ -20,15 +20,14 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
+from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
     GUESS_WIDER,
     INDEPENDENT_DIFFERENCES,
-    LEAST_NEIGHBOURS,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
-    NORMAL_MEDIAN,
     SAME_LINE,
     SAME_READING,
 )
@@ -115,7 +114,7 @@ def guessed_noise(observations: Observations, channel: str) -> tuple[float, floa
     for along, values in settings.items():
         lines = np.stack([*beside, *(levels(settings[fixed], SAME_LINE) for fixed in settings if fixed != along)])
         differences = _pseudo_residuals(residual, values, lines)
-        if len(differences) >= LEAST_NEIGHBOURS:
+        if len(differences) >= LEAST_REPEATS:
             sigma = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
             guesses.append((GUESS_WIDER * sigma, INDEPENDENT_DIFFERENCES * len(differences)))
     return max(guesses, default=(0.0, 0.0))
