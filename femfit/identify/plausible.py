@@ -14,6 +14,7 @@ from scipy import optimize
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
+from femfit.core.sweep_columns import current_columns
 from femfit.core.text import rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
@@ -30,7 +31,7 @@ from femfit.identify.constants import (
     WELL,
     WRONG_FACTOR,
 )
-from femfit.identify.settings import current_names, currents_in
+from femfit.identify.settings import currents_in
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
@@ -120,7 +121,9 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
     if suspected or doubted:
         return table
-    if current_names(model) or "frequency_Hz" in table.given:  # neighbours are sought over distance and one current
+    if (
+        len(current_columns(model.current_names)) > 1 or "frequency_Hz" in table.given
+    ):  # neighbours are sought over distance and one current
         return table
     placed = (rows["distance_m"].notna() & rows["current_A"].notna()).to_numpy()
     predicted = _predictor(model, table.channels)(
@@ -141,7 +144,7 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     d, i, rows = d[placed], i[placed], rows[placed]
     if len(d) < LEAST_READINGS:
         return []
-    settings = suspect_settings(model, d, i, current_names(model) or ("current_A",))
+    settings = suspect_settings(model, d, i, current_columns(model.current_names))
     if settings:
         return settings
     frequency = rows["frequency_Hz"].to_numpy() if "frequency_Hz" in table.given else np.nan
@@ -260,7 +263,7 @@ def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
 
 def nothing_in_domain(model: ActuatorModel, source: str, distance: FloatArray, current: FloatArray) -> str:
     """Say where the model holds, where readings outside of it are, and what their units may be."""
-    box, names = model.without_effects.validity, current_names(model) or ("current_A",)
+    box, names = model.without_effects.validity, current_columns(model.current_names)
     columns = current.reshape(len(distance), -1).T
     ranges = [
         f"{low:g} to {high:g} A of {name} (here {values.min():g} to {values.max():g} A)"
