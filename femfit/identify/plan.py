@@ -13,17 +13,18 @@ A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations, product
+from itertools import combinations, permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from femfit.core.numerics import ROUNDING, FloatArray
+from femfit.core.numerics import ROUNDING
 from femfit.core.text import amount, amount_range, counted
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
-from femfit.effects.effect import AddedEffect, Calibration, Effect
+from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
 from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
@@ -38,13 +39,11 @@ from femfit.identify.decision.constants import (
     LARGEST_BENDING,
     NEAR_SHARE,
     NEEDED_DISTANCE,
-    VARIANTS,
     VISIBLE,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit
-from femfit.identify.signatures import columns_at, effect_columns
 from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.header import parts_of
@@ -111,13 +110,16 @@ def _signals(start: Start) -> list[tuple[float, int]]:
 
 def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> tuple[tuple[str, str], ...]:
     """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
-    signals = {name: _signals(starts[0]) for name, starts in families.items()}
+    base, signals = whitening.observations.base, {name: _signals(starts[0]) for name, starts in families.items()}
     taken_for = {
         (effect, rival)
         for effect, rival in permutations(families, 2)
         if signals[effect]
         and all(
-            separation(whitening, value * families[effect][0].columns.columns[:, k], [[s] for s in families[rival]])
+            separation(
+                whitening.with_values(base + value * families[effect][0].columns.columns[:, k]),
+                [[start] for start in families[rival]],
+            )
             is None
             for value, k in signals[effect]
         )
@@ -125,12 +127,8 @@ def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> 
     return tuple((a, b) for a, b in combinations(families, 2) if {(a, b), (b, a)} & taken_for)
 
 
-def separation(whitening: Whitening, change: FloatArray, rivals: Sequence[Sequence[Start]]) -> float | None:
-    """How far the best refit of rivals stays from what an explanation changes; None where that is less than needed.
-
-    The change has the shape (M,) and the readings' units.
-    """
-    whitening = whitening.with_values(whitening.observations.base + change)
+def separation(whitening: Whitening, rivals: Sequence[Sequence[Start]]) -> float | None:
+    """How far the best refit of rivals stays from readings that an explanation predicts; None where less than needed."""
     target = whitening.residual
     total = float(target @ target)
     fits = [fitted_together(target, starts) for starts in rivals]
@@ -141,20 +139,6 @@ def separation(whitening: Whitening, change: FloatArray, rivals: Sequence[Sequen
         least = max(min(refit(whitening, begun).chi2, least), 0.0)
     apart = float(np.sqrt(least))
     return None if apart < NEEDED_DISTANCE * (1.0 - ROUNDING) else apart
-
-
-def starting_points(
-    effects: Sequence[Effect], whitening: Whitening, fitted: Sequence[AddedEffect] = ()
-) -> list[list[Start]]:
-    """Where refits of effects begin: at trial nonlinear parameters, and where they were fitted before."""
-    observations, variants = whitening.observations, list[Sequence[Start]]()
-    for k, effect in enumerate(effects):
-        columns = effect_columns(effect, observations)
-        if fitted:
-            columns = [*columns_at(fitted[k], observations), *columns]
-        if columns:
-            variants.append(Start.at_null(columns, whitening))
-    return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
 
 
 def pair_clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
@@ -182,12 +166,14 @@ def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
     """An estimated noise model, with what is assumed for channels that were never measured."""
     planned, channels = planned_noise(replace(observations, declared_noise={})), list(observations.channels)
     estimated = replace(noise, test_run=np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma))
-    arrays = {}
+    filled: dict[str, Any] = {
+        "mount_m": noise.mount_m or PRIOR_MOUNT_M,
+        "test_mount_m": noise.test_mount_m or PRIOR_MOUNT_M,
+    }
     for name in ("sigma", "rho", "run", "repeats", "degrees_of_freedom", "test_run"):
         measured = pd.Series(getattr(estimated, name), noise.channels).reindex(channels)
-        arrays[name] = measured.fillna(pd.Series(getattr(planned, name), channels)).to_numpy()
-    mounts = {"mount_m": noise.mount_m or PRIOR_MOUNT_M, "test_mount_m": noise.test_mount_m or PRIOR_MOUNT_M}
-    return replace(noise, channels=observations.channels, **arrays, **mounts)
+        filled[name] = measured.fillna(pd.Series(getattr(planned, name), channels)).to_numpy()
+    return replace(noise, channels=observations.channels, **filled)
 
 
 def assumed_noise(channel: str, nominal: Nominal) -> float:

@@ -33,10 +33,9 @@ from femfit.identify.plan import (
     pair_clauses,
     possible_experiments,
     separation,
-    starting_points,
 )
 from femfit.identify.plausible import plausible_table
-from femfit.identify.refit import Refit
+from femfit.identify.refit import Refit, starting_point
 from femfit.identify.settings import currents_in, with_currents
 from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -192,12 +191,15 @@ def _joint_distances(
     whitening = Whitening.granting(observations, noise_for(noise, observations))
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
-        starts = starting_points([added.effect for added in rival.effects], whitening, rival.effects)
-        change = observations.predict(truth.effects) - observations.base
-        return separation(whitening, change, starts)
+        predicted = whitening.with_values(observations.predict(truth.effects))
+        return separation(predicted, [starting_point(predicted, [added.effect for added in rival.effects])])
 
-    ways = [(one_way(a, b), one_way(b, a)) for a, b in pairs]
-    return [None if None in way else min(way) for way in ways]
+    result: list[float | None] = []
+    for a, b in pairs:
+        there = one_way(a, b)
+        back = None if there is None else one_way(b, a)
+        result.append(None if there is None or back is None else min(there, back))
+    return result
 
 
 def joined(table: BenchTable, experiment: Experiment) -> BenchTable:

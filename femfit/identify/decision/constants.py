@@ -122,9 +122,6 @@ SHOWN = 3
 COMPARED = 6
 """Assumed, for the time that it takes: explanations that are compared pair by pair, the best first."""
 
-VARIANTS = 12
-"""Assumed, for the time that it takes: combinations of trial values of two effects' nonlinear parameters."""
-
 NEEDED_DISTANCE = ALMOST_SURELY + math.sqrt(ALMOST_SURELY**2 + 2.0 * math.log(1.0 / IN_CLASS))
 """Derived: distance, in standard deviations of the noise, from which a diagnosis leaves the wrong one of two explanations
 out, as promised. The weighted sums of squares differ by its square, with a standard deviation of twice itself."""
