@@ -122,10 +122,6 @@ settings, noise of successive readings independent and correlated by 0.5: someth
 SAME_READING = 1e-12
 """Derived: some thousand roundings of a float, over the largest reading."""
 
-NEAR_STEPS, WHOLE, LEAST_GAPS = 10.0, 0.05, 5
-"""Numerical: gaps between readings of up to so many steps are looked at, are whole to that part of a step, and must be
-so many for a step to be known."""
-
 EXACT = 1e9
 """Numerical: the weight of a variance that is known."""
 

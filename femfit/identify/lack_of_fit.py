@@ -42,19 +42,16 @@ class Group(WithoutCache):
         return orthonormal_basis(self.whitened[:, self.part])
 
     def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:
-        """Squared length of the residual in the patterns beside orthonormal fitted columns L, and their number.
+        """Squared length of the residual in the patterns beside orthonormal fitted columns, and their number.
 
-        With orthonormal B and L and L'B = U diag(c) V', the patterns beside L have the metric I - V diag(c^2) V', whose
-        inverse adds (v'a)^2 c^2 / (1 - c^2) to |a|^2; a pattern that L spans (c = 1) is no freedom any more.
+        A pattern that the fitted columns span is no freedom any more.
         """
-        along, count = self.basis.T @ residual, self.basis.shape[1]
-        if not fitted.shape[1]:
-            return float(along @ along), count
-        _, cosine, directions = np.linalg.svd(fitted.T @ self.basis, full_matrices=False)
-        spanned = 1.0 - cosine**2 < SPANNED
-        squares = (directions @ along) ** 2
-        gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, SPANNED))
-        return float(along @ along + squares @ gain), count - int(np.count_nonzero(spanned))
+        basis = self.basis
+        if fitted.shape[1]:
+            directions, sine, _ = np.linalg.svd(basis - fitted @ (fitted.T @ basis), full_matrices=False)
+            basis = directions[:, sine**2 > SPANNED]
+        along = basis.T @ residual
+        return float(along @ along), basis.shape[1]
 
     def test(self, residual: FloatArray, fitted: FloatArray) -> LackOfFit:
         """Test a residual beside orthonormal fitted columns."""

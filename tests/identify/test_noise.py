@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
+from femfit.estimate.record import converter_step
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.constants import GUESS_WIDER
@@ -14,7 +15,6 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.scatter import guessed_noise
 from femfit.identify.noise.whitening import Whitening, stops
-from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign
 
 
@@ -219,7 +219,7 @@ def test_readings_that_were_not_rounded_have_no_step():
     rng = np.random.default_rng(2)
     settings = np.repeat(rng.normal(size=40), 5)  # settings that repeat exactly are no converter's steps
     for values in (rng.normal(size=1000), settings, np.ones(30), np.zeros(0), np.array([1.0, 2.0])):
-        assert quantisation_step(values) == 0.0
+        assert converter_step(values) == 0.0
 
 
 def test_a_converter_coarser_than_the_noise_bounds_it(levitation_model):
