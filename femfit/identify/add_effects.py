@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,10 @@ def add_effects(
     """
     say = progress or (lambda _: None)
     say("Reading")
-    temperatures = {"coil_temperature_C": coil_temperature_C, "magnet_temperature_C": magnet_temperature_C}
+    temperatures: dict[str, Any] = {
+        "coil_temperature_C": coil_temperature_C,
+        "magnet_temperature_C": magnet_temperature_C,
+    }
     for name, temperature in temperatures.items():
         if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
             raise UsageError(
@@ -90,12 +94,8 @@ def add_effects(
         runs = {effect.name: effect.runs for effect in effects.missing if effect.runs}
     if UNEXPLAINED in names:
         catalogued = [name for name in names if name != UNEXPLAINED]
-
-        def named(start: ActuatorModel) -> AddResult:
-            result = add_effects(start, measured, catalogued, runs=runs, progress=progress, **temperatures)
-            return replace(result, added=_catalogued(result.added))
-
-        return _with_remainder(model, measured, named, catalogued, say)
+        add = partial(add_effects, data=measured, effects=catalogued, runs=runs, progress=progress, **temperatures)
+        return _with_remainder(model, measured, add, catalogued, say)
     staying, refitted, new = _split(model, names, measured)
     whitening = whitening_beside(placed(with_effects(model, staying), measured))
     observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
@@ -125,7 +125,7 @@ def add_effects(
 def _with_remainder(
     model: ActuatorModel,
     measured: Measurement,
-    named: Callable[[ActuatorModel], AddResult],
+    add: Callable[[ActuatorModel], AddResult],
     catalogued: Sequence[str],
     say: Callable[[str], None],
 ) -> AddResult:
@@ -133,7 +133,8 @@ def _with_remainder(
     model, beside = with_effects(model, _catalogued(model.effects)), None
     for _ in range(2):
         if catalogued:
-            beside = named(model)
+            beside = add(model)
+            beside = replace(beside, added=_catalogued(beside.added))
             model = with_effects(beside.model, _catalogued(beside.model.effects))
         result = add_remainder(model, measured, whitening_beside(placed(model, measured)), beside, catalogued, say)
         if not catalogued or not result.parts:

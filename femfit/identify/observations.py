@@ -152,8 +152,8 @@ class Observations(WithoutCache):
 
     def select(self, keep: BoolArray) -> "Observations":
         """Those of the readings for which ``keep``, of shape (M,), is true; all settings stay."""
-        fields_of_readings = {name: getattr(self, name) for name in _OF_READINGS}
-        some = {name: values[keep] for name, values in fields_of_readings.items() if values is not None}
+        state = self.__getstate__().items()
+        some: dict[str, Any] = {name: values[keep] for name, values in state if isinstance(values, np.ndarray)}
         return replace(self, **some, prediction=partial(_kept, self.prediction, keep))
 
     def with_values(self, value: FloatArray) -> "Observations":
@@ -163,11 +163,6 @@ class Observations(WithoutCache):
         result.__dict__["of_settings"] = self.of_settings
         return result
 
-
-_OF_READINGS = (
-    *("channel", "row", "value", "distance_slope", "distance_curvature", "tolerance", "setting_columns", "weight"),
-)
-"""Fields of which each reading has an entry."""
 
 Result = TypeVar("Result")
 

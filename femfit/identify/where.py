@@ -53,9 +53,7 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     clear = _clearly_worst(observations, whitening.noise)
     worst = first_best((excess / counts).tolist()) if clear is None else clear
     channel = observations.channels[worst]
-    clocked = {"order", "time_s"} & set(observations.given)
-    without = set[str]() if clocked else {"order", "elapsed"}  # The order of a file's rows is no time
-    covariates = _covariates(columns, patterns, worst, residual, smooth, without)
+    covariates = _covariates(columns, patterns, worst, residual, smooth)
     here, read = observations.of(channel), observations.residual
     if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
         # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
@@ -86,7 +84,6 @@ def _covariates(
     channel: int,
     residual: FloatArray,
     smooth: FloatArray,
-    without: set[str],
 ) -> tuple[str, ...]:
     """Covariates in the order in which each adds most to what the ones before explain with their products.
 
@@ -95,7 +92,7 @@ def _covariates(
     """
     here = np.flatnonzero(patterns.channel == channel)
     rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
-    names = sorted(set().union(*(patterns.along[k] for k in here)) - without)
+    names = sorted(set().union(*(patterns.along[k] for k in here)))
     chosen: list[str] = []
 
     def explained(among: list[str]) -> FloatArray:

@@ -221,7 +221,8 @@ def test_standard_deviations_hold_what_was_not_fitted(found, place):
     whitening = whitening.with_values(whitening.observations.base)
     here = Redrawn(drawing, found.table, model, whitening)
     now = estimate(here, choice, np.array([one.value for one in choice.numbers]))
-    others = [one for one in drawing.suspects if here.shows(one) and one not in choice.numbers and not one.is_contour]
+    shown = [one for one in drawing.suspects if here.column(one) is not None]
+    others = [one for one in shown if one not in choice.numbers and not one.is_contour]
     others = [one for one in others if not any(map(one.overlaps, choice.numbers))]
     off = whitening.full(np.stack([one.tolerance * here.column(one) for one in others], axis=1))
     columns = np.concatenate([now.fit.jacobian, off], axis=1)

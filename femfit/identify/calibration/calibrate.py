@@ -104,7 +104,9 @@ def calibrate(
         say("Diagnosing")
         choice = _diagnosed(diagnose(first.model, measured), suspects)
     else:  # of all, those that these readings show
-        choice = Choice(tuple(number for number in wanted if wanted is not source.each or first.shows(number)))
+        choice = Choice(
+            tuple(number for number in wanted if wanted is not source.each or first.column(number) is not None)
+        )
         if not choice.numbers:
             raise TableError("These data show no number of the drawing: none of them changes any of the readings.")
     if beside is not None:

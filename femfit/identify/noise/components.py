@@ -46,10 +46,9 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     scatter = [known_scatter(observations, c, name in constant) for c, name in enumerate(names)]
     if not any(of_channel.design for of_channel in scatter):
         scatter = [guessed_scatter(observations, c) for c in range(len(names))]
-    with_noise = [c for c, of_channel in enumerate(scatter) if of_channel.design]
-    if not with_noise:
+    designs = {c: of_channel.design for c, of_channel in enumerate(scatter) if of_channel.design is not None}
+    if not designs:
         return None
-    designs = {c: design for c in with_noise if (design := scatter[c].design) is not None}
     rho, contrasts = np.zeros(len(names)), {}
     for c, design in designs.items():
         if not design.cells and not _is_noise(scatter[c], design):  # but a misfit
@@ -72,7 +71,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         rho=rho,
         degrees_of_freedom=_degrees_of_freedom(observations, scatter, rho),
         repeats=np.array([of_channel.repeats for of_channel in scatter]),
-        source={names[c]: scatter[c].source for c in with_noise},
+        source={names[c]: scatter[c].source for c in designs},
         never_varying=tuple(constant),
         **variances,
     )

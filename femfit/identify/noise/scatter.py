@@ -61,18 +61,15 @@ def repeated_readings(observations: Observations) -> list[tuple[IntArray, IntArr
     return result
 
 
-def channel_design(observations: Observations, c: int, repeats: bool, sigma: float = 0.0) -> ChannelDesign:
+def channel_design(
+    observations: Observations, c: int, repeats: bool, sigma: float = 0.0, stops_known: bool = False
+) -> ChannelDesign:
     """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0.
 
-    Stops have columns where enough of the repeats is left beside them.
+    Errors of stops have columns where enough of the repeats is left beside them; else they are known, and weighed as
+    those of single rows are.
     """
-    design = _design(observations, c, repeats, sigma, stops_known=not repeats)
-    enough = not repeats or design.free >= LEAST_REPEATS
-    return design if enough else _design(observations, c, repeats, sigma, stops_known=True)
-
-
-def _design(observations: Observations, c: int, repeats: bool, sigma: float, stops_known: bool) -> ChannelDesign:
-    """The same where errors of stops are known, and weighed as those of single rows are, or have columns."""
+    stops_known = stops_known or not repeats
     here = repeated_readings(observations)[c][0] if repeats else np.flatnonzero(observations.channel == c)
     effects = random_effects(observations)
     made = np.sum(uncertain_settings(observations, stops_known)[here] ** 2, axis=1)
@@ -85,9 +82,15 @@ def _design(observations: Observations, c: int, repeats: bool, sigma: float, sto
     if repeats:
         fixed = _within(fixed, cell)
     random = effects.columns[here] * ((effects.differences > 0.0)[effects.group] & ~(effects.of_stops & stops_known))
-    cells = int(cell.max()) + 1 if repeats else 0
-    chain, residual = chain_of(observations, here), observations.residual[here]
-    return ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, chain, weight, residual)
+    cells, basis, residual = (
+        int(cell.max()) + 1 if repeats else 0,
+        orthonormal_basis(fixed),
+        observations.residual[here],
+    )
+    design = ChannelDesign(here, cell, cells, basis, random, chain_of(observations, here), weight, residual)
+    if stops_known or design.free >= LEAST_REPEATS:
+        return design
+    return channel_design(observations, c, repeats, sigma, stops_known=True)
 
 
 def uncertain_settings(observations: Observations, stops_known: bool) -> FloatArray:
