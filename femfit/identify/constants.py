@@ -52,7 +52,7 @@ ROUNDING = 1e-3
 """Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
 
 ROUNDED = 1e-9
-"""Numerical: what an effect changes over its plausible range, in parts of a reading, up to which it is rounding."""
+"""Numerical: part of a reading up to which a misfit, or what an effect changes over its plausible range, is rounding."""
 
 NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
 """Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
@@ -191,9 +191,6 @@ LEFT_BY_SHARE, SAME_SHARE = 0.05, 0.25
 """Assumed: a misfit is the same everywhere, or one share of the prediction, where that leaves this part of its square,
 and where its size in the smaller half of the readings differs from that in all by less than this part."""
 
-NOTHING = 1e-9
-"""Numerical: a misfit over the prediction that is rounding."""
-
 # Impedances
 
 FREQUENCY_SLACK = 0.01
@@ -230,9 +227,6 @@ HALVINGS = 4
 OPEN = 0.5
 """Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
 said to be determined."""
-
-SHOWN = 3
-"""Conventional: more directions that are not determined are counted, not listed."""
 
 IN_COMBINATION = 0.1
 """Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""

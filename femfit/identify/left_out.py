@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import SETTLED
@@ -43,7 +43,10 @@ def unseen_error(whitening: Whitening, fit: Refit) -> UnseenError:
 def cross_validated(whitening: Whitening, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]) -> UnseenError:
     """The error on each run by the effects that are fitted to the readings that stay, which have the shape (M,)."""
     observations = whitening.observations
-    group = left_out_groups(observations)
+    group = observations.column("run").astype(int)
+    if len(np.unique(group)) == 1:  # four stretches of a single run
+        order: FloatArray = observations.column("order")
+        group = np.searchsorted(np.quantile(order, [0.25, 0.5, 0.75]), order)
     as_read, chi2 = np.zeros(len(group)), 0.0
     for number in np.unique(group):
         out = group == number
@@ -52,15 +55,6 @@ def cross_validated(whitening: Whitening, fitted: Callable[[BoolArray], tuple[Ad
         white = Whitening(unseen, whitening.noise).full(as_read[out])
         chi2 += float(white @ white)
     return UnseenError(observations.rms(as_read), chi2)
-
-
-def left_out_groups(observations: Observations) -> IntArray:
-    """The run of each reading, shape (M,); with a single run, four stretches of it."""
-    run = observations.column("run").astype(int)
-    if len(np.unique(run)) > 1:
-        return run
-    order: FloatArray = observations.column("order")
-    return np.asarray(np.searchsorted(np.quantile(order, [0.25, 0.5, 0.75]), order))
 
 
 def checked_refit(whitening: Whitening, start: Sequence[Start]) -> tuple[Refit, tuple[Finding, ...]]:

@@ -47,19 +47,6 @@ from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, othe
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 
 
-def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
-    """Suspect a factor that no tolerance of a drawing makes."""
-    sensor, circuit = model.sensor, model.circuit
-    zero = sensor.quiescent_V if name == "hall_V" and sensor is not None else 0.0
-    factor = ratio(read - zero, usual - zero)
-    if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
-        return None
-    if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, None):
-        return None
-    ohms = None if circuit is None else circuit.resistance_ohm
-    return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
-
-
 def suspected_zero(
     model: ActuatorModel, d: FloatArray, i: FloatArray, reads: Mapping[str, FloatArray], predict: Predict
 ) -> Finding | None:
@@ -184,7 +171,15 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
                 return suspicion(name, words[3:], why)
             text = f"{name} seems to be {words}: {why}."
             return Finding("suspected-unit", "warning", text, "Convert the column.", column=name)
-    return suspected_factor(model.without_effects, name, read, usual)
+    base = model.without_effects  # else a factor that no tolerance of a drawing makes
+    zero = base.sensor.quiescent_V if name == "hall_V" and base.sensor is not None else 0.0
+    factor = ratio(read - zero, usual - zero)
+    if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
+        return None
+    if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, None):
+        return None
+    ohms = None if base.circuit is None else base.circuit.resistance_ohm
+    return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
 
 
 def _predictor(model: ActuatorModel, channels: tuple[str, ...], frequency: FloatArray | float = np.nan) -> Predict:

@@ -15,7 +15,7 @@ from femfit.identify.constants import (
     BEYOND_NOISE,
     COVARIATE_SHARE,
     LEFT_BY_SHARE,
-    NOTHING,
+    ROUNDED,
     SAME_SHARE,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
@@ -139,7 +139,7 @@ def describe_misfit(observations: Observations, channel: str, covariates: Sequen
     quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
     misfit, base = observations.residual[here], (observations.base - quiescent)[here]
     square, share = float(misfit @ misfit), float(misfit @ base) / max(float(base @ base), 1e-300)
-    if square <= NOTHING**2 * float(base @ base):
+    if square <= ROUNDED**2 * float(base @ base):
         return sentence("where", "nothing", channel)
     structured = smooth[here] if smooth[here].any() else misfit
     worst = int(np.argmax(np.abs(structured)))

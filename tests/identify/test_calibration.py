@@ -145,7 +145,7 @@ def test_a_step_that_draws_what_cannot_be_built_is_halved(place):
 
 def test_a_step_that_makes_the_misfit_larger_is_taken_back_and_halved(monkeypatch):
     """Steps 2.5 times as long as they should be, as of a slope that is far too small: whole ones diverge."""
-    redrawn = lambda drawing, _directory, _measured, _workers, sweeps: SimpleNamespace(drawing=drawing, sweeps=sweeps)  # noqa: E731
+    swept = lambda drawing, sweeps: SimpleNamespace(drawing=drawing, sweeps=sweeps)  # noqa: E731
 
     def at(redrawn, choice, values):
         x = float(values[0])
@@ -159,11 +159,10 @@ def test_a_step_that_makes_the_misfit_larger_is_taken_back_and_halved(monkeypatc
         )
 
     monkeypatch.setattr(calibration, "RISE", 0.0)
-    monkeypatch.setattr(calibration, "swept", redrawn)
     monkeypatch.setattr(calibration, "estimate", at)
     monkeypatch.setattr(calibration, "_moved", lambda _, now, part: ("drawing", now.change * (part - 0.4)))
     start = at(SimpleNamespace(drawing="drawing", sweeps=1), None, np.array([1.0]))
-    now = calibration._Task(None, None, None, 1, str).settled(start)
+    now = calibration._Task(None, None, swept, str).settled(start)
     assert now.step <= 0.1
     assert now.cost(now) <= 1e-4
 

@@ -117,7 +117,7 @@ CHANNEL_COST, HEAT_COST = 60.0, 120.0
 """Assumed: readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
 
 SHOWN = 3
-"""Conventional: measurements that are printed, and clauses of what each separates."""
+"""Conventional: measurements that are printed, clauses of what each separates, and directions that are not determined."""
 
 COMPARED = 6
 """Assumed, for the time that it takes: explanations that are compared pair by pair, the best first."""

@@ -101,9 +101,7 @@ def uncertain_settings(observations: Observations, stops_known: bool) -> FloatAr
 
 def _within(columns: FloatArray, cell: IntArray) -> FloatArray:
     """Columns less their mean in each cell; zero where rounding alone is left."""
-    count = np.bincount(cell)
-    means = np.stack([np.bincount(cell, column) for column in columns.T], axis=1) / count[:, None]
-    deviation = columns - means[cell]
+    deviation = columns - pd.DataFrame(columns).groupby(cell).transform("mean").to_numpy()
     varies = np.linalg.norm(deviation, axis=0) > 1e-9 * np.linalg.norm(columns, axis=0)
     return np.asarray(deviation * varies)
 
