@@ -52,7 +52,7 @@ ROUNDING = 1e-3
 """Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
 
 ROUNDED = 1e-9
-"""Numerical: part of a reading up to which a misfit, or what an effect changes over its plausible range, is rounding."""
+"""Numerical: part of a reading up to which a misfit, or an effect over its plausible range, is rounding."""
 
 NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
 """Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of

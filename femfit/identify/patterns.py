@@ -25,12 +25,6 @@ _MOTION = ("velocity_m_s", "current_rate_A_s")
 """Covariates that only a time series has."""
 
 
-_OF_CURRENT = (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (2, 1, 0)
-_OF_TEMPERATURE = (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)
-_OF_TIME = (1, 0, 0), (2, 0, 0), (3, 0, 0), (1, 1, 0), (1, 0, 1)
-"""Powers of a further circuit's current, of a temperature, of a time or speed, each with those of distance and current."""
-
-
 @dataclass(frozen=True, eq=False)
 class Patterns:
     """Smooth patterns of all channels."""
@@ -123,7 +117,7 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
     for name in observations.currents:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
         if name != observations.leading_current and np.ptp(z) > 0.0:
-            result += _beside(name, z, x, y, _OF_CURRENT)
+            result += _beside(name, z, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (2, 1, 0)))
     result += _over_frequency(observations, here, x, y)
     branch = observations.column("branch")[here]
     if np.ptp(branch) > 0.0:
@@ -158,7 +152,7 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
     for name in ("coil_temperature_C", "magnet_temperature_C"):
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
-            result += _beside(name, t, x, y, _OF_TEMPERATURE)
+            result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))
     clocks: list[FloatArray] = []
     for name in (*_MOTION, "order", "elapsed"):
         if name not in observations.covariates or (name not in _MOTION and not observations.clocked):
@@ -166,14 +160,14 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
         t = observations.column(name)[here]
         if np.ptp(t) > 0.0 and not any(np.array_equal(t, clock) for clock in clocks):
             clocks += [t] if name not in _MOTION else []
-            result += _beside(name, t, x, y, _OF_TIME)
+            result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (3, 0, 0), (1, 1, 0), (1, 0, 1)))
     return result
 
 
 def _beside(
     name: str, z: FloatArray, x: FloatArray, y: FloatArray, powers: tuple[tuple[int, int, int], ...]
 ) -> Labelled:
-    """Powers of a further covariate, scaled, times those of distance x and current y."""
+    """Powers (a, b, c) of a further covariate z, scaled, times those of distance x and current y."""
     z = scaled_to_one(z)
     return [
         (z**a * x**b * y**c, a + b + c, frozenset([name, *["distance_m"] * (b > 0), *["current_A"] * (c > 0)]))

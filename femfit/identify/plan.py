@@ -128,7 +128,7 @@ def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> 
 
 
 def separation(whitening: Whitening, rivals: Sequence[Sequence[Start]]) -> float | None:
-    """How far the best refit of rivals stays from readings that an explanation predicts; None where less than needed."""
+    """How far the best refit of rivals stays from predicted readings; None where that is less than needed."""
     target = whitening.residual
     total = float(target @ target)
     fits = [fitted_together(target, starts) for starts in rivals]

@@ -87,7 +87,8 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
             remedy = "Add a column of zeros for one that carries none."
         raise TableError(
             f"A bench table beside model {model.name!r} must have a current of each circuit with numbers in it; "
-            f"{table.source} lacks {', '.join(lacking)} (it has {', '.join(table.given)}). {' '.join([*unused, remedy])}"
+            f"{table.source} lacks {', '.join(lacking)} (it has {', '.join(table.given)}). "
+            f"{' '.join([*unused, remedy])}"
         )
     if len(names) == 1:
         return table

@@ -117,11 +117,11 @@ CHANNEL_COST, HEAT_COST = 60.0, 120.0
 """Assumed: readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
 
 SHOWN = 3
-"""Conventional: measurements that are printed, clauses of what each separates, and directions that are not determined."""
+"""Conventional: measurements, clauses of what each separates, and undetermined directions that are printed."""
 
 COMPARED = 6
 """Assumed, for the time that it takes: explanations that are compared pair by pair, the best first."""
 
 NEEDED_DISTANCE = ALMOST_SURELY + math.sqrt(ALMOST_SURELY**2 + 2.0 * math.log(1.0 / IN_CLASS))
-"""Derived: distance, in standard deviations of the noise, from which a diagnosis leaves the wrong one of two explanations
-out, as promised. The weighted sums of squares differ by its square, with a standard deviation of twice itself."""
+"""Derived: distance, in standard deviations of the noise, from which a diagnosis leaves out the wrong one of two
+explanations, as promised. The weighted sums of squares differ by its square, with a deviation of twice itself."""
