@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from femfit.identify.add_result import AddResult, filter_fall, fit_facts, suspic
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.left_out import checked_refit
+from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import beyond_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
@@ -78,7 +79,10 @@ def add_effects(
     """
     say = progress or (lambda _: None)
     say("Reading")
-    temperatures = {"coil_temperature_C": coil_temperature_C, "magnet_temperature_C": magnet_temperature_C}
+    temperatures: dict[str, Any] = {
+        "coil_temperature_C": coil_temperature_C,
+        "magnet_temperature_C": magnet_temperature_C,
+    }
     for name, temperature in temperatures.items():
         if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
             raise UsageError(
@@ -90,33 +94,28 @@ def add_effects(
         runs = {effect.name: effect.runs for effect in effects.missing if effect.runs}
     if UNEXPLAINED in names:
         catalogued = [name for name in names if name != UNEXPLAINED]
-
-        def named(start: ActuatorModel) -> AddResult:
-            result = add_effects(start, measured, catalogued, runs=runs, progress=progress, **temperatures)
-            return replace(result, added=_catalogued(result.added))
-
-        return _with_remainder(model, measured, named, catalogued, say)
+        add = partial(add_effects, data=measured, effects=catalogued, runs=runs, progress=progress, **temperatures)
+        return _with_remainder(model, measured, add, catalogued, say)
     staying, refitted, new = _split(model, names, measured)
     whitening = whitening_beside(placed(with_effects(model, staying), measured))
     observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
     say("Fitting the effects")
     start = in_their_runs(starting_point(whitening, wanted), whitening, runs or {})
-    fitted = checked_refit(whitening, start)
-    stay = of_last_run(fitted.fit.effects, observations)
+    fit, held = checked_refit(whitening, start)
+    stay = of_last_run(fit.effects, observations)
     # The temperatures where it is to run: as given, else as recorded in the mean
     means = observations.covariates[list(temperatures)].mean().dropna()
     recorded: dict[str, Any] = {str(name): round(float(mean), 1) for name, mean in means.items()}
     running = replace(model, **recorded | {name: t for name, t in temperatures.items() if t is not None})
     after = with_effects(running, (*staying, *stay))
-    fit = fitted.fit
     facts = fit_facts(whitening, refitted, fit.effects, fit.jacobian[:, ~fit.active])
     return AddResult(
         model=after,
         added=fit.effects,
         kept=tuple(added.effect.name for added in staying),
-        left_out=fitted.error.rms,
+        left_out=unseen_error(whitening, fit).rms,
         suspicious=suspicious_values(observations, fit),
-        findings=(*observations.findings, *fitted.findings, *guessed_noises(whitening.noise)),
+        findings=(*observations.findings, *held, *guessed_noises(whitening.noise)),
         beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),
         filter=filter_fall(model, after, measured),
         **facts,
@@ -126,7 +125,7 @@ def add_effects(
 def _with_remainder(
     model: ActuatorModel,
     measured: Measurement,
-    named: Callable[[ActuatorModel], AddResult],
+    add: Callable[[ActuatorModel], AddResult],
     catalogued: Sequence[str],
     say: Callable[[str], None],
 ) -> AddResult:
@@ -134,7 +133,8 @@ def _with_remainder(
     model, beside = with_effects(model, _catalogued(model.effects)), None
     for _ in range(2):
         if catalogued:
-            beside = named(model)
+            beside = add(model)
+            beside = replace(beside, added=_catalogued(beside.added))
             model = with_effects(beside.model, _catalogued(beside.model.effects))
         result = add_remainder(model, measured, whitening_beside(placed(model, measured)), beside, catalogued, say)
         if not catalogued or not result.parts:

@@ -15,6 +15,7 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding
+from femfit.core.sweep_columns import current_columns
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
@@ -23,7 +24,7 @@ from femfit.identify.impedance import away_from_bias, bias_remark, weighed_by_ma
 from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
-from femfit.identify.settings import averaged, current_names, currents_in, with_currents, without_bias
+from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
@@ -64,7 +65,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     if not inside.any():
         raise TableError(nothing_in_domain(model, table.source, d[placed_rows], i[placed_rows]))
     measured = table.rows[inside].reset_index(drop=True)
-    covariates, nominal = _covariates(measured, current_names(model)), nominal_of(model)
+    covariates, nominal = _covariates(measured, current_columns(model.current_names)), nominal_of(model)
     conditions = conditions_of(covariates, nominal)
     d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
     reading = predict_readings(model, d, i, conditions, channels=table.channels)
@@ -86,7 +87,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels} | dict(
         weighing.tolerance
     )
-    settings = "distance_m", *(current_names(model) or ("current_A",))
+    settings = "distance_m", *current_columns(model.current_names)
     uncertain = [along * declared.get(name, 0.0) for name, along in zip(settings, (slope, *by_current), strict=False)]
     return Observations(
         channels=channels,
@@ -138,7 +139,7 @@ class _BenchPrediction:
         return np.concatenate([weighed.get(name, values[name])[:, piece].T for name, piece in self.rows.items()])
 
 
-def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.DataFrame:
+def _covariates(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:
     """Settings with runs and mounts numbered from 0, and both clocks."""
     run = pd.factorize(rows["run"])[0]
     mount_label = rows["mount"].where(rows["mount"].notna(), rows["run"])
@@ -153,7 +154,13 @@ def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.Dat
     restarts = len(np.unique(run)) > 1 and bool(np.any(np.diff(pd.Series(order).groupby(run).min().to_numpy()) <= 0.0))
     start = np.concatenate([[0.0], np.cumsum(longest + 1.0)[:-1]])
     elapsed = start[run] + within if restarts else order - order.min()
-    names = ["distance_m", "current_A", *of_circuits, "branch", "coil_temperature_C", "magnet_temperature_C"]
+    names = [
+        "distance_m",
+        *dict.fromkeys(["current_A", *currents]),
+        "branch",
+        "coil_temperature_C",
+        "magnet_temperature_C",
+    ]
     if "frequency_Hz" in rows and rows["frequency_Hz"].notna().any():
         names.append("frequency_Hz")
     return pd.DataFrame(
@@ -224,7 +231,7 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
     data = plausible_table(model, without_bias(model, data))
-    data = averaged(data, current_names(model) or ("current_A",), partial(_residuals, model))
+    data = averaged(data, current_columns(model.current_names), partial(_residuals, model))
     if len(data.rows) > MOST_ROWS:
         raise TableError(
             f"{data.source} must have at most {MOST_ROWS:,} rows to be compared with a model, or readings on end at "
@@ -236,7 +243,7 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
 
 def _residuals(model: ActuatorModel, table: BenchTable) -> dict[str, FloatArray]:
     """Readings less what the model predicts, by channel."""
-    covariates = _covariates(table.rows, current_names(model))
+    covariates = _covariates(table.rows, current_columns(model.current_names))
     conditions = conditions_of(covariates, nominal_of(model))
     d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
     predicted = predict_readings(model, d, i, conditions, channels=table.channels)

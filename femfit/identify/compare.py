@@ -12,7 +12,7 @@ from femfit.estimate.follow import OneFilter, followed
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit
+from femfit.identify.decision.naming import decide, fails_surely
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import allowed, beyond_noise, finer_sweep
 from femfit.identify.noise.components import estimate_noise
@@ -76,6 +76,13 @@ class Comparison(Result):
         That test, in the worst of its groups of patterns.
     noise : NoiseModel or None
         Of the readings; None where it is unknown.
+    mount_m : float or None
+        Standard deviation by which the distance may differ from mount to mount, where that freedom is given.
+    mount_assumed : bool
+        Whether that is assumed rather than estimated, since there are few mounts.
+    beyond_noise : mapping of str to float
+        Channels whose error is more than 1.2 times what declared noise, or repeats, show, and more than by chance, and
+        how many times the noise of one reading it is.
     filter : OneFilter or None
         A record through the model's filter; None of a bench table, and where the model has no filter for it.
 
@@ -98,28 +105,13 @@ class Comparison(Result):
     p_value: float | None
     structure: LackOfFit | None
     noise: NoiseModel | None
+    mount_m: float | None
+    mount_assumed: bool
+    beyond_noise: Mapping[str, float]
     observations: Observations
     model: ActuatorModel
     findings: tuple[Finding, ...] = ()
     filter: OneFilter | None = None
-
-    @property
-    def mount_m(self) -> float | None:
-        """Standard deviation by which the distance may differ from mount to mount, where that freedom is given."""
-        return (self.noise.mount_m or None) if self.noise else None
-
-    @property
-    def mount_assumed(self) -> bool:
-        """Whether that is assumed rather than estimated, since there are few mounts."""
-        return bool(self.noise and self.noise.mount_assumed)
-
-    @property
-    def beyond_noise(self) -> Mapping[str, float]:
-        """Channels whose error is more than 1.2 times what declared noise, or repeats, show, and more than by chance.
-
-        How many times the noise of one reading it is, of each.
-        """
-        return beyond_noise(self.observations, self.noise, self.observations.rms(self.observations.residual))
 
     def __str__(self) -> str:
         rms = self.observations.rms(self.observations.residual)
@@ -158,18 +150,19 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     data = measurement_of(data)
     observations = placed(model, data)
     campaign = gather(observations, considered_effects((), observations.nominal))
+    where: Where | None
     if isinstance(campaign, Finding):
         noise, findings, test, verdict = estimate_noise(observations), [campaign], None, "compare_only"
         where = where_it_fails(observations, Whitening(observations, noise or scatter_as_noise(observations)))
     else:
         noise, findings = campaign.noise, campaign_remarks(campaign)
-        test, verdict = lack_of_fit(campaign), "fails"
+        test, verdict = campaign.patterns.test(campaign.whitening.residual), "fails"
         if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
             verdict = "wrong_shape" if decision.own_misfit else "agrees"
-        beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
+        where = None if verdict == "agrees" else where_it_fails(observations, campaign.whitening)
+    beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
+    if where is None:
         where = Where("", (), "" if beyond else "The model explains these data within their noise.")
-        if verdict != "agrees":
-            where = where_it_fails(observations, campaign.whitening)
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     return Comparison(
         verdict=cast("CompareVerdict", verdict),
@@ -178,6 +171,9 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         p_value=test.p_value if test else None,
         structure=test,
         noise=noise,
+        mount_m=(noise.mount_m or None) if noise else None,
+        mount_assumed=bool(noise and noise.mount_assumed),
+        beyond_noise=beyond,
         observations=observations,
         model=model,
         findings=(*observations.findings, *findings),

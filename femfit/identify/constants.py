@@ -52,7 +52,7 @@ ROUNDING = 1e-3
 """Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
 
 ROUNDED = 1e-9
-"""Numerical: what an effect changes over its plausible range, in parts of a reading, up to which it is rounding."""
+"""Numerical: part of a reading up to which a misfit, or an effect over its plausible range, is rounding."""
 
 NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
 """Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
@@ -86,7 +86,7 @@ chance, for a correlation that is at the end of its range where there is none (h
 
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each
-other."""
+other; and so many differences of neighbours, of windows, or of halves of stretches."""
 
 LEAST_REPEATS_AGAINST_DECLARED = 4 * LEAST_REPEATS
 """Conventional: a declared noise counts like so many repeats (to 10 %); and from so many degrees of freedom on, what
@@ -111,12 +111,6 @@ SAME_SETTING = 1.0 / 400.0
 SAME_LINE = 1.0 / 50.0
 """Assumed: settings closer than this part of their range lie on one line, along which a smooth misfit is compared."""
 
-LEAST_NEIGHBOURS = 12
-"""Conventional: pseudo-residuals from which smoothness is let guess a noise, as many as repeats must be."""
-
-NORMAL_MEDIAN = 0.6745
-"""Derived: median of the size of a standard normal number."""
-
 INDEPENDENT_DIFFERENCES = 0.37 / 2.0
 """Derived: efficiency of a median, over pseudo-residuals that share two of three readings with the next."""
 
@@ -127,10 +121,6 @@ settings, noise of successive readings independent and correlated by 0.5: someth
 
 SAME_READING = 1e-12
 """Derived: some thousand roundings of a float, over the largest reading."""
-
-NEAR_STEPS, WHOLE, LEAST_GAPS = 10.0, 0.05, 5
-"""Numerical: gaps between readings of up to so many steps are looked at, are whole to that part of a step, and must be
-so many for a step to be known."""
 
 EXACT = 1e9
 """Numerical: the weight of a variance that is known."""
@@ -201,9 +191,6 @@ LEFT_BY_SHARE, SAME_SHARE = 0.05, 0.25
 """Assumed: a misfit is the same everywhere, or one share of the prediction, where that leaves this part of its square,
 and where its size in the smaller half of the readings differs from that in all by less than this part."""
 
-NOTHING = 1e-9
-"""Numerical: a misfit over the prediction that is rounding."""
-
 # Impedances
 
 FREQUENCY_SLACK = 0.01
@@ -240,9 +227,6 @@ HALVINGS = 4
 OPEN = 0.5
 """Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
 said to be determined."""
-
-SHOWN = 3
-"""Conventional: more directions that are not determined are counted, not listed."""
 
 IN_COMBINATION = 0.1
 """Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""
@@ -298,9 +282,6 @@ SLOWEST = 1e-12
 
 LEAST_VARIANCE = 0.2
 """Assumed: part of a difference's variance that the removed patterns must leave; it is 2 without them."""
-
-LEAST_FOLLOWING = 12
-"""Assumed: fewer windows that follow another show no noise by their differences."""
 
 RESTLESS = 1.25
 """Assumed: successive windows that scatter this many times more than the sensors' noise makes have another noise."""

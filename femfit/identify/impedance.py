@@ -19,11 +19,10 @@ import numpy as np
 
 from femfit.core.numerics import BIAS_SHARE, BoolArray, FloatArray
 from femfit.core.results import Finding
-from femfit.core.sweep_columns import resistance_column
+from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.core.text import amount_range
 from femfit.effects.conditions import Conditions
 from femfit.identify.constants import AWAY, FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
-from femfit.identify.settings import current_names
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import SHORTED
@@ -52,7 +51,7 @@ def bias_remark(model: ActuatorModel, distance: FloatArray, current: FloatArray)
     eddy = model.without_effects.eddy
     bias = eddy.bias if eddy else None
     held = bias.at(distance) if bias else np.zeros((len(distance), 1))
-    names = current_names(model) or ("current_A",)
+    names = current_columns(model.current_names)
 
     def ranges(currents: FloatArray) -> str:
         each = [amount_range(float(values.min()), float(values.max()), "A") for values in currents.T]

@@ -28,13 +28,6 @@ class LackOfFit:
     p_value: float  # Probability of at least this statistic where nothing is missing
 
 
-def tail_probability(square: float, count: int, degrees_of_freedom: float) -> float:
-    """Probability of at least this squared length, in units of the noise, in directions that hold noise alone."""
-    if np.isfinite(degrees_of_freedom):
-        return float(stats.f.sf(square / count, count, degrees_of_freedom))
-    return float(stats.chi2.sf(square, count))
-
-
 @dataclass(frozen=True, eq=False)
 class Group(WithoutCache):
     """Patterns that are tested together."""
@@ -49,26 +42,25 @@ class Group(WithoutCache):
         return orthonormal_basis(self.whitened[:, self.part])
 
     def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:
-        """Squared length of the residual in the patterns beside orthonormal fitted columns L, and their number.
+        """Squared length of the residual in the patterns beside orthonormal fitted columns, and their number.
 
-        With orthonormal B and L and L'B = U diag(c) V', the patterns beside L have the metric I - V diag(c^2) V', whose
-        inverse adds (v'a)^2 c^2 / (1 - c^2) to |a|^2; a pattern that L spans (c = 1) is no freedom any more.
+        A pattern that the fitted columns span is no freedom any more.
         """
-        along, count = self.basis.T @ residual, self.basis.shape[1]
-        if not fitted.shape[1]:
-            return float(along @ along), count
-        _, cosine, directions = np.linalg.svd(fitted.T @ self.basis, full_matrices=False)
-        spanned = 1.0 - cosine**2 < SPANNED
-        squares = (directions @ along) ** 2
-        gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, SPANNED))
-        return float(along @ along + squares @ gain), count - int(np.count_nonzero(spanned))
+        basis = self.basis
+        if fitted.shape[1]:
+            directions, sine, _ = np.linalg.svd(basis - fitted @ (fitted.T @ basis), full_matrices=False)
+            basis = directions[:, sine**2 > SPANNED]
+        along = basis.T @ residual
+        return float(along @ along), basis.shape[1]
 
     def test(self, residual: FloatArray, fitted: FloatArray) -> LackOfFit:
         """Test a residual beside orthonormal fitted columns."""
         square, count = self.along(residual, fitted)
         if not count:
             return LackOfFit(0.0, 0, 1.0)
-        return LackOfFit(square / count, count, tail_probability(square, count, self.degrees_of_freedom))
+        repeats, ratio = self.degrees_of_freedom, square / count
+        tail = stats.f.sf(ratio, count, repeats) if np.isfinite(repeats) else stats.chi2.sf(square, count)
+        return LackOfFit(ratio, count, float(tail))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import SETTLED
@@ -43,7 +43,10 @@ def unseen_error(whitening: Whitening, fit: Refit) -> UnseenError:
 def cross_validated(whitening: Whitening, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]) -> UnseenError:
     """The error on each run by the effects that are fitted to the readings that stay, which have the shape (M,)."""
     observations = whitening.observations
-    group = left_out_groups(observations)
+    group = observations.column("run").astype(int)
+    if len(np.unique(group)) == 1:  # four stretches of a single run
+        order: FloatArray = observations.column("order")
+        group = np.searchsorted(np.quantile(order, [0.25, 0.5, 0.75]), order)
     as_read, chi2 = np.zeros(len(group)), 0.0
     for number in np.unique(group):
         out = group == number
@@ -54,26 +57,8 @@ def cross_validated(whitening: Whitening, fitted: Callable[[BoolArray], tuple[Ad
     return UnseenError(observations.rms(as_read), chi2)
 
 
-def left_out_groups(observations: Observations) -> IntArray:
-    """The run of each reading, shape (M,); with a single run, four stretches of it."""
-    run = observations.column("run").astype(int)
-    if len(np.unique(run)) > 1:
-        return run
-    order: FloatArray = observations.column("order")
-    return np.asarray(np.searchsorted(np.quantile(order, [0.25, 0.5, 0.75]), order))
-
-
-@dataclass(frozen=True, eq=False)
-class CheckedRefit:
-    """A refit, its error on runs left out, and what was held."""
-
-    fit: Refit
-    error: UnseenError
-    findings: tuple[Finding, ...] = ()
-
-
-def checked_refit(whitening: Whitening, start: Sequence[Start]) -> CheckedRefit:
-    """A refit of what the data show: without amplitudes that they do not identify, and without extrapolated ends."""
+def checked_refit(whitening: Whitening, start: Sequence[Start]) -> tuple[Refit, tuple[Finding, ...]]:
+    """A refit of what the data show, and what was held: amplitudes that they do not identify, and extrapolated ends."""
     fit = refit(whitening, start)
     for values_of in (_unsettled, _unidentified):
         held = values_of(whitening.observations, fit)
@@ -85,8 +70,7 @@ def checked_refit(whitening: Whitening, start: Sequence[Start]) -> CheckedRefit:
         for effect in fit.start
         if any(p.name in effect.held for p in effect.columns.effect.parameters if p.nonlinear)
     ]
-    findings = tuple(finding("not-settled", name=name) for name in slow)
-    return CheckedRefit(fit, unseen_error(whitening, fit), findings)
+    return fit, tuple(finding("not-settled", name=name) for name in slow)
 
 
 def _unsettled(observations: Observations, fit: Refit) -> list[dict[str, float]]:

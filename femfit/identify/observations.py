@@ -152,8 +152,8 @@ class Observations(WithoutCache):
 
     def select(self, keep: BoolArray) -> "Observations":
         """Those of the readings for which ``keep``, of shape (M,), is true; all settings stay."""
-        fields_of_readings = {name: getattr(self, name) for name in _OF_READINGS}
-        some = {name: values[keep] for name, values in fields_of_readings.items() if values is not None}
+        state = self.__getstate__().items()
+        some: dict[str, Any] = {name: values[keep] for name, values in state if isinstance(values, np.ndarray)}
         return replace(self, **some, prediction=partial(_kept, self.prediction, keep))
 
     def with_values(self, value: FloatArray) -> "Observations":
@@ -163,11 +163,6 @@ class Observations(WithoutCache):
         result.__dict__["of_settings"] = self.of_settings
         return result
 
-
-_OF_READINGS = (
-    *("channel", "row", "value", "distance_slope", "distance_curvature", "tolerance", "setting_columns", "weight"),
-)
-"""Fields of which each reading has an entry."""
 
 Result = TypeVar("Result")
 
@@ -195,19 +190,17 @@ class InTheirRuns:
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
         """As :data:`Prediction`; in other runs the slopes by an effect's parameters are zero."""
-        ends = sorted({end for added in effects if added.runs for end in (added.runs[0], added.runs[1] + 1)})
-        if not ends:
+        if all(added.runs is None for added in effects):
             return self.prediction(effects, parameters)
-        result = np.zeros((len(self.run), 1 + len(parameters)))
-        stage = np.searchsorted(ends, self.run, side="right")
-        for number in np.unique(stage):
-            here = stage == number
-            run = self.run[here][0]
+        result, stages = np.zeros((len(self.run), 1 + len(parameters))), dict[tuple[int, ...], list[int]]()
+        for run in np.unique(self.run).tolist():
             acting = [k for k, a in enumerate(effects) if a.runs is None or a.runs[0] <= run <= a.runs[1]]
-            moving = [j for j, (k, _) in enumerate(parameters) if k in acting]
-            some = [(acting.index(parameters[j][0]), parameters[j][1]) for j in moving]
-            values = self.prediction([effects[k] for k in acting], some)
-            result[np.ix_(here, [0, *(1 + j for j in moving)])] = values[here]
+            stages.setdefault(tuple(acting), []).append(run)
+        for numbers, runs in stages.items():
+            moving = [j for j, (k, _) in enumerate(parameters) if k in numbers]
+            some = [(numbers.index(parameters[j][0]), parameters[j][1]) for j in moving]
+            here, values = np.isin(self.run, runs), self.prediction([effects[k] for k in numbers], some)
+            result[np.ix_(here, np.array([0, *(1 + j for j in moving)]))] = values[here]
         return result
 
 

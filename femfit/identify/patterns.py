@@ -117,9 +117,7 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
     for name in observations.currents:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
         if name != observations.leading_current and np.ptp(z) > 0.0:
-            z, alone = scaled_to_one(z), frozenset({name})
-            result += [(z, 1, alone), (z * z, 2, alone), (z * x, 2, alone | {"distance_m"})]
-            result += [(z * y, 2, alone | {"current_A"}), (z * z * x, 3, alone | {"distance_m"})]
+            result += _beside(name, z, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (2, 1, 0)))
     result += _over_frequency(observations, here, x, y)
     branch = observations.column("branch")[here]
     if np.ptp(branch) > 0.0:
@@ -154,10 +152,7 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
     for name in ("coil_temperature_C", "magnet_temperature_C"):
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
-            t, alone = scaled_to_one(t), frozenset({name})
-            near, carried = alone | {"distance_m"}, alone | {"current_A"}
-            result += [(t, 1, alone), (t * t, 2, alone), (t * x, 2, near), (t * y, 2, carried)]
-            result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
+            result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))
     clocks: list[FloatArray] = []
     for name in (*_MOTION, "order", "elapsed"):
         if name not in observations.covariates or (name not in _MOTION and not observations.clocked):
@@ -165,10 +160,19 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
         t = observations.column(name)[here]
         if np.ptp(t) > 0.0 and not any(np.array_equal(t, clock) for clock in clocks):
             clocks += [t] if name not in _MOTION else []
-            t, alone = scaled_to_one(t), frozenset({name})
-            result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
-            result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
+            result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (3, 0, 0), (1, 1, 0), (1, 0, 1)))
     return result
+
+
+def _beside(
+    name: str, z: FloatArray, x: FloatArray, y: FloatArray, powers: tuple[tuple[int, int, int], ...]
+) -> Labelled:
+    """Powers (a, b, c) of a further covariate z, scaled, times those of distance x and current y."""
+    z = scaled_to_one(z)
+    return [
+        (z**a * x**b * y**c, a + b + c, frozenset([name, *["distance_m"] * (b > 0), *["current_A"] * (c > 0)]))
+        for a, b, c in powers
+    ]
 
 
 def _tensor(x: FloatArray, y: FloatArray, degree: int) -> Labelled:

@@ -13,23 +13,23 @@ A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations, product
+from itertools import combinations, permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from femfit.core.numerics import ROUNDING, FloatArray
+from femfit.core.numerics import ROUNDING
 from femfit.core.text import amount, amount_range, counted
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
-from femfit.effects.effect import AddedEffect, Calibration, Effect
+from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
 from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
-from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
+from femfit.identify.decision.campaign import Campaign, detectable_magnitudes, testable_columns
 from femfit.identify.decision.constants import (
-    ALMOST_SURELY,
     CHANNEL_COST,
     CURRENTS,
     DISTANCES,
@@ -38,14 +38,12 @@ from femfit.identify.decision.constants import (
     HEATED_K,
     LARGEST_BENDING,
     NEAR_SHARE,
-    TIE,
-    VARIANTS,
+    NEEDED_DISTANCE,
     VISIBLE,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit
-from femfit.identify.signatures import columns_at, effect_columns, why_untestable
 from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.header import parts_of
@@ -83,15 +81,13 @@ def examine_plan(
     effects = list(device_effects(nominal.circuits).values()) if effects is None else effects
     noise = planned_noise(observations)
     whitening = Whitening.granting(observations, noise)
-    invisible: dict[str, str] = {}
-    families: dict[str, Sequence[Start]] = {}
-    for effect in effects:
-        reason = why_untestable(effect, observations)
-        variants = () if reason else Start.at_null(effect_columns(effect, observations), whitening)
-        if any(map(_signals, variants)):
-            families[effect.name] = variants
-        else:
-            invisible[effect.name] = reason or "its largest plausible size stays within the noise"
+    columns, invisible = testable_columns(observations, effects)
+    families: dict[str, list[Start]] = {}
+    for start in Start.at_null(columns, whitening):
+        families.setdefault(start.name, []).append(start)
+    for name in [name for name, starts in families.items() if not any(map(_signals, starts))]:
+        invisible[name] = "its largest plausible size stays within the noise"
+        del families[name]
     starts = tuple(start for variants in families.values() for start in variants)
     campaign = Campaign(whitening, starts, invisible)
     detectable = detectable_magnitudes(campaign)
@@ -114,13 +110,16 @@ def _signals(start: Start) -> list[tuple[float, int]]:
 
 def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> tuple[tuple[str, str], ...]:
     """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
-    signals = {name: _signals(starts[0]) for name, starts in families.items()}
+    base, signals = whitening.observations.base, {name: _signals(starts[0]) for name, starts in families.items()}
     taken_for = {
         (effect, rival)
         for effect, rival in permutations(families, 2)
         if signals[effect]
         and all(
-            separation(whitening, value * families[effect][0].columns.columns[:, k], [[s] for s in families[rival]])
+            separation(
+                whitening.with_values(base + value * families[effect][0].columns.columns[:, k]),
+                [[start] for start in families[rival]],
+            )
             is None
             for value, k in signals[effect]
         )
@@ -128,51 +127,18 @@ def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> 
     return tuple((a, b) for a, b in combinations(families, 2) if {(a, b), (b, a)} & taken_for)
 
 
-def needed_distance(tie: float = TIE) -> float:
-    """Distance from which a diagnosis leaves the wrong one of two explanations out, in 19 of 20 campaigns.
-
-    The weighted sums of squares differ by delta^2 with a standard deviation of 2 delta; they must differ by the tie of
-    the decision, and by what the right explanation pays for its further parameters.
-    """
-    return float(ALMOST_SURELY + np.sqrt(ALMOST_SURELY**2 + tie))
-
-
-def separation(
-    whitening: Whitening, change: FloatArray, rivals: Sequence[Sequence[Start]], more_parameters: float = 0.0
-) -> float | None:
-    """How far the best refit of rivals stays from what an explanation changes; None where that is less than needed.
-
-    The change has the shape (M,) and the readings' units.
-    """
-    needed = needed_distance(TIE + max(more_parameters, 0.0) * np.log(len(change)))
-    whitening = whitening.with_values(whitening.observations.base + change)
+def separation(whitening: Whitening, rivals: Sequence[Sequence[Start]]) -> float | None:
+    """How far the best refit of rivals stays from predicted readings; None where that is less than needed."""
     target = whitening.residual
     total = float(target @ target)
-    least, begun = total, None
-    for starts in rivals:
-        fitted, fall = fitted_together(target, starts)
-        if begun is None or total - fall < least:
-            least, begun = total - fall, fitted
-    least = max(least, 0.0)
+    fits = [fitted_together(target, starts) for starts in rivals]
+    begun, fall = max(fits, key=lambda pair: pair[1], default=(None, 0.0))
+    least = max(total - fall, 0.0)
     # No refit where the first order leaves less than needed already, nor where no nonlinear parameter makes up for it
-    if begun is not None and np.sqrt(least) >= needed and least <= LARGEST_BENDING**2 * total:
+    if begun is not None and np.sqrt(least) >= NEEDED_DISTANCE and least <= LARGEST_BENDING**2 * total:
         least = max(min(refit(whitening, begun).chi2, least), 0.0)
     apart = float(np.sqrt(least))
-    return None if apart < needed * (1.0 - ROUNDING) else apart
-
-
-def starting_points(
-    effects: Sequence[Effect], whitening: Whitening, fitted: Sequence[AddedEffect] = ()
-) -> list[list[Start]]:
-    """Where refits of effects begin: at trial nonlinear parameters, and where they were fitted before."""
-    observations, variants = whitening.observations, list[Sequence[Start]]()
-    for k, effect in enumerate(effects):
-        columns = effect_columns(effect, observations)
-        if fitted:
-            columns = [*columns_at(fitted[k], observations), *columns]
-        if columns:
-            variants.append(Start.at_null(columns, whitening))
-    return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
+    return None if apart < NEEDED_DISTANCE * (1.0 - ROUNDING) else apart
 
 
 def pair_clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
@@ -198,27 +164,16 @@ def planned_noise(observations: Observations) -> NoiseModel:
 
 def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
     """An estimated noise model, with what is assumed for channels that were never measured."""
-    assumed = planned_noise(replace(observations, declared_noise={}))
-    test_run = np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma)
-    numbers = {name: k for k, name in enumerate(noise.channels)}
-    measured = np.array([name in numbers for name in observations.channels])
-    place = [numbers.get(name, 0) for name in observations.channels]
-
-    def filled(values: FloatArray, missing: FloatArray) -> FloatArray:
-        return np.where(measured, values[place], missing)
-
-    return replace(
-        noise,
-        channels=observations.channels,
-        sigma=filled(noise.sigma, assumed.sigma),
-        rho=filled(noise.rho, assumed.rho),
-        run=filled(noise.run, assumed.run),
-        repeats=filled(noise.repeats, assumed.repeats),
-        degrees_of_freedom=filled(noise.degrees_of_freedom, assumed.degrees_of_freedom),
-        mount_m=noise.mount_m or PRIOR_MOUNT_M,
-        test_mount_m=noise.test_mount_m or PRIOR_MOUNT_M,
-        test_run=filled(test_run, assumed.run),
-    )
+    planned, channels = planned_noise(replace(observations, declared_noise={})), list(observations.channels)
+    estimated = replace(noise, test_run=np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma))
+    filled: dict[str, Any] = {
+        "mount_m": noise.mount_m or PRIOR_MOUNT_M,
+        "test_mount_m": noise.test_mount_m or PRIOR_MOUNT_M,
+    }
+    for name in ("sigma", "rho", "run", "repeats", "degrees_of_freedom", "test_run"):
+        measured = pd.Series(getattr(estimated, name), noise.channels).reindex(channels)
+        filled[name] = measured.fillna(pd.Series(getattr(planned, name), channels)).to_numpy()
+    return replace(noise, channels=observations.channels, **filled)
 
 
 def assumed_noise(channel: str, nominal: Nominal) -> float:
@@ -301,11 +256,6 @@ def _direct(effects: Sequence[Effect]) -> list[Experiment]:
     ]
 
 
-def _complete(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with every column of a setting."""
-    return rows.assign(**{name: missing for name, missing in SETTINGS.items() if name not in rows})
-
-
 def _run(text: str, rows: pd.DataFrame, channels: tuple[str, ...], further_cost: float = 0.0) -> Experiment:
     return Experiment(f"{text}.", len(rows) + further_cost, rows.reset_index(drop=True), channels)
 
@@ -314,7 +264,8 @@ def _grid(nominal: Nominal, low: float, high: float) -> pd.DataFrame:
     """Rising currents at every distance of a usual sweep."""
     distances = np.linspace(nominal.distance_min_m, nominal.distance_max_m, DISTANCES)
     points = [(d, i, 1.0) for d in distances for i in np.linspace(low, high, CURRENTS if high > low else 1)]
-    return _complete(pd.DataFrame(points, columns=["distance_m", "current_A", "branch"]))
+    rows = pd.DataFrame(points, columns=["distance_m", "current_A", "branch"])
+    return rows.assign(**{name: missing for name, missing in SETTINGS.items() if name not in rows})
 
 
 def _range(rows: pd.DataFrame) -> str:

@@ -14,6 +14,7 @@ from scipy import optimize
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
+from femfit.core.sweep_columns import current_columns
 from femfit.core.text import rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
@@ -30,7 +31,7 @@ from femfit.identify.constants import (
     WELL,
     WRONG_FACTOR,
 )
-from femfit.identify.settings import current_names, currents_in
+from femfit.identify.settings import currents_in
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
@@ -44,19 +45,6 @@ from femfit.tables.measurement_checks import without_outliers
 from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
-
-
-def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
-    """Suspect a factor that no tolerance of a drawing makes."""
-    sensor, circuit = model.sensor, model.circuit
-    zero = sensor.quiescent_V if name == "hall_V" and sensor is not None else 0.0
-    factor = ratio(read - zero, usual - zero)
-    if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
-        return None
-    if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, None):
-        return None
-    ohms = None if circuit is None else circuit.resistance_ohm
-    return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
 
 
 def suspected_zero(
@@ -73,15 +61,13 @@ def suspected_zero(
     low, high = box.distance_min_m - DOMAIN_SLACK * travel, box.distance_max_m + DOMAIN_SLACK * travel
     recorded, usual = (d >= low) & (d <= high), predict(d, i)
     # Of readings and predictions together: readings alone may be constant, as in hovering
-    spreads = {name: float(np.nanstd(np.append(read, usual[name][recorded]))) for name, read in reads.items()}
+    together = {name: np.append(read, usual[name][recorded]) for name, read in reads.items()}
+    spreads = pd.DataFrame(together).std(ddof=0).clip(lower=np.finfo(float).tiny)
 
     def misfit(rows: BoolArray, predicted: Mapping[str, FloatArray]) -> float:
         """The largest root mean square error of a channel, over its spread."""
-        errors = {name: read[rows] - predicted[name] for name, read in reads.items()}
-        finite = {name: error[np.isfinite(error)] for name, error in errors.items()}
-        least = float(np.finfo(float).tiny)
-        sizes = [np.sqrt(np.mean(e**2)) / max(spreads[name], least) for name, e in finite.items() if len(e)]
-        return float(max(sizes, default=0.0))
+        errors = pd.DataFrame({name: read[rows] - predicted[name] for name, read in reads.items()})
+        return float(np.nan_to_num(((errors**2).mean() ** 0.5 / spreads).max()))
 
     def left(shift: float) -> float:
         inside = (d + shift >= low) & (d + shift <= high)
@@ -90,9 +76,8 @@ def suspected_zero(
         return misfit(inside, predict(d[inside] + shift, i[inside]))
 
     before = misfit(np.ones(len(d), dtype=bool), usual)
-    shifts = np.linspace(-LARGEST_SHIFT, LARGEST_SHIFT, SHIFTS) * travel
-    best = float(shifts[np.argmin([left(float(shift)) for shift in shifts])])
-    step = float(shifts[1] - shifts[0])
+    largest, step = LARGEST_SHIFT * travel, 2.0 * LARGEST_SHIFT * travel / (SHIFTS - 1)
+    best = min(np.linspace(-largest, largest, SHIFTS).tolist(), key=left)
     minimum = optimize.minimize_scalar(left, bounds=(best - step, best + step), method="bounded")
     shift = float(minimum.x)
     usual_range = max(abs(end) for end in effect_by_name("distance_offset").parameters[0].plausible)
@@ -123,7 +108,9 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
     if suspected or doubted:
         return table
-    if current_names(model) or "frequency_Hz" in table.given:  # neighbours are sought over distance and one current
+    if (
+        len(current_columns(model.current_names)) > 1 or "frequency_Hz" in table.given
+    ):  # neighbours are sought over distance and one current
         return table
     placed = (rows["distance_m"].notna() & rows["current_A"].notna()).to_numpy()
     predicted = _predictor(model, table.channels)(
@@ -144,7 +131,7 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     d, i, rows = d[placed], i[placed], rows[placed]
     if len(d) < LEAST_READINGS:
         return []
-    settings = suspect_settings(model, d, i, current_names(model) or ("current_A",))
+    settings = suspect_settings(model, d, i, current_columns(model.current_names))
     if settings:
         return settings
     frequency = rows["frequency_Hz"].to_numpy() if "frequency_Hz" in table.given else np.nan
@@ -184,7 +171,15 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
                 return suspicion(name, words[3:], why)
             text = f"{name} seems to be {words}: {why}."
             return Finding("suspected-unit", "warning", text, "Convert the column.", column=name)
-    return suspected_factor(model.without_effects, name, read, usual)
+    base = model.without_effects  # else a factor that no tolerance of a drawing makes
+    zero = base.sensor.quiescent_V if name == "hall_V" and base.sensor is not None else 0.0
+    factor = ratio(read - zero, usual - zero)
+    if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
+        return None
+    if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, None):
+        return None
+    ohms = None if base.circuit is None else base.circuit.resistance_ohm
+    return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
 
 
 def _predictor(model: ActuatorModel, channels: tuple[str, ...], frequency: FloatArray | float = np.nan) -> Predict:
@@ -263,7 +258,7 @@ def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
 
 def nothing_in_domain(model: ActuatorModel, source: str, distance: FloatArray, current: FloatArray) -> str:
     """Say where the model holds, where readings outside of it are, and what their units may be."""
-    box, names = model.without_effects.validity, current_names(model) or ("current_A",)
+    box, names = model.without_effects.validity, current_columns(model.current_names)
     columns = current.reshape(len(distance), -1).T
     ranges = [
         f"{low:g} to {high:g} A of {name} (here {values.min():g} to {values.max():g} A)"

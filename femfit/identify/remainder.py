@@ -61,10 +61,6 @@ WORDS = {COENERGY: "a change of the co-energy over distance and current (force a
     name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
 }
 
-_SHARE = EffectParameter(
-    "share", bounds=(0.0, 2.0), plausible=(0.0, 1.0), description="How much of what was learnt acts."
-)
-
 
 @dataclass(frozen=True, eq=False)
 class Axis:
@@ -141,13 +137,18 @@ def parts_of(observations: Observations) -> list[Part]:
 def effect_of(parts: Sequence[Part], coefficients: Sequence[FloatArray]) -> AddedEffect:
     """The effect that parts with their coefficients are."""
     each = [part.carried(free) for part, free in zip(parts, coefficients, strict=True)]
-    terms = tuple(term for one in each for term in one.magnetics or ())
-    readings = {name: curve for one in each for name, curve in one.readings.items()}
-    carried = Carried(magnetics=terms or None, readings=readings)
-    words = f"of no known cause; {' and '.join(WORDS[part.kind] for part in parts)}"
+    terms = tuple(term for changes in each for term in changes.magnetics or ())
+    readings = {name: curve for changes in each for name, curve in changes.readings.items()}
+    share = EffectParameter(
+        "share",
+        bounds=(0.0, 2.0),
+        plausible=(0.0, 1.0),
+        description="How much of what was learnt acts.",
+        words=f"of no known cause; {' and '.join(WORDS[part.kind] for part in parts)}",
+    )
     symptom = "The readings depart smoothly from the model, as no effect of the catalogue makes them."
-    parameter = EffectParameter(**{**vars(_SHARE), "words": words})
-    return AddedEffect(carried_effect(NAME, symptom, (parameter,), carried), {"share": 1.0})
+    carried = Carried(magnetics=terms or None, readings=readings)
+    return AddedEffect(carried_effect(NAME, symptom, (share,), carried), {"share": 1.0})
 
 
 def columns_of(observations: Observations, part: Part) -> FloatArray:
@@ -161,23 +162,17 @@ def columns_of(observations: Observations, part: Part) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """A remainder: its parts, their coefficients, and how well they are known; without parts where none pays."""
+    """A remainder: what it changes, and as an effect; empty where nothing pays."""
 
-    parts: tuple[Part, ...] = ()
-    coefficients: tuple[FloatArray, ...] = ()
-    covariance: FloatArray | None = None  # Of all coefficients
-    columns: FloatArray | None = None  # Change of every reading with each of them, in the readings' units
-
-    @property
-    def effects(self) -> tuple[AddedEffect, ...]:
-        """The remainder as an effect."""
-        return (effect_of(self.parts, self.coefficients),) if self.parts else ()
+    kinds: tuple[str, ...] = ()
+    effects: tuple[AddedEffect, ...] = ()
+    decided: FloatArray | None = None  # Whitened directions that readings decided more than the penalty; shape (M, k)
 
 
 def learn(
     whitening: Whitening, parts: Sequence[Part], columns: Sequence[FloatArray], named: FloatArray | None = None
 ) -> Learnt:
-    """The remainder of largest evidence less its price: the field, one sensor, or both.
+    """The part of largest evidence, then the field beside a sensor or a sensor beside the field, each at its price.
 
     Parameters
     ----------
@@ -192,22 +187,24 @@ def learn(
         whitened = whitening.full(x)
         return np.asarray(whitened - basis @ (basis.T @ whitened))
 
-    target, blocks = white(whitening.observations.residual), [white(block) for block in columns]
-    numbers = range(len(parts))
-    fields = [k for k in numbers if parts[k].kind == COENERGY]
-    sets = [[k] for k in numbers] + [[field, k] for field in fields for k in numbers if k not in fields]
-    nothing, best = given(target, [], []), (0.0, [0], [np.zeros((0, 0))])
-    for chosen in sets:
-        some = [blocks[k] for k in chosen]
-        roots = likeliest_roots(target, some, [parts[k].roots for k in chosen])
-        worth = given(target, some, roots).log_evidence - nothing.log_evidence - PRICE * len(chosen)
-        best = max(best, (worth, chosen, roots), key=lambda candidate: candidate[0])
-    worth, chosen, roots = best
-    if worth <= 0.0:
+    blocks, chosen, roots = [white(block) for block in columns], list[int](), list[FloatArray]()
+    linear = given(white(whitening.observations.residual), [], [])
+    while len(chosen) < 2:
+        with_field = COENERGY in {parts[k].kind for k in chosen}
+        candidates = [k for k in range(len(parts)) if not chosen or (parts[k].kind == COENERGY) != with_field]
+        tries = [(*likeliest_root(linear, blocks[k], parts[k].roots), k) for k in candidates]
+        log_evidence, root, best = max(tries, key=lambda candidate: candidate[0], default=(-np.inf, basis, 0))
+        if log_evidence <= linear.log_evidence + PRICE:
+            break
+        chosen, roots = [*chosen, best], [*roots, root]
+        linear = given(linear.target, [blocks[k] for k in chosen], roots)
+    if not chosen:
         return Learnt()
-    coefficients, covariance = posterior(target, [blocks[k] for k in chosen], roots)
-    every = np.concatenate([columns[k] for k in chosen], axis=1)
-    return Learnt(tuple(parts[k] for k in chosen), tuple(coefficients), covariance, every)
+    ends = np.cumsum([len(root) for root in roots])[:-1]
+    coefficients = np.split(linalg.block_diag(*roots) @ linear.amplitudes, ends)
+    some = [parts[k] for k in chosen]
+    directions, size, _ = np.linalg.svd(linear.columns, full_matrices=False)
+    return Learnt(tuple(part.kind for part in some), (effect_of(some, coefficients),), directions[:, size > 1.0])
 
 
 def given(target: FloatArray, blocks: Sequence[FloatArray], roots: Sequence[FloatArray]) -> Linear:
@@ -217,33 +214,17 @@ def given(target: FloatArray, blocks: Sequence[FloatArray], roots: Sequence[Floa
     return Linear.of(target, columns, LogDensity(len(target), np.inf))
 
 
-def likeliest_roots(
-    target: FloatArray, blocks: Sequence[FloatArray], tried: Sequence[Sequence[FloatArray]]
-) -> list[FloatArray]:
-    """The root of largest likelihood of each block beside the others, by turns."""
-    roots = [np.zeros((block.shape[1],) * 2) for block in blocks]
-    for k in [*range(len(blocks))] * (2 if len(blocks) > 1 else 1):
-        others = [j for j in range(len(blocks)) if j != k]
-        beside = given(target, [blocks[j] for j in others], [roots[j] for j in others])
-        gram, along = beside.products(blocks[k])
-        best = -np.inf
-        for root in tried[k]:
-            inner = root.T @ gram @ root
-            largest = max(float(np.linalg.eigvalsh(inner)[-1]), 1e-300)
-            sizes = np.geomspace(0.1, 1e4, REMAINDER_SIZES) / np.sqrt(largest)
-            logs = beside.with_more(inner, root.T @ along, sizes)[0]
-            if logs.max() > best:
-                best, roots[k] = float(logs.max()), sizes[int(np.argmax(logs))] * root
-    return roots
-
-
-def posterior(
-    target: FloatArray, blocks: Sequence[FloatArray], roots: Sequence[FloatArray]
-) -> tuple[list[FloatArray], FloatArray]:
-    """Mean of the coefficients of each block, and the covariance of all together."""
-    linear, root = given(target, blocks, roots), linalg.block_diag(*roots)
-    spread = root @ linalg.cho_solve((linear.solved.triangle, True), root.T)
-    return np.split(root @ linear.amplitudes, np.cumsum([block.shape[1] for block in blocks])[:-1]), spread
+def likeliest_root(beside: Linear, block: FloatArray, tried: Sequence[FloatArray]) -> tuple[float, FloatArray]:
+    """The largest log evidence with further columns (M, count), and the root of their covariance, times its size."""
+    gram, along = beside.products(block)
+    best = -np.inf, tried[0]
+    for root in tried:
+        inner = root.T @ gram @ root
+        largest = max(float(np.linalg.eigvalsh(inner)[-1]), 1e-300)
+        sizes = np.geomspace(0.1, 1e4, REMAINDER_SIZES) / np.sqrt(largest)
+        logs = beside.with_more(inner, root.T @ along, sizes)[0]
+        best = max(best, (float(logs.max()), sizes[int(np.argmax(logs))] * root), key=lambda pair: pair[0])
+    return best
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -319,7 +300,7 @@ def add_remainder(
     parts = parts_of(observations)
     columns = [columns_of(observations, part) for part in parts]
     learnt = learn(whitening, parts, columns, by_names) if parts else Learnt()
-    if learnt.parts:  # a misfit that is taken away is no scatter of mounts and runs
+    if learnt.effects:  # a misfit that is taken away is no scatter of mounts and runs
         clean = observations.with_values(observations.value - observations.predict(learnt.effects) + observations.base)
         whitening = Whitening(observations, estimate_noise(clean) or whitening.noise)
         learnt = learn(whitening, parts, columns, by_names)
@@ -331,14 +312,8 @@ def add_remainder(
         return learn(some, parts, [block[keep] for block in columns], by_names[keep]).effects
 
     before = cross_validated(whitening, lambda _: ())
-    error = cross_validated(whitening, learnt_from) if learnt.parts else before
-    effects, decided = learnt.effects, None
-    if learnt.covariance is not None and learnt.columns is not None:
-        # Rounding must not make it indefinite
-        rounding = 1e-10 * float(np.trace(learnt.covariance)) / len(learnt.covariance) * np.eye(len(learnt.covariance))
-        root = np.linalg.cholesky(learnt.covariance + rounding)
-        directions, size, _ = np.linalg.svd(whitening.full(learnt.columns) @ root, full_matrices=False)
-        decided = directions[:, size**2 > 0.5]  # what the readings decided more than the penalty did
+    effects = learnt.effects
+    error = cross_validated(whitening, learnt_from) if effects else before
     after = with_effects(model, (*model.effects, *effects))
     if effects:
         progress("Running the filter before and after")
@@ -349,9 +324,9 @@ def add_remainder(
         left_out=error.rms,
         suspicious=(),
         findings=(*observations.findings, *guessed_noises(noise)),
-        parts=tuple(part.kind for part in learnt.parts),
+        parts=learnt.kinds,
         fall_unseen=before.chi2 - error.chi2,
         beside=beside,
         filter=filter_fall(model, after, measured) if effects else None,
-        **fit_facts(whitening, (), effects, decided),
+        **fit_facts(whitening, (), effects, learnt.decided),
     )

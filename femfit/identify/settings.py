@@ -13,7 +13,7 @@ References
 N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: lack of fit against pure error.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,20 +21,17 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.sweep_columns import circuit_currents, resistance_column
+from femfit.core.sweep_columns import current_columns, resistance_column
+from femfit.estimate.constants import NORMAL_MEDIAN
+from femfit.estimate.record import converter_step
 from femfit.identify.constants import (
     AVERAGED_TO,
-    LEAST_GAPS,
     LEAST_REPEATS,
     MOST_DROPPED,
     MOST_ROWS,
-    NEAR_STEPS,
-    NORMAL_MEDIAN,
     SAME_LINE,
-    SAME_READING,
     SAME_SETTING,
     SHORT,
-    WHOLE,
 )
 from femfit.identify.observations import Observations, once_for_settings
 from femfit.identify.words import finding
@@ -45,26 +42,17 @@ from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import BenchTable
 
 
-def current_names(model: ActuatorModel) -> tuple[str, ...]:
-    """Columns of the currents of several circuits; none of one, whose column is ``current_A``."""
-    if len(model.validity.current_limits_A) < 2:
-        return ()
-    return tuple(circuit_currents(model.current_names))
-
-
 def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:
     """Currents of the rows in A, in the shape that the model takes; NaN where a column is missing."""
-    names = current_names(model)
-    if not names:
-        return rows["current_A"].to_numpy(dtype=np.float64)
-    return np.stack([rows.get(name, pd.Series(np.nan, rows.index)).to_numpy(np.float64) for name in names], axis=1)
+    currents = rows.reindex(columns=current_columns(model.current_names)).to_numpy(dtype=np.float64)
+    return currents if currents.shape[1] > 1 else currents[:, 0]
 
 
 def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> str:
     """Column of the current that was varied most, counted in widths of its range; the only one of one circuit."""
-    names = current_names(model)
-    if not names:
-        return "current_A"
+    names = current_columns(model.current_names)
+    if len(names) == 1:
+        return names[0]
     widths = np.ptp(model.validity.current_limits_A, axis=1)
     spread = np.nan_to_num([np.nanstd(columns[name]) for name in names]) / np.maximum(widths, 1e-300)
     return names[int(np.argmax(spread))]
@@ -72,14 +60,14 @@ def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> 
 
 def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
     """The table with no current in any of several circuits where it has ``current_A`` alone, of 0 A."""
-    names = current_names(model)
-    if not names or "current_A" not in table.given:
+    names = current_columns(model.current_names)
+    if len(names) == 1 or "current_A" not in table.given:
         return table
-    currents = currents_in(model, table.rows)
-    currents[np.isnan(currents).all(axis=1) & (table.rows["current_A"] == 0.0).to_numpy()] = 0.0
-    rows = table.rows.assign(**dict(zip(names, currents.T, strict=True)))
-    filled = [name for name in names if name not in table.given and rows[name].notna().any()]
-    return replace(table, rows=rows, given=(*table.given, *filled))
+    currents = table.rows.reindex(columns=names)
+    unbiased = currents.isna().all(axis=1) & (table.rows["current_A"] == 0.0)
+    currents[unbiased] = 0.0
+    filled = [name for name in names if name not in table.given and currents[name].notna().any()]
+    return replace(table, rows=table.rows.assign(**currents), given=(*table.given, *filled))
 
 
 def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
@@ -90,42 +78,33 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     TableError
         If a current is missing, or it is not said to which circuit an impedance belongs.
     """
-    table, names = without_bias(model, table), current_names(model)
+    table, names = without_bias(model, table), current_columns(model.current_names)
     lacking = [name for name in names if name not in table.given]
-    if lacking:
+    if lacking and (model.circuits or len(names) > 1):
+        unused = [str(finding) for finding in table.findings if finding.code == "unused-column"]
+        remedy = "Rename a column, or say what it is with --column HEADER=current_A."
+        if len(names) > 1:
+            remedy = "Add a column of zeros for one that carries none."
         raise TableError(
-            f"A bench table beside model {model.name!r} must have a current of each circuit; {table.source} lacks "
-            f"{', '.join(lacking)} (it has {', '.join(table.given)}). Add a column of zeros for one that carries none."
+            f"A bench table beside model {model.name!r} must have a current of each circuit with numbers in it; "
+            f"{table.source} lacks {', '.join(lacking)} (it has {', '.join(table.given)}). "
+            f"{' '.join([*unused, remedy])}"
         )
-    if not names and model.circuits and "current_A" not in table.given:
-        unused = " ".join(str(finding) for finding in table.findings if finding.code == "unused-column")
-        raise TableError(
-            f"A bench table beside model {model.name!r}, which has a circuit, must have current_A with numbers in it; "
-            f"{table.source} has {', '.join(table.given)}. {unused}{' ' * bool(unused)}Rename a column, or say what "
-            "it is with --column HEADER=current_A."
-        )
-    circuits = model.without_effects.circuit_names
-    if names:
-        inductances = list(impedances_by_column(np.eye(len(circuits), dtype=np.complex128), circuits))
-        impedances = {*inductances, *map(resistance_column, inductances)}
-        foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
-        if foreign:
-            raise TableError(
-                f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
-                f"{table.source} has {', '.join(foreign)}. Name each column after its circuit, all others open "
-                f"({inductances[0]}), or after two: the voltage of one over the current of the other "
-                f"({inductances[1]}), or the one with the other shorted ({inductances[2]}). For example --column "
-                f"HEADER={inductances[0]}."
-            )
-    return with_leading_current(model, table)
-
-
-def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """The table with ``current_A`` as the leading one of several currents."""
-    names = current_names(model)
-    if not names:
+    if len(names) == 1:
         return table
-    columns = dict(zip(names, currents_in(model, table.rows).T, strict=True))
+    circuits = model.without_effects.circuit_names
+    inductances = list(impedances_by_column(np.eye(len(circuits), dtype=np.complex128), circuits))
+    impedances = {*inductances, *map(resistance_column, inductances)}
+    foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
+    if foreign:
+        raise TableError(
+            f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
+            f"{table.source} has {', '.join(foreign)}. Name each column after its circuit, all others open "
+            f"({inductances[0]}), or after two: the voltage of one over the current of the other "
+            f"({inductances[1]}), or the one with the other shorted ({inductances[2]}). For example --column "
+            f"HEADER={inductances[0]}."
+        )
+    columns = {name: table.rows[name].to_numpy() for name in names}
     return replace(table, rows=table.rows.assign(current_A=columns[leading_current(model, columns)]))
 
 
@@ -156,29 +135,14 @@ def levels(x: FloatArray, share: float) -> FloatArray:
     return numbers
 
 
-def quantisation_step(values: FloatArray) -> float:
-    """The step that readings are rounded to: their smallest distance, where nearly equal ones are whole steps apart.
-
-    0 where there is none: five gaps of one to ten steps are whole by chance, to a twentieth, once in 1e5 channels.
-    """
-    gaps = np.diff(np.unique(values))
-    gaps = gaps[gaps > SAME_READING * float(np.abs(values).max(initial=0.0))]
-    if not len(gaps):
-        return 0.0
-    steps = gaps / gaps.min()
-    near = steps[(steps > 1.5) & (steps < NEAR_STEPS)]
-    is_whole = np.abs(near - np.round(near)) < WHOLE
-    return float(gaps.min()) if len(near) >= LEAST_GAPS and is_whole.all() else 0.0
-
-
 def averaged(
-    table: BenchTable, currents: tuple[str, ...], residuals: Callable[[BenchTable], Mapping[str, FloatArray]]
+    table: BenchTable, currents: Sequence[str], residuals: Callable[[BenchTable], Mapping[str, FloatArray]]
 ) -> BenchTable:
     """The table as means of stretches, where it has more rows than a comparison takes and stretches to be averaged.
 
     Parameters
     ----------
-    currents : tuple of str
+    currents : sequence of str
         Columns of the currents that were set.
     residuals : callable
         Readings of each channel that a model predicts, less what it predicts.
@@ -201,7 +165,7 @@ def averaged(
     known = {}
     for name, values in residual.items():  # halves may round to the same
         sigma = noise_of_means(values, number, count * kept)
-        step = quantisation_step(table.rows[name].to_numpy())
+        step = converter_step(table.rows[name].to_numpy())
         if np.isfinite(sigma) and max(sigma, step) > 0.0:
             known[name] = max(sigma, float(step / np.sqrt(12.0 * usual)))
     told = finding(
@@ -221,7 +185,7 @@ def averaged(
     )
 
 
-def stretches(table: BenchTable, currents: tuple[str, ...]) -> IntArray:
+def stretches(table: BenchTable, currents: Sequence[str]) -> IntArray:
     """Number of the stretch that each row belongs to, from 0; a row without a setting is one of its own.
 
     What could be longer is divided evenly. A temperature that is not read with each row is taken for the last one read.

@@ -22,22 +22,20 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, NONLINEAR_PRICE, SHOWN
+from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE, SHOWN
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.plan import (
     Experiment,
-    needed_distance,
     noise_for,
     pair_clauses,
     possible_experiments,
     separation,
-    starting_points,
 )
 from femfit.identify.plausible import plausible_table
-from femfit.identify.refit import Refit
+from femfit.identify.refit import Refit, starting_point
 from femfit.identify.settings import currents_in, with_currents
 from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -170,7 +168,7 @@ def suggest_measurements(
         if experiment.calibration:
             reading = experiment.effect, experiment.calibration
             apart = [apart_by_direct_reading(*reading, a, b) for a, b in pairs]
-            distances = [distance if distance >= needed_distance() else None for distance in apart]
+            distances = [distance if distance >= NEEDED_DISTANCE else None for distance in apart]
         else:
             distances = _joint_distances(model, table, noise, experiment, pairs)
         both = list(zip([_pair(a, b) for a, b in pairs], distances, strict=True))
@@ -193,10 +191,8 @@ def _joint_distances(
     whitening = Whitening.granting(observations, noise_for(noise, observations))
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
-        starts = starting_points([added.effect for added in rival.effects], whitening, rival.effects)
-        change = observations.predict(truth.effects) - observations.base
-        more = parameters_of(truth.effects) - parameters_of(rival.effects)
-        return separation(whitening, change, starts, more)
+        predicted = whitening.with_values(observations.predict(truth.effects))
+        return separation(predicted, [starting_point(predicted, [added.effect for added in rival.effects])])
 
     result: list[float | None] = []
     for a, b in pairs:
@@ -219,15 +215,6 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     )
     columns = list(dict.fromkeys((*table.rows.columns, *experiment.channels)))
     return replace(table, rows=rows[columns], given=(*columns_given, *varied))
-
-
-def parameters_of(effects: Sequence[AddedEffect]) -> float:
-    """Number of parameters off their nulls, as the decision counts them."""
-    return sum(
-        NONLINEAR_PRICE if p.nonlinear else float(added.parameters[p.name] != p.null)
-        for added in effects
-        for p in added.effect.parameters
-    )
 
 
 def apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float:

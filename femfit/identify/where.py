@@ -15,7 +15,7 @@ from femfit.identify.constants import (
     BEYOND_NOISE,
     COVARIATE_SHARE,
     LEFT_BY_SHARE,
-    NOTHING,
+    ROUNDED,
     SAME_SHARE,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
@@ -53,9 +53,7 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     clear = _clearly_worst(observations, whitening.noise)
     worst = first_best((excess / counts).tolist()) if clear is None else clear
     channel = observations.channels[worst]
-    clocked = {"order", "time_s"} & set(observations.given)
-    without = set[str]() if clocked else {"order", "elapsed"}  # The order of a file's rows is no time
-    covariates = _covariates(columns, patterns, worst, residual, smooth, without)
+    covariates = _covariates(columns, patterns, worst, residual, smooth)
     here, read = observations.of(channel), observations.residual
     if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
         # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
@@ -86,7 +84,6 @@ def _covariates(
     channel: int,
     residual: FloatArray,
     smooth: FloatArray,
-    without: set[str],
 ) -> tuple[str, ...]:
     """Covariates in the order in which each adds most to what the ones before explain with their products.
 
@@ -95,7 +92,7 @@ def _covariates(
     """
     here = np.flatnonzero(patterns.channel == channel)
     rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
-    names = sorted(set().union(*(patterns.along[k] for k in here)) - without)
+    names = sorted(set().union(*(patterns.along[k] for k in here)))
     chosen: list[str] = []
 
     def explained(among: list[str]) -> FloatArray:
@@ -142,7 +139,7 @@ def describe_misfit(observations: Observations, channel: str, covariates: Sequen
     quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
     misfit, base = observations.residual[here], (observations.base - quiescent)[here]
     square, share = float(misfit @ misfit), float(misfit @ base) / max(float(base @ base), 1e-300)
-    if square <= NOTHING**2 * float(base @ base):
+    if square <= ROUNDED**2 * float(base @ base):
         return sentence("where", "nothing", channel)
     structured = smooth[here] if smooth[here].any() else misfit
     worst = int(np.argmax(np.abs(structured)))

@@ -159,7 +159,7 @@ def test_a_step_that_draws_what_cannot_be_built_is_halved(place):
 
 def test_a_step_that_makes_the_misfit_larger_is_taken_back_and_halved(monkeypatch):
     """Steps 2.5 times as long as they should be, as of a slope that is far too small: whole ones diverge."""
-    redrawn = lambda drawing, _directory, _measured, _workers, sweeps: SimpleNamespace(drawing=drawing, sweeps=sweeps)  # noqa: E731
+    swept = lambda drawing, sweeps: SimpleNamespace(drawing=drawing, sweeps=sweeps)  # noqa: E731
 
     def at(redrawn, choice, values):
         x = float(values[0])
@@ -173,11 +173,10 @@ def test_a_step_that_makes_the_misfit_larger_is_taken_back_and_halved(monkeypatc
         )
 
     monkeypatch.setattr(calibration, "RISE", 0.0)
-    monkeypatch.setattr(calibration, "swept", redrawn)
     monkeypatch.setattr(calibration, "estimate", at)
     monkeypatch.setattr(calibration, "_moved", lambda _, now, part: ("drawing", now.change * (part - 0.4)))
     start = at(SimpleNamespace(drawing="drawing", sweeps=1), None, np.array([1.0]))
-    now = calibration._Task(None, None, None, 1, str).settled(start)
+    now = calibration._Task(None, None, swept, str).settled(start)
     assert now.step <= 0.1
     assert now.cost(now) <= 1e-4
 
@@ -235,7 +234,8 @@ def test_standard_deviations_hold_what_was_not_fitted(found, place):
     whitening = whitening.with_values(whitening.observations.base)
     here = Redrawn(drawing, found.table, model, whitening)
     now = estimate(here, choice, np.array([one.value for one in choice.numbers]))
-    others = [one for one in drawing.suspects if here.shows(one) and one not in choice.numbers and not one.is_contour]
+    shown = [one for one in drawing.suspects if here.column(one) is not None]
+    others = [one for one in shown if one not in choice.numbers and not one.is_contour]
     others = [one for one in others if not any(map(one.overlaps, choice.numbers))]
     off = whitening.full(np.stack([one.tolerance * here.column(one) for one in others], axis=1))
     columns = np.concatenate([now.fit.jacobian, off], axis=1)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
+from femfit.estimate.record import converter_step
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.constants import GUESS_WIDER
@@ -14,7 +15,6 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.scatter import guessed_noise
 from femfit.identify.noise.whitening import Whitening, stops
-from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign
 
 
@@ -23,12 +23,12 @@ def alone(n):
     return Chain(np.arange(n), np.ones(n, dtype=bool), np.ones(n))
 
 
-def design_of(fixed, random, cell=None, chain=None):
+def design_of(y, fixed, random, cell=None, chain=None):
     n = len(random)
     cells = 0 if cell is None else int(cell.max()) + 1
     columns = np.linalg.qr(fixed)[0] if fixed.shape[1] else fixed
     cell = np.zeros(n, dtype=int) if cell is None else cell
-    return ChannelDesign(np.arange(n), cell, cells, columns, random, chain or alone(n), np.ones(n))
+    return ChannelDesign(np.arange(n), cell, cells, columns, random, chain or alone(n), np.ones(n), y)
 
 
 def nested(seed, mounts, runs, readings, missing):
@@ -67,9 +67,10 @@ def test_variances_are_those_that_statsmodels_finds(missing, sloped):
         oracle = MixedLM.from_formula("y ~ x", table, groups="m", vc_formula={"run": "0 + C(run)"}, re_formula="1")
         random = [columns_of(table, name) for name in ("m", "run")]
     expected = oracle.fit(reml=True, method="bfgs", gtol=1e-9)
-    design = design_of(np.column_stack([np.ones(len(table)), table["x"]]), np.concatenate(random, axis=1))
+    y, fixed = table["y"].to_numpy(), np.column_stack([np.ones(len(table)), table["x"]])
+    design = design_of(y, fixed, np.concatenate(random, axis=1))
     group, count = np.repeat(np.arange(len(random)), [one.shape[1] for one in random]), len(random) + 1
-    contrasts = design.contrasts(table["y"].to_numpy(), 0)
+    contrasts = design.contrasts(0)
     found = restricted_estimate([contrasts], group, np.zeros(len(group), bool), np.ones(count), np.zeros(count))
     assert found.converged
     want = [float(expected.cov_re.iloc[0, 0]), *map(float, expected.vcomp), expected.scale]
@@ -84,17 +85,17 @@ def test_a_mean_for_each_setting_is_the_same_as_its_column_among_the_fixed_ones(
     follows = np.append(False, np.diff(table["run"]) == 0)
     n = np.arange(len(table))
     chain = Chain(np.where(follows, n - 1, n), ~follows, np.where(n % 7 == 3, 2.0, 1.0))
-    sparse = design_of(np.zeros((len(table), 0)), runs, cell, chain)
-    dense = design_of(columns, runs, None, chain)
     y = table["y"].to_numpy()
+    sparse = design_of(y, np.zeros((len(table), 0)), runs, cell, chain)
+    dense = design_of(y, columns, runs, None, chain)
     assert sparse.free == dense.free
     for k in (0, 10, 30):
-        one, other = sparse.contrasts(y, k), dense.contrasts(y, k)
+        one, other = sparse.contrasts(k), dense.contrasts(k)
         assert one.square == pytest.approx(other.square, rel=1e-9)
         np.testing.assert_allclose(one.columns.T @ one.columns, other.columns.T @ other.columns, atol=1e-8)
         np.testing.assert_allclose(one.columns.T @ one.along, other.columns.T @ other.along, atol=1e-8)
-        # The determinants differ by that of the orthonormal basis' triangle, the same at every rho
-    shift = [sparse.at(k).determinant - dense.at(k).determinant for k in (0, 10, 30)]
+        # The likelihoods differ by the determinant of the orthonormal basis' triangle, the same at every rho
+    shift = [sparse.contrasts(k).cost - dense.contrasts(k).cost for k in (0, 10, 30)]
     np.testing.assert_allclose(shift, shift[0], atol=1e-8)
 
 
@@ -103,8 +104,8 @@ def test_the_likelihood_of_the_correlation_is_the_normal_density_of_contrasts():
     n, k = 40, 20
     fixed, rho = rng.normal(size=(n, 3)), rho_of(k)
     chain = Chain(np.maximum(np.arange(n) - 1, 0), np.arange(n) == 0, np.ones(n))
-    design = design_of(fixed, np.zeros((n, 0)), None, chain)
     y = rng.normal(size=n)
+    design = design_of(y, fixed, np.zeros((n, 0)), None, chain)
     free = np.linalg.svd(fixed, full_matrices=True)[0][:, 3:]  # an orthonormal basis of what fixed columns leave
 
     def density(rho):
@@ -112,7 +113,7 @@ def test_the_likelihood_of_the_correlation_is_the_normal_density_of_contrasts():
         square = y @ free @ np.linalg.solve(inside, free.T @ y)
         return np.linalg.slogdet(inside)[1] + (n - 3) * np.log(square)
 
-    found = design.at(k).cost(y, n - 3) - design.at(0).cost(y, n - 3)
+    found = design.contrasts(k).cost - design.contrasts(0).cost
     assert found == pytest.approx(density(rho) - density(1e-12), abs=1e-8)
 
 
@@ -120,10 +121,8 @@ def test_an_estimate_without_a_prior_has_the_degrees_of_freedom_of_its_readings(
     rng = np.random.default_rng(7)
     mounts = np.kron(np.eye(12), np.ones((50, 1)))
     y = mounts @ rng.normal(0.0, 3.0, 12) + rng.normal(0.0, 0.1, 600)
-    design = design_of(np.ones((600, 1)), mounts)
-    found = restricted_estimate(
-        [design.contrasts(y, 0)], np.zeros(12, int), np.zeros(12, bool), np.ones(2), np.zeros(2)
-    )
+    design = design_of(y, np.ones((600, 1)), mounts)
+    found = restricted_estimate([design.contrasts(0)], np.zeros(12, int), np.zeros(12, bool), np.ones(2), np.zeros(2))
     # 12 mounts that the readings resolve: 11 differences; and 600 readings less 12 means
     np.testing.assert_allclose(found.degrees_of_freedom, [11.0, 588.0], rtol=0.01)
 
@@ -220,7 +219,7 @@ def test_readings_that_were_not_rounded_have_no_step():
     rng = np.random.default_rng(2)
     settings = np.repeat(rng.normal(size=40), 5)  # settings that repeat exactly are no converter's steps
     for values in (rng.normal(size=1000), settings, np.ones(30), np.zeros(0), np.array([1.0, 2.0])):
-        assert quantisation_step(values) == 0.0
+        assert converter_step(values) == 0.0
 
 
 def test_a_converter_coarser_than_the_noise_bounds_it(levitation_model):

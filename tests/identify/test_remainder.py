@@ -9,7 +9,7 @@ import pytest
 import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.add_effects import add_effects
-from femfit.identify.remainder import COENERGY, NAME, given, likeliest_roots, posterior
+from femfit.identify.remainder import COENERGY, NAME, given, likeliest_root
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.carried import Carried, FieldTerm, bounded_basis, carried_effect
 from femfit.model.magnetics import CoenergySpline
@@ -110,7 +110,7 @@ def test_a_remainder_shrinks_where_its_cause_is_found(learnt, levitation_model):
     assert found["force_gain"]["gain_error"] == pytest.approx(0.05, abs=0.01)
 
 
-def test_evidence_mean_and_covariance_are_those_of_the_normal_distribution():
+def test_evidence_and_mean_are_those_of_the_normal_distribution():
     rng = np.random.default_rng(2)
     columns, roots = [rng.normal(size=(40, 3)), rng.normal(size=(40, 2))], [np.diag([1.0, 0.5, 2.0]), np.eye(2)]
     y = columns[0] @ np.array([2.0, -1.0, 0.5]) + rng.normal(size=40)
@@ -118,14 +118,14 @@ def test_evidence_mean_and_covariance_are_those_of_the_normal_distribution():
     covariance = np.eye(40) + x @ prior @ x.T
     expected = 0.5 * (y @ y - y @ np.linalg.solve(covariance, y) - np.linalg.slogdet(covariance)[1])
     assert given(y, columns, roots).log_evidence - given(y, [], []).log_evidence == pytest.approx(expected)
-    mean, spread = posterior(y, columns, roots)
-    np.testing.assert_allclose(np.concatenate(mean), prior @ x.T @ np.linalg.solve(covariance, y))
-    np.testing.assert_allclose(spread, np.linalg.inv(np.linalg.inv(prior) + x.T @ x))
-    # The sizes that are found are likelier than others beside them
-    best = likeliest_roots(y, columns, [[roots[0]], [roots[1]]])
-    for k, factor in ((0, 1.5), (0, 0.67), (1, 1.5), (1, 0.67)):
-        moved = [factor * root if j == k else root for j, root in enumerate(best)]
-        assert given(y, columns, best).log_evidence > given(y, columns, moved).log_evidence - 0.1
+    mean = np.concatenate([roots[0].ravel()[[0, 4, 8]], np.ones(2)]) * given(y, columns, roots).amplitudes
+    np.testing.assert_allclose(mean, prior @ x.T @ np.linalg.solve(covariance, y))
+    # The size that is found is likelier than others
+    beside = given(y, columns[:1], roots[:1])
+    log_evidence, best = likeliest_root(beside, columns[1], roots[1:])
+    assert log_evidence == pytest.approx(given(y, columns, [roots[0], best]).log_evidence)
+    for factor in (1.5, 0.67):
+        assert log_evidence > given(y, columns, [roots[0], factor * best]).log_evidence - 0.1
 
 
 COGGING_N, PITCH_M = 3e-3, 4e-3

@@ -12,6 +12,7 @@ J. Nocedal and S. J. Wright, Numerical Optimization (Springer, 2006), section 10
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -104,13 +105,16 @@ def calibrate(
         say("Diagnosing")
         choice = _diagnosed(diagnose(first.model, measured), suspects)
     else:  # of all, those that these readings show
-        choice = Choice(tuple(number for number in wanted if wanted is not source.each or first.shows(number)))
+        choice = Choice(
+            tuple(number for number in wanted if wanted is not source.each or first.column(number) is not None)
+        )
         if not choice.numbers:
             raise TableError("These data show no number of the drawing: none of them changes any of the readings.")
     if beside is not None:
         remarks_of_numbers = {k: text for k, text in choice.remarks.items() if k not in choice.beside}
         choice = Choice(choice.numbers, beside, remarks_of_numbers)
-    task = _Task(source, measured, directory / "calibrated", workers, say)
+    sweep = partial(swept, directory=directory / "calibrated", measured=measured, workers=workers)
+    task = _Task(source, measured, sweep, say)
     now = estimate(first, choice, np.array([number.value for number in choice.numbers]))
     now = task.settled(now) if beside is not None else task.completed(now, asked=wanted is not None)
     say("Leaving each run out")
@@ -138,8 +142,7 @@ class _Task:
 
     source: Drawing
     measured: Measurement
-    directory: Path
-    workers: int
+    swept: Callable[..., Redrawn]  # (drawing, sweeps), in the directory of the calibrated one
     say: Callable[[str], None]
 
     def settled(self, now: Estimate, most: int = MOST_STEPS) -> Estimate:
@@ -150,19 +153,15 @@ class _Task:
                 break
             self.say(f"Sweeping the drawing anew, step {last.redrawn.sweeps}")
             drawing, values = _moved(self.source, now, share)
-            last = estimate(self.swept(drawing, last.redrawn.sweeps + 1), now.choice, values)
+            last = estimate(self.swept(drawing, sweeps=last.redrawn.sweeps + 1), now.choice, values)
             if last.cost(last) <= now.cost(last) + RISE:
                 now, share, good = last, min(1.0, 2.0 * share), good + 1
             else:
                 share *= 0.5
         if last is not now:  # what lies in the directory is what is said
-            again = self.swept(now.redrawn.drawing, last.redrawn.sweeps + 1)
+            again = self.swept(now.redrawn.drawing, sweeps=last.redrawn.sweeps + 1)
             now = estimate(again, now.choice, now.values)
         return now
-
-    def swept(self, drawing: Drawing, sweeps: int) -> Redrawn:
-        """A drawing swept in the directory of the calibrated one."""
-        return swept(drawing, self.directory, self.measured, self.workers, sweeps)
 
     def completed(self, now: Estimate, *, asked: bool) -> Estimate:
         """The same with what is missing beside it, as a diagnosis with the numbers free names it after each step."""

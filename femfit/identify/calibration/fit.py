@@ -54,16 +54,11 @@ class Redrawn:
         return next((drawn.effect for drawn in self.model.drawn if drawn.key == number.key), None)
 
     def column(self, number: NumberFacts) -> FloatArray | None:
-        """Change of the readings per unit of that effect, shape (M,); None where that is nothing."""
-        effect = self.effect_of(number)
-        variants = effect_columns(effect, self.whitening.observations) if effect else []
+        """Change of the readings per unit of that effect, shape (M,); None where these show nothing."""
+        effect, observations = self.effect_of(number), self.whitening.observations
+        testable = effect is not None and not why_untestable(effect, observations)
+        variants = effect_columns(effect, observations) if effect and testable else []
         return variants[0].columns[:, 0] if variants and np.isfinite(variants[0].columns).all() else None
-
-    def shows(self, number: NumberFacts) -> bool:
-        """Whether the readings can show a number."""
-        effect = self.effect_of(number)
-        testable = effect is not None and not why_untestable(effect, self.whitening.observations)
-        return testable and self.column(number) is not None
 
 
 def swept(drawing: Drawing, directory: Path, measured: Measurement, workers: int, sweeps: int = 1) -> Redrawn:

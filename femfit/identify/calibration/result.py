@@ -17,7 +17,8 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
 from femfit.identify.calibration.fit import Estimate
-from femfit.identify.constants import IN_COMBINATION, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
+from femfit.identify.constants import IN_COMBINATION, OPEN, UNUSUAL, WITHIN_NOISE
+from femfit.identify.decision.constants import SHOWN
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall, allowed
 from femfit.identify.noise.whitening import Whitening

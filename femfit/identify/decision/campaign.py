@@ -74,6 +74,22 @@ def considered_effects(exclude: Sequence[str] = (), nominal: Nominal | None = No
     return [effect for name, effect in catalogue.items() if name not in out]
 
 
+def testable_columns(
+    observations: Observations, effects: Sequence[Effect]
+) -> tuple[list[EffectColumns], dict[str, str]]:
+    """The first-order columns of every effect that readings can show, and why they cannot show the others."""
+    every, untestable = list[EffectColumns](), dict[str, str]()
+    for effect in effects:
+        reason = why_untestable(effect, observations)
+        columns = [] if reason else effect_columns(effect, observations)
+        if any(not np.isfinite(variant.columns).all() for variant in columns):
+            columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
+        if not columns:
+            untestable[effect.name] = reason or CHANGES_NOTHING
+        every += columns
+    return every, untestable
+
+
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:
     """Estimate the noise and compute the lack-of-fit patterns and every effect's columns.
 
@@ -84,17 +100,8 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
         constant = constant_readings(never_varying(observations))
         return constant[0] if constant else finding("no-noise")
     whitening = Whitening.granting(observations, noise)
-    untestable: dict[str, str] = {}
-    every: list[EffectColumns] = []
-    for effect in effects:
-        reason = why_untestable(effect, observations)
-        columns = [] if reason else effect_columns(effect, observations)
-        if any(not np.isfinite(variant.columns).all() for variant in columns):
-            columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
-        if not columns:
-            untestable[effect.name] = reason or CHANGES_NOTHING
-        every += columns
-    campaign = Campaign(whitening, Start.at_null(every, whitening), untestable)
+    columns, untestable = testable_columns(observations, effects)
+    campaign = Campaign(whitening, Start.at_null(columns, whitening), untestable)
     return campaign if campaign.patterns.groups else finding("too-few-readings")
 
 

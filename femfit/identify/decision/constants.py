@@ -117,16 +117,11 @@ CHANNEL_COST, HEAT_COST = 60.0, 120.0
 """Assumed: readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
 
 SHOWN = 3
-"""Conventional: measurements that are printed, and clauses of what each separates."""
+"""Conventional: measurements, clauses of what each separates, and undetermined directions that are printed."""
 
 COMPARED = 6
 """Assumed, for the time that it takes: explanations that are compared pair by pair, the best first."""
 
-VARIANTS = 12
-"""Assumed, for the time that it takes: combinations of trial values of two effects' nonlinear parameters."""
-
-TIE = 2.0 * math.log(1.0 / IN_CLASS)
-"""Derived: difference of the weighted sums of squares within which two explanations stay in one class."""
-
-NONLINEAR_PRICE = 0.5
-"""Assumed: price of a nonlinear parameter over that of an amplitude, which is ln M (derived; Schwarz, 1978)."""
+NEEDED_DISTANCE = ALMOST_SURELY + math.sqrt(ALMOST_SURELY**2 + 2.0 * math.log(1.0 / IN_CLASS))
+"""Derived: distance, in standard deviations of the noise, from which a diagnosis leaves out the wrong one of two
+explanations, as promised. The weighted sums of squares differ by its square, with a deviation of twice itself."""

@@ -1,13 +1,12 @@
 """Which effect is missing, or none, or none of ours: the whole diagnosis of a measurement."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from femfit.core.results import Finding
-from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import (
@@ -165,39 +164,25 @@ def _named_effects(campaign: Campaign, decision: Decision, excess: float) -> tup
         return ()
     share, by_name = explained_share(campaign, fit, excess), {added.effect.name: added for added in fit.effects}
     exchanged = {frozenset(explanation.names): explanation.fit for explanation in decision.left if explanation.fit}
-    named = []
+    nominal, result = campaign.observations.nominal, []
     for members, tie in zip(decision.classes, decision.ties, strict=True):
-        beside = set(fit.names) - {members[0]}
-        tied = {name: exchanged.get(frozenset(beside | {name})) for name in tie}
-        others = {
-            name: next(a for a in refitted.effects if a.effect.name not in beside) if refitted else None
-            for name, refitted in tied.items()
-        }
-        named.append(_named(campaign, by_name[members[0]], members, others, share))
-    return tuple(named)
-
-
-def _named(
-    campaign: Campaign,
-    added: AddedEffect,
-    members: tuple[str, ...],
-    tied: Mapping[str, AddedEffect | None],
-    share: float,
-) -> NamedEffect:
-    """An effect that is named, the first of those that are as likely."""
-    nominal, (_, *others) = campaign.observations.nominal, tied.values()
-    return NamedEffect(
-        name=members[0],
-        members=members,
-        tie=tuple(tied),
-        explained_share=share,
-        parameters=dict(added.parameters),
-        ci95=dict(added.ci95),
-        words=tuple(describe(added, nominal)),
-        tied_words=tuple(tuple(describe(effect, nominal)) if effect else () for effect in others),
-        plausible=plausible(added),
-        runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
-    )
+        added, beside = by_name[members[0]], set(fit.names) - {members[0]}
+        refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
+        others = [next(a for a in each.effects if a.effect.name not in beside) if each else None for each in refits]
+        named = NamedEffect(
+            name=members[0],
+            members=members,
+            tie=tie,
+            explained_share=share,
+            parameters=dict(added.parameters),
+            ci95=dict(added.ci95),
+            words=tuple(describe(added, nominal)),
+            tied_words=tuple(tuple(describe(effect, nominal)) if effect else () for effect in others),
+            plausible=plausible(added),
+            runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
+        )
+        result.append(named)
+    return tuple(result)
 
 
 def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, exclude: Sequence[str]) -> Diagnosis:

@@ -85,10 +85,7 @@ class EffectSpace(WithoutCache):
     @cached_property
     def _shares(self) -> FloatArray:
         """Smooth functions of the setting, coarse ones first, in one channel after the other; shape (M, f)."""
-        observations = self.campaign.observations
-        smooth = _smooth(observations, SHARE_DEGREE)
-        channels = range(len(observations.channels))
-        return np.concatenate([smooth * (observations.channel == c)[:, None] for c in channels], axis=1)
+        return _smooth_by_channel(self.campaign.observations, SHARE_DEGREE)
 
     @cached_property
     def unknown_gram(self) -> FloatArray:
@@ -129,9 +126,8 @@ class EffectSpace(WithoutCache):
         Together their mean square is about a quarter over an even grid.
         """
         observations = self.campaign.observations
-        smooth = _smooth(observations, FORM_DEGREE)
-        here = [observations.channel == c for c in range(len(observations.channels))]
-        return np.asarray(np.concatenate([smooth * rows[:, None] for rows in here], axis=1) / np.sqrt(smooth.shape[1]))
+        smooth = _smooth_by_channel(observations, FORM_DEGREE)
+        return np.asarray(smooth / np.sqrt(smooth.shape[1] / len(observations.channels)))
 
     def form_error(self, effect: Effect, change: FloatArray) -> FloatArray:
         """Whitened columns (M, n) of the error of an effect's form where it changes the readings by so much, (M,)."""
@@ -145,12 +141,14 @@ def half_ranges(start: Start) -> FloatArray:
     return np.array([0.5 * p.width for p in start.columns.amplitudes])
 
 
-def _smooth(observations: Observations, degree: int) -> FloatArray:
-    """Products of Legendre polynomials in log distance and current up to a total degree, shape (M, f)."""
+def _smooth_by_channel(observations: Observations, degree: int) -> FloatArray:
+    """Products of Legendre polynomials in log distance and current up to a total degree, in each channel; (M, f)."""
     x = scaled_to_one(even_scale(observations.column("distance_m")))
     y = scaled_to_one(observations.column("current_A"))
     in_x, in_y = (np.asarray(legvander(z, degree), dtype=np.float64) for z in (x, y))
-    return np.stack([column for column, _, _ in products(in_x, in_y, degree)], axis=1)
+    smooth = np.stack([column for column, _, _ in products(in_x, in_y, degree)], axis=1)
+    channels = range(len(observations.channels))
+    return np.concatenate([smooth * (observations.channel == c)[:, None] for c in channels], axis=1)
 
 
 def _leading(columns: FloatArray) -> FloatArray:

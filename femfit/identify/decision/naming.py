@@ -69,11 +69,6 @@ class Decision:
         return {explanation.names: explanation.fit for explanation in every if explanation.fit}
 
 
-def lack_of_fit(campaign: Campaign) -> LackOfFit:
-    """The lack of fit before anything is added."""
-    return campaign.patterns.test(campaign.whitening.residual)
-
-
 def fails_surely(campaign: Campaign) -> bool:
     """Whether something is missing, whatever a search for its name would find."""
     return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
@@ -88,7 +83,7 @@ def decide(campaign: Campaign) -> Decision:
     else:
         verdict = max((word for word in _KINDS if word != "nothing_missing"), key=lambda word: probability[word])
     unknown = _KINDS[verdict][1]
-    test = lack_of_fit(campaign)
+    test = campaign.patterns.test(campaign.whitening.residual)
     chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
     if _KINDS[verdict][0]:
         # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first

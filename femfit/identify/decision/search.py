@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, count
 
 import numpy as np
-from scipy import linalg, special
+from scipy import special
 
 from femfit.core.numerics import FloatArray
 from femfit.identify.decision.campaign import Campaign
@@ -35,7 +35,7 @@ from femfit.identify.decision.evidence import (
     sizes_of,
     with_unknown_cause,
 )
-from femfit.identify.refit import Refit, Start, refit
+from femfit.identify.refit import Refit, Start, fitted_together, refit
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,28 +139,15 @@ def pairs_of_two(space: EffectSpace, linear: Linear, alone: Sequence[Explanation
     )
     leading = [(explanation.starts[0], space.block(explanation.starts[0])) for explanation in best[:PAIRED]]
     pairs = []
-    for both in combinations(leading, 2):
-        starts, blocks = [start for start, _ in both], [block for _, block in both]
-        columns, ends = np.concatenate(blocks, axis=1), np.cumsum([0, *(block.shape[1] for block in blocks)])
-        gram, product = columns.T @ columns, columns.T @ linear.target
-        square, top = linear.solved.square, (-np.inf, np.zeros(0))
-        tried = [sizes_of(float(np.linalg.norm(b[:, : s.count])))[::2] for b, s in zip(blocks, starts, strict=True)]
-        for first in tried[0]:
-            for second in tried[1]:
-                scale = np.repeat([first, second], np.diff(ends))
-                triangle = linalg.cho_factor(np.eye(len(scale)) + scale[:, None] * gram * scale, lower=True)
-                mean = linalg.cho_solve(triangle, scale * product)
-                fall, log_det = float(scale * product @ mean), 2.0 * float(np.log(np.diag(triangle[0])).sum())
-                log = float(linear.density(square - fall, log_det))
-                top = max(top, (log, scale * mean), key=lambda pair: pair[0])
-        begun = tuple(
-            replace(
-                start,
-                amplitude=np.clip(half_ranges(start) * top[1][place : place + start.count], *start.columns.bounds),
-            )
-            for start, place in zip(starts, ends, strict=False)
+    for (first, columns), (second, further) in combinations(leading, 2):
+        own_sizes, sizes = (
+            sizes_of(float(np.linalg.norm(block[:, : start.count])))[::2]
+            for block, start in ((columns, first), (further, second))
         )
-        pairs.append(Explanation(begun, top[0] - np.log(SIZES), linear.log_evidence))
+        about = [Linear.of(linear.target, size * columns, linear.density) for size in own_sizes]
+        logs = [beside.with_more(*beside.products(further), sizes)[0] for beside in about]
+        begun, _ = fitted_together(linear.target, [first, second])
+        pairs.append(Explanation(tuple(begun), float(np.max(logs)) - np.log(SIZES), linear.log_evidence))
     return sorted(pairs, key=lambda explanation: -explanation.log_evidence)[:PAIRED]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import FloatArray
+from femfit.estimate.record import converter_step
 from femfit.identify.constants import (
     EXACT,
     LEAST_REPEATS,
@@ -33,7 +34,6 @@ from femfit.identify.noise.scatter import (
 )
 from femfit.identify.noise.whitening import NoiseModel, random_effects
 from femfit.identify.observations import Observations
-from femfit.identify.settings import quantisation_step
 from femfit.tables.measurement import OF_RUNS
 
 
@@ -46,20 +46,18 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     scatter = [known_scatter(observations, c, name in constant) for c, name in enumerate(names)]
     if not any(of_channel.design for of_channel in scatter):
         scatter = [guessed_scatter(observations, c) for c in range(len(names))]
-    with_noise = [c for c, of_channel in enumerate(scatter) if of_channel.design]
-    if not with_noise:
+    designs = {c: of_channel.design for c, of_channel in enumerate(scatter) if of_channel.design is not None}
+    if not designs:
         return None
-    designs = {c: design for c in with_noise if (design := scatter[c].design) is not None}
-    readings = {c: observations.residual[design.here] for c, design in designs.items()}
     rho, contrasts = np.zeros(len(names)), {}
     for c, design in designs.items():
-        if not design.cells and not _is_noise(scatter[c], design, readings[c]):  # but a misfit
+        if not design.cells and not _is_noise(scatter[c], design):  # but a misfit
             contrasts[c] = Contrasts(0.0, 0.0, np.zeros(0), np.zeros((0, design.random.shape[1])))
             continue
         # Too few readings that follow each other do not say how they are correlated
         follows = int(np.count_nonzero(~design.chain.first))
-        k = design.best_rho(readings[c]) if min(follows, design.free) >= LEAST_REPEATS else 0
-        rho[c], contrasts[c] = rho_of(k), design.contrasts(readings[c], k)
+        k = design.best_rho() if min(follows, design.free) >= LEAST_REPEATS else 0
+        rho[c], contrasts[c] = rho_of(k), design.contrasts(k)
         if not scatter[c].repeats:  # what smooth patterns leave is never taken for the noise of a reading
             contrasts[c] = Contrasts(0.0, 0.0, contrasts[c].along, contrasts[c].columns)
     sigma, variances = _variances(observations, scatter, contrasts)
@@ -73,7 +71,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         rho=rho,
         degrees_of_freedom=_degrees_of_freedom(observations, scatter, rho),
         repeats=np.array([of_channel.repeats for of_channel in scatter]),
-        source={names[c]: scatter[c].source for c in with_noise},
+        source={names[c]: scatter[c].source for c in designs},
         never_varying=tuple(constant),
         **variances,
     )
@@ -93,14 +91,14 @@ def never_varying(observations: Observations) -> list[str]:
     return names
 
 
-def _is_noise(scatter: Scatter, design: ChannelDesign, y: FloatArray) -> bool:
+def _is_noise(scatter: Scatter, design: ChannelDesign) -> bool:
     """Whether smooth patterns leave noise: enough readings to say it, and no more than a declared noise makes.
 
     Else it is a misfit, which says nothing of how readings follow each other, nor of runs and mounts.
     """
     if design.free < LEAST_REPEATS_AGAINST_DECLARED:
         return False
-    ratio = design.contrasts(y, 0).square / design.free / scatter.prior**2
+    ratio = design.contrasts(0).square / design.free / scatter.prior**2
     return ratio <= 1.0 or not contradicts(ratio, design.free, scatter.weight)
 
 
@@ -160,7 +158,7 @@ def _variances(
     result[used], wide[used] = np.sqrt(variance), np.sqrt(np.maximum(tests, variance))
     sigma[judged] = np.sqrt(estimate.variance[u:])
     for c in judged:
-        step = quantisation_step(observations.value[observations.channel == c])
+        step = converter_step(observations.value[observations.channel == c])
         sigma[c] = max(sigma[c], step / np.sqrt(12.0))
     taken = bool(0 in used and assumed[0] and distance_m is None)
     return sigma, {

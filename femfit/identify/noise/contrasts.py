@@ -5,8 +5,7 @@ repeats are left. Where it has not, smooth patterns are taken out instead. Tempe
 and what an error of the distance that all mounts share would do.
 
 Successive readings of a run are whitened by W, (y_i - r y_(i-1)) / sqrt(1 - r^2) with r = rho^gap, so that all of it is
-least squares with the products X' W' W X. Those depend on the settings and on rho alone: they are kept for each rho of
-a grid, and new readings cost a few products of a vector.
+least squares with the products X' W' W X.
 
 From them follow variance components by restricted maximum likelihood, with weak priors. With y = X b + Z u + e, the
 restricted likelihood is that of contrasts of y that X does not reach. Of each channel those are its squared length
@@ -29,12 +28,11 @@ F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of an 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
 
 import numpy as np
 from scipy import sparse
 from scipy.linalg import solve_triangular
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import (
@@ -58,6 +56,9 @@ class Contrasts:
     free: float  # Its degrees of freedom
     along: FloatArray  # Coordinates along the random effects, shape (k,)
     columns: FloatArray  # Of the random effects in them, shape (k, q)
+    cost: float = (
+        0.0  # -2 log of the restricted likelihood, the variance at its best and random effects taken for fixed
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +197,7 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class ChannelDesign:
-    """What is known of a channel's readings before they are read."""
+    """The readings of a channel, less what the model predicts, and what else differs between them."""
 
     here: IntArray  # Numbers of the readings that are used, shape (n,)
     cell: IntArray  # The setting of each, of which it is a repeat, from 0; shape (n,)
@@ -205,40 +206,23 @@ class ChannelDesign:
     random: FloatArray  # Columns of mounts and runs, shape (n, q)
     chain: Chain
     weight: FloatArray  # 1 over the standard deviation of each reading, over that of the channel; shape (n,)
-    kept: dict[int, "_AtRho"] = field(default_factory=dict)
-
-    @cached_property
-    def size(self) -> FloatArray:
-        """Length of each random effect's column, shape (q,)."""
-        return np.asarray(np.linalg.norm(self.random, axis=0))
-
-    @cached_property
-    def dense(self) -> FloatArray:
-        """Fixed columns, and those of random effects that change a reading, of unit length."""
-        moves = self.size > 0.0
-        return np.concatenate([self.fixed, self.random[:, moves] / self.size[moves]], axis=1)
-
-    def at(self, k: int) -> "_AtRho":
-        """The least-squares problem at the k-th value of rho."""
-        if k not in self.kept:
-            self.kept[k] = _AtRho(self, rho_of(k), self.kept[0].rank if 0 in self.kept else None)
-        return self.kept[k]
+    residual: FloatArray  # Shape (n,)
+    at_rho: dict[int, Contrasts] = field(default_factory=dict)
 
     @property
     def free(self) -> int:
         """Degrees of freedom of what is left of the readings beside the cells, the fixed and the random effects."""
-        return len(self.here) - self.cells - int(self.fixed.shape[1]) - self.at(0).rank
+        return int(self.contrasts(0).free)
 
-    def best_rho(self, y: FloatArray) -> int:
-        """Number of the rho of largest restricted likelihood, mounts and runs taken for fixed; y has the shape (n,).
+    def best_rho(self) -> int:
+        """Number of the rho of largest restricted likelihood, mounts and runs taken for fixed.
 
         It is 0 unless the readings show another. Two passes without an order tell rho no more
         than by how their few differences vary: the likelihood is flat, while the variance grows like 1 / (1 - rho).
         """
 
-        @cache
         def cost(k: int) -> float:
-            return self.at(k).cost(y, self.free) + (CORRELATION_SHOWN if k else 0.0)
+            return self.contrasts(k).cost + (CORRELATION_SHOWN if k else 0.0)
 
         step = CORRELATIONS // 5
         best = min(range(0, CORRELATIONS + 1, step), key=cost)
@@ -247,10 +231,12 @@ class ChannelDesign:
             best = min((k for k in (best, best - step, best + step) if 0 <= k <= CORRELATIONS), key=cost)
         return best
 
-    def contrasts(self, y: FloatArray, k: int) -> Contrasts:
-        """What readings y, of shape (n,), say of the variances, at the k-th value of rho."""
-        square, along = self.at(k).reduced(y)
-        return Contrasts(square, float(self.free), along, self.at(k).columns)
+    def contrasts(self, k: int) -> Contrasts:
+        """What the readings say of the variances at the k-th value of rho."""
+        if k not in self.at_rho:
+            # What is spanned by others is spanned by them at every rho
+            self.at_rho[k] = _contrasts(self, rho_of(k), len(self.contrasts(0).along) if k else None)
+        return self.at_rho[k]
 
 
 def rho_of(k: int) -> float:
@@ -258,57 +244,29 @@ def rho_of(k: int) -> float:
     return float(np.tanh(np.arctanh(LARGEST_CORRELATION) * k / CORRELATIONS))
 
 
-class _AtRho:
-    """Least squares of one channel's readings with correlated noise: cells by a sparse factor, the others dense."""
-
-    def __init__(self, design: ChannelDesign, rho: float, rank: int | None) -> None:
-        whitening = design.chain.whitening(rho)
-        self.design = design
-        self.whitening = whitening @ sparse.diags_array(design.weight)
-        size, moves = design.size, design.size > 0.0
-        white = self.whitening @ design.dense
-        products = white.T @ white
-        self.cells: SuperLU | None = None
-        determinant = -2.0 * float(np.log(whitening.diagonal()).sum())
-        if design.cells:
-            n = len(design.cell)
-            means = sparse.csr_array((np.ones(n), (np.arange(n), design.cell)), shape=(n, design.cells))
-            indicator = self.whitening @ means
-            self.cells = splu((indicator.T @ indicator).tocsc())
-            determinant += float(np.log(np.abs(self.cells.U.diagonal())).sum())
-            self.beside = indicator.T @ white
-            products -= self.beside.T @ self.cells.solve(self.beside)
-        f = design.fixed.shape[1]
-        self.fixed = np.linalg.cholesky(products[:f, :f]) if f else np.zeros((0, 0))
-        determinant += 2.0 * float(np.log(np.diag(self.fixed)).sum())
-        self.shared = np.linalg.solve(self.fixed, products[:f, f:]) if f else np.zeros((0, products.shape[1]))
-        values, vectors = np.linalg.eigh(products[f:, f:] - self.shared.T @ self.shared)
-        # What is spanned by the others is spanned by them at every rho
-        self.rank = int(np.count_nonzero(values > SPANNED_SQUARE)) if rank is None else rank
-        values, vectors = values[len(values) - self.rank :], vectors[:, len(values) - self.rank :]
-        self.directions = vectors / np.sqrt(values)
-        self.columns = np.zeros((self.rank, len(size)))
-        self.columns[:, moves] = np.sqrt(values)[:, None] * vectors.T * size[moves]
-        self.determinant = determinant + float(np.log(values).sum())
-
-    def reduced(self, y: FloatArray) -> tuple[float, FloatArray]:
-        """The squared length of readings beyond all effects, and their coordinates along the random ones."""
-        design, white = self.design, self.whitening @ y
-        back = self.whitening.T @ white  # its products with columns are those of the whitened ones
-        square, along = float(white @ white), design.dense.T @ back
-        if self.cells is not None:
-            of_cells = np.bincount(design.cell, back, minlength=design.cells)
-            means = self.cells.solve(of_cells)
-            square -= float(of_cells @ means)
-            along = along - self.beside.T @ means
-        f = len(self.fixed)
-        if f:
-            means_fixed = np.linalg.solve(self.fixed, along[:f])
-            square -= float(means_fixed @ means_fixed)
-            along = along - np.concatenate([along[:f], self.shared.T @ means_fixed])
-        coordinates = self.directions.T @ along[f:]
-        return max(square - float(coordinates @ coordinates), 0.0), coordinates
-
-    def cost(self, y: FloatArray, free: int) -> float:
-        """-2 log of the restricted likelihood, the variance at its best."""
-        return self.determinant + free * float(np.log(max(self.reduced(y)[0], 1e-300)))
+def _contrasts(design: ChannelDesign, rho: float, rank: int | None) -> Contrasts:
+    """Least squares of readings with correlated noise: cells by a sparse factor, the others by their products."""
+    serial, size = design.chain.whitening(rho), np.linalg.norm(design.random, axis=0)
+    whitening, moves = serial @ sparse.diags_array(design.weight), size > 0.0
+    columns = [design.fixed, design.random[:, moves] / size[moves], design.residual[:, None]]
+    white = whitening @ np.concatenate(columns, axis=1)
+    products, determinant = white.T @ white, -2.0 * float(np.log(serial.diagonal()).sum())
+    if design.cells:
+        n = len(design.cell)
+        indicator = whitening @ sparse.csr_array((np.ones(n), (np.arange(n), design.cell)), shape=(n, design.cells))
+        factor, beside = splu((indicator.T @ indicator).tocsc()), indicator.T @ white
+        products -= beside.T @ factor.solve(beside)
+        determinant += float(np.log(np.abs(factor.U.diagonal())).sum())
+    f = design.fixed.shape[1]
+    triangle = np.linalg.cholesky(products[:f, :f])
+    shared = np.linalg.solve(triangle, products[:f, f:])
+    beyond = products[f:, f:] - shared.T @ shared
+    values, vectors = np.linalg.eigh(beyond[:-1, :-1])
+    rank = int(np.count_nonzero(values > SPANNED_SQUARE)) if rank is None else rank
+    values, vectors = values[len(values) - rank :], vectors[:, len(values) - rank :]
+    along = vectors.T @ beyond[:-1, -1] / np.sqrt(values)
+    square, free = max(float(beyond[-1, -1] - along @ along), 0.0), len(design.here) - design.cells - f - rank
+    random = np.zeros((rank, len(size)))
+    random[:, moves] = np.sqrt(values)[:, None] * vectors.T * size[moves]
+    determinant += 2.0 * float(np.log(np.diag(triangle)).sum()) + float(np.log(values).sum())
+    return Contrasts(square, free, along, random, determinant + free * float(np.log(max(square, 1e-300))))

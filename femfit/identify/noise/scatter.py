@@ -20,15 +20,15 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
+from femfit.estimate.constants import NORMAL_MEDIAN
+from femfit.estimate.record import converter_step
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
     GUESS_WIDER,
     INDEPENDENT_DIFFERENCES,
-    LEAST_NEIGHBOURS,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
-    NORMAL_MEDIAN,
     SAME_LINE,
     SAME_READING,
 )
@@ -41,7 +41,7 @@ from femfit.identify.noise.whitening import (
 )
 from femfit.identify.observations import Observations, once_for_settings
 from femfit.identify.patterns import drift_patterns, smooth_patterns
-from femfit.identify.settings import levels, quantisation_step, setting_cells
+from femfit.identify.settings import levels, setting_cells
 
 
 @once_for_settings
@@ -61,18 +61,15 @@ def repeated_readings(observations: Observations) -> list[tuple[IntArray, IntArr
     return result
 
 
-def channel_design(observations: Observations, c: int, repeats: bool, sigma: float = 0.0) -> ChannelDesign:
+def channel_design(
+    observations: Observations, c: int, repeats: bool, sigma: float = 0.0, stops_known: bool = False
+) -> ChannelDesign:
     """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0.
 
-    Stops have columns where enough of the repeats is left beside them.
+    Errors of stops have columns where enough of the repeats is left beside them; else they are known, and weighed as
+    those of single rows are.
     """
-    design = _design(observations, c, repeats, sigma, stops_known=not repeats)
-    enough = not repeats or design.free >= LEAST_REPEATS
-    return design if enough else _design(observations, c, repeats, sigma, stops_known=True)
-
-
-def _design(observations: Observations, c: int, repeats: bool, sigma: float, stops_known: bool) -> ChannelDesign:
-    """The same where errors of stops are known, and weighed as those of single rows are, or have columns."""
+    stops_known = stops_known or not repeats
     here = repeated_readings(observations)[c][0] if repeats else np.flatnonzero(observations.channel == c)
     effects = random_effects(observations)
     made = np.sum(uncertain_settings(observations, stops_known)[here] ** 2, axis=1)
@@ -85,8 +82,15 @@ def _design(observations: Observations, c: int, repeats: bool, sigma: float, sto
     if repeats:
         fixed = _within(fixed, cell)
     random = effects.columns[here] * ((effects.differences > 0.0)[effects.group] & ~(effects.of_stops & stops_known))
-    cells = int(cell.max()) + 1 if repeats else 0
-    return ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, chain_of(observations, here), weight)
+    cells, basis, residual = (
+        int(cell.max()) + 1 if repeats else 0,
+        orthonormal_basis(fixed),
+        observations.residual[here],
+    )
+    design = ChannelDesign(here, cell, cells, basis, random, chain_of(observations, here), weight, residual)
+    if stops_known or design.free >= LEAST_REPEATS:
+        return design
+    return channel_design(observations, c, repeats, sigma, stops_known=True)
 
 
 def uncertain_settings(observations: Observations, stops_known: bool) -> FloatArray:
@@ -97,9 +101,7 @@ def uncertain_settings(observations: Observations, stops_known: bool) -> FloatAr
 
 def _within(columns: FloatArray, cell: IntArray) -> FloatArray:
     """Columns less their mean in each cell; zero where rounding alone is left."""
-    count = np.bincount(cell)
-    means = np.stack([np.bincount(cell, column) for column in columns.T], axis=1) / count[:, None]
-    deviation = columns - means[cell]
+    deviation = columns - pd.DataFrame(columns).groupby(cell).transform("mean").to_numpy()
     varies = np.linalg.norm(deviation, axis=0) > 1e-9 * np.linalg.norm(columns, axis=0)
     return np.asarray(deviation * varies)
 
@@ -114,7 +116,7 @@ def guessed_noise(observations: Observations, channel: str) -> tuple[float, floa
     for along, values in settings.items():
         lines = np.stack([*beside, *(levels(settings[fixed], SAME_LINE) for fixed in settings if fixed != along)])
         differences = _pseudo_residuals(residual, values, lines)
-        if len(differences) >= LEAST_NEIGHBOURS:
+        if len(differences) >= LEAST_REPEATS:
             sigma = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
             guesses.append((GUESS_WIDER * sigma, INDEPENDENT_DIFFERENCES * len(differences)))
     return max(guesses, default=(0.0, 0.0))
@@ -147,44 +149,39 @@ def known_scatter(observations: Observations, c: int, constant: bool) -> Scatter
     """What repeats and a declaration say of a channel's noise."""
     declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
-    least = quantisation_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
-    free, variance = (0, 0.0) if constant else _of_repeats(observations, c)
-    if free < LEAST_REPEATS:
+    least = converter_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
+    design = None if constant else _design_of_repeats(observations, c)
+    if design is None:
         if constant and not np.isfinite(declared) and least > 0.0:  # coarser than its noise: rounding is left
             declared, source = least, "resolution"
         if not np.isfinite(declared):
             return Scatter(np.nan, 0.0, "")
         prior = max(declared, least)
         return Scatter(prior, weight, source, design=channel_design(observations, c, repeats=False, sigma=prior))
+    free, variance = design.free, design.contrasts(0).square / design.free
     if np.isfinite(declared):
-        design = channel_design(observations, c, repeats=True, sigma=declared)
-        shown = design.contrasts(observations.residual[design.here], 0).square / free
+        weighed = channel_design(observations, c, repeats=True, sigma=declared)
+        shown = weighed.contrasts(0).square / free
         if not contradicts(shown / declared**2, free, weight):
             both = source if weight == EXACT else f"{source} and repeats"
-            return Scatter(declared, weight, both, 0.0 if weight == EXACT else float(free), design)
+            return Scatter(declared, weight, both, 0.0 if weight == EXACT else float(free), weighed)
     # Without what the declared errors of the settings make of it; but not less is left than the standard error of a
     # variance from so many repeats: below it nothing can be told apart
-    design = channel_design(observations, c, repeats=True)
     stops_known = not design.random[:, random_effects(observations).of_stops].any()
     made = float(np.mean(np.sum(uncertain_settings(observations, stops_known)[design.here] ** 2, axis=1)))
     sigma = max(float(np.sqrt(max(variance - made, variance * np.sqrt(2.0 / free)))), least)
     return Scatter(sigma, 0.0, "repeats", float(free), channel_design(observations, c, repeats=True, sigma=sigma))
 
 
-def _of_repeats(observations: Observations, c: int) -> tuple[int, float]:
-    """Degrees of freedom of repeats beside mounts, runs, temperatures and times, and their variance.
-
-    None where repeats are too few, or all the same.
-    """
+def _design_of_repeats(observations: Observations, c: int) -> ChannelDesign | None:
+    """The repeats of a channel beside mounts, runs, temperatures and times; None where too few, or all the same."""
     sorting, start, _ = repeated_readings(observations)[c]
     if len(sorting) - len(start) < LEAST_REPEATS:
-        return 0, 0.0
+        return None
     design = channel_design(observations, c, repeats=True)
-    if design.free < LEAST_REPEATS:
-        return 0, 0.0
-    square = design.contrasts(observations.residual[design.here], 0).square
     largest = float(np.sum(observations.value[design.here] ** 2))
-    return (design.free, square / design.free) if square > SAME_READING**2 * largest else (0, 0.0)
+    shown = design.free >= LEAST_REPEATS and design.contrasts(0).square > SAME_READING**2 * largest
+    return design if shown else None
 
 
 def guessed_scatter(observations: Observations, c: int) -> Scatter:
@@ -200,13 +197,17 @@ def contradicts(ratio: float, free: float, weight: float) -> bool:
     return 2.0 * min(stats.f.sf(ratio, free, weight), stats.f.cdf(ratio, free, weight)) < CONTRADICTED
 
 
+def beside_patterns(observations: Observations, c: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Readings of a channel, what smooth patterns leave of their misfit, (n,), and the patterns' basis, (n, p)."""
+    patterns, here = smooth_patterns(observations), np.flatnonzero(observations.channel == c)
+    basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
+    return here, observations.residual[here] - basis @ (basis.T @ observations.residual[here]), basis
+
+
 def scatter_as_noise(observations: Observations) -> NoiseModel:
     """What smooth patterns leave, in place of an unknown noise: enough to weigh the channels by."""
-    patterns, zeros = smooth_patterns(observations), np.zeros(len(observations.channels))
-    sigma = np.ones(len(observations.channels))
+    zeros, sigma = np.zeros(len(observations.channels)), np.ones(len(observations.channels))
     for c in range(len(sigma)):
-        here, columns = observations.channel == c, patterns.columns[:, patterns.channel == c]
-        basis = orthonormal_basis(columns[here])
-        scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
+        _, scatter, basis = beside_patterns(observations, c)
         sigma[c] = max(float(np.sqrt(scatter @ scatter / max(len(scatter) - basis.shape[1], 1))), 1e-12)
     return NoiseModel(observations.channels, sigma, zeros, 0.0, zeros, zeros, zeros, {}, 0.0, zeros)

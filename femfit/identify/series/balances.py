@@ -20,7 +20,8 @@ stretch begins at rest.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -34,6 +35,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
+from femfit.identify.observations import WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, at_rest
@@ -290,17 +292,20 @@ _LAST_POINTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class RememberedPoints:
+class RememberedPoints(WithoutCache):
     """A motion as effects make it, kept while only effects on mass, circuit or readings change."""
 
     base: ActuatorModel
-    # By motion and parameters, with the effects themselves, so that their addresses stay theirs
-    known: dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]] = field(default_factory=dict)
-    still: list[EddiesAlong] = field(default_factory=list)  # The last eddy currents and distances
 
-    def __getstate__(self) -> dict[str, object]:
-        """Without what is worked out again on demand."""
-        return {**self.__dict__, "known": {}, "still": []}
+    @cached_property
+    def known(self) -> dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]]:
+        """By motion and parameters, with the effects themselves, so that their addresses stay theirs."""
+        return {}
+
+    @cached_property
+    def still(self) -> list[EddiesAlong]:
+        """The last eddy currents and distances."""
+        return []
 
     def eddies(self, eddy: EddyCurrents, distance: FloatArray) -> EddiesAlong:
         """Eddy currents along distances, worked out once for these very arrays."""

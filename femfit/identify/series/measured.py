@@ -23,7 +23,7 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.friction import REST
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import converter_step, white_noise
-from femfit.identify.constants import LEAST_FOLLOWING, LEAST_VARIANCE, METHOD_ACCURACY
+from femfit.identify.constants import LEAST_REPEATS, LEAST_VARIANCE, METHOD_ACCURACY
 from femfit.identify.series.balances import FORCE_BALANCE, EddiesAlong, induced_along, pull_of, voltage_balances
 from femfit.identify.series.samples import Samples, between_samples, held_from
 from femfit.identify.series.weights import Weights, Windows, held_weights, window_weights
@@ -81,12 +81,12 @@ def successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArra
     this orthonormal basis of shape (n, p), differs from one window to the next by a variance of 2 less the squared
     difference of the basis' rows.
     """
-    if len(follows) < LEAST_FOLLOWING:
+    if len(follows) < LEAST_REPEATS:
         return float("nan")
     variance = 2.0 - np.sum((removed[follows] - removed[follows - 1]) ** 2, axis=1)
     free = variance > LEAST_VARIANCE
     scaled = (misfit[follows] - misfit[follows - 1])[free] / np.sqrt(variance[free])
-    return float(np.median(np.abs(scaled)) / NORMAL_MEDIAN) if len(scaled) >= LEAST_FOLLOWING else float("nan")
+    return float(np.median(np.abs(scaled)) / NORMAL_MEDIAN) if len(scaled) >= LEAST_REPEATS else float("nan")
 
 
 @dataclass(frozen=True, eq=False)

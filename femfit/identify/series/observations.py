@@ -10,8 +10,8 @@ F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383: the
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from math import prod
 
 import numpy as np
@@ -19,16 +19,13 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.results import Finding
 from femfit.core.sweep_columns import flux_columns
-from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.estimate.record import with_distance
 from femfit.identify.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, SLOPE_STEP, TURNS_OF_MISFIT
-from femfit.identify.noise.whitening import orthonormal_basis
-from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
-from femfit.identify.patterns import smooth_patterns
+from femfit.identify.noise.scatter import beside_patterns
+from femfit.identify.observations import InTheirRuns, Observations, WithoutCache, model_tolerance
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedPoints,
@@ -46,7 +43,7 @@ from femfit.identify.series.measured import (
     sensor_noise,
     successive_scatter,
 )
-from femfit.identify.series.samples import Samples, take_samples
+from femfit.identify.series.samples import take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.identify.words import finding
@@ -80,68 +77,40 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     sampled = sample_field(base, samples)
     noise = sensor_noise(base, samples, sampled, series.declared_noise)
     views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
-    record, (balances, sensors) = Recorded(base, nominal, samples, sampled, noise), views
-    channels = [
-        *((balances, channel) for channel in measure_balances(record, balances.windows)),
-        *((sensors, channel) for channel in measure_sensors(record, sensors.windows)),
-    ]
-    if not channels:
+    record = Recorded(base, nominal, samples, sampled, noise)
+    measured = measure_balances(record, views[0].windows), measure_sensors(record, views[1].windows)
+    if not any(measured):
         raise TableError(
             f"{series.source} must hold what a balance needs: distances of a moving body of known mass, the commanded "
             "voltage of a known circuit, or readings of a sensor that the model has; it holds "
             f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
         )
-    findings = (*series.findings, *samples.findings)
-    exact = _Exact(base, samples, [channel for _, channel in channels])
-    exact.found[1.0] = {channel.name: channel.predict(sampled) for channel in exact.channels}
-    return _with_scatter(_assembled(model, series, findings, views, channels, nominal, exact))
-
-
-@dataclass(frozen=True, eq=False)
-class _Exact:
-    """What the model predicts of each channel where its eddy currents decay so many times faster."""
-
-    model: ActuatorModel
-    samples: Samples
-    channels: Sequence[MeasuredChannel]
-    found: dict[float, Mapping[str, FloatArray]] = field(default_factory=dict)
-
-    def __call__(self, faster: float) -> Mapping[str, FloatArray]:
-        if faster not in self.found:
-            eddy = self.model.eddy
-            eddy = eddy and replace(eddy, resistances_ohm=faster * eddy.resistances_ohm)
-            if len(self.found) >= REMEMBERED:
-                self.found.pop(next(iter(self.found)))
-            sampled = sample_field(replace(self.model, eddy=eddy), self.samples)
-            self.found[faster] = {channel.name: channel.predict(sampled) for channel in self.channels}
-        return self.found[faster]
+    return _with_scatter(_assembled(model, series, record, views, measured))
 
 
 def _assembled(
     model: ActuatorModel,
     series: TimeSeries,
-    findings: tuple[Finding, ...],
+    record: Recorded,
     views: tuple[View, View],
-    channels: list[tuple[View, MeasuredChannel]],
-    nominal: Nominal,
-    exact: Callable[[float], Mapping[str, FloatArray]],
+    measured: tuple[list[MeasuredChannel], list[MeasuredChannel]],
 ) -> Observations:
-    names = tuple(channel.name for _, channel in channels)
-    pieces = [np.flatnonzero(channel.valid) for _, channel in channels]
+    """The channels that were measured in both views, one after the other."""
+    channels, nominal = [*measured[0], *measured[1]], record.nominal
+    names = tuple(channel.name for channel in channels)
+    pieces = [np.flatnonzero(channel.valid) for channel in channels]
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
-    sigma = [float(np.median(c.sigma[piece])) for (_, c), piece in zip(channels, pieces, strict=True)]
-    scale = [
-        np.where(np.isfinite(usual), usual / c.sigma[piece], 1.0)
-        for usual, (_, c), piece in zip(sigma, channels, pieces, strict=True)
-    ]
+    sigma = [channel.sigma[piece] for channel, piece in zip(channels, pieces, strict=True)]
+    usual = [float(np.median(values)) for values in sigma]
+    scale = [np.where(np.isfinite(u), u / values, 1.0) for u, values in zip(usual, sigma, strict=True)]
     number = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
-    offset = [0 if view is views[0] else len(views[0].covariates) for view, _ in channels]
-
-    sides = zip(views, (model_balances, model_readings), strict=True)
+    offset = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
+    sides = zip(views, (model_balances, model_readings), measured, strict=True)
     prediction = _SeriesPrediction(
         model,
-        [(view, side) for view, side in sides if any(of is view for of, _ in channels)],
-        exact,
+        [(view, side) for view, side, of_view in sides if of_view],
+        record,
+        channels,
         dict(zip(names, pieces, strict=True)),
         dict(zip(names, scale, strict=True)),
     )
@@ -156,30 +125,30 @@ def _assembled(
         channels=names,
         channel=number,
         row=row,
-        value=prediction.stacked({c.name: c.measured for _, c in channels}),
+        value=prediction.stacked({channel.name: channel.measured for channel in channels}),
         covariates=covariates,
         given=(*series.given, *(shown[name] for name in names if name in shown)),
         prediction=InTheirRuns(prediction, covariates["run"].to_numpy(dtype=int)[row]),
         distance_slope=(change(present, step) - change(present, -step)) / (2.0 * step),
         distance_curvature=(change(present, step) - 2.0 * change(present) + change(present, -step)) / step**2,
         nominal=nominal,
-        declared_noise={name: s for name, s in zip(names, sigma, strict=True) if np.isfinite(s)},
+        declared_noise={name: s for name, s in zip(names, usual, strict=True) if np.isfinite(s)},
         tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
         setting_columns=np.zeros((len(number), 2)),
-        findings=findings,
+        findings=(*series.findings, *record.samples.findings),
         present=tuple(added.effect.name for added in present),
         noise_source="samples",
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _SeriesPrediction:
+class _SeriesPrediction(WithoutCache):
     """What a model predicts of a record's windows, as one vector: the exact balances, and what effects change."""
 
     model: ActuatorModel
     sides: Sequence[tuple[View, Side]]  # Those of which a channel was recorded
-    # Per channel, from every sample, without effects but that eddy currents decay so many times faster
-    exact: Callable[[float], Mapping[str, FloatArray]]
+    record: Recorded
+    channels: Sequence[MeasuredChannel]
     # Windows that count, and the factor that gives them one noise, per channel
     rows: Mapping[str, IntArray]
     scale: Mapping[str, FloatArray]
@@ -204,7 +173,21 @@ class _SeriesPrediction:
         together = (*self.model.effects, *effects)
         faster = prod(added.effect.eddy(added.parameters) for added in together if added.effect.eddy is not None)
         slow = tuple(added for added in together if added.effect.eddy is None)
-        return self.stacked(self.exact(faster)) + self.change(slow)
+        return self.exact(faster) + self.change(slow)
+
+    @cached_property
+    def exact(self) -> Callable[[float], FloatArray]:
+        """The model's side without effects, from every sample, where eddy currents decay so many times faster."""
+
+        @lru_cache(REMEMBERED)
+        def predicted(faster: float) -> FloatArray:
+            base, field = self.record.base, self.record.field
+            if base.eddy is not None and faster != 1.0:
+                eddy = replace(base.eddy, resistances_ohm=faster * base.eddy.resistances_ohm)
+                field = sample_field(replace(base, eddy=eddy), self.record.samples)
+            return self.stacked({channel.name: channel.predict(field) for channel in self.channels})
+
+        return predicted
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the windows as one vector, channel after channel."""
@@ -250,13 +233,10 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
 
 def _with_scatter(observations: Observations) -> Observations:
     """The noise of channels whose successive windows scatter more than their sensors' noise makes."""
-    patterns, residual = smooth_patterns(observations), observations.residual
     noise, findings = dict(observations.declared_noise), []
     order, run = observations.column("order"), observations.column("run")
     for c, name in enumerate(observations.channels):
-        here = np.flatnonzero(observations.channel == c)
-        basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
-        scatter = residual[here] - basis @ (basis.T @ residual[here])
+        here, scatter, basis = beside_patterns(observations, c)
         follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
         shown, declared = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
         if np.isfinite(shown) and not shown <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * declared:

@@ -14,14 +14,14 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
-from femfit.core.sweep_columns import voltage_columns
+from femfit.core.sweep_columns import current_columns, voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
 from femfit.estimate.record import white_noise
 from femfit.estimate.record_checks import given_voltage
 from femfit.estimate.rests import Rest, Track, find_rests
 from femfit.identify.constants import EVEN, ON_STOP
 from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
-from femfit.identify.settings import current_names, currents_in, leading_current
+from femfit.identify.settings import currents_in, leading_current
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensors_of
@@ -65,7 +65,7 @@ class Samples:
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     """Take the samples that a model can explain: voltages as the clamp passes them, no Hall voltage at its limits."""
-    currents, commands = current_names(model) or ("current_A",), tuple(voltage_columns(model.circuit_names))
+    currents, commands = tuple(current_columns(model.current_names)), tuple(voltage_columns(model.circuit_names))
     needed = (*currents, "distance_m") if model.has_winding else ("distance_m",)
     missing = [name for name in needed if name not in series.given]
     if missing:

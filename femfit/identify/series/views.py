@@ -135,7 +135,6 @@ def _covariates(
     return pd.DataFrame(
         {
             "run": run,
-            "run_label": np.asarray(labels)[run],
             "mount": run,
             "distance_m": _path(samples, mean),
             "current_A": current,
