@@ -23,6 +23,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.plant import Plant
 from femfit.targets.estimator import rendered, words_of, write_directory
+from femfit.targets.splined import splined
 
 Real = Literal["double", "float"]
 
@@ -70,7 +71,8 @@ def export_c(
     Returns
     -------
     tuple of (paths, float or None)
-        The files, and by how much the distance in m differs in single precision along a simulated motion.
+        The files, and by how much the distance in m differs in single precision along a simulated motion, from that
+        of the model as it is: in single precision a co-energy that effects change is splines where these are less work.
 
     Raises
     ------
@@ -88,8 +90,13 @@ def export_c(
             f"Names of sensors must differ in more than case and signs to be names in C; instead received "
             f"{', '.join(words['sensors'])}. Rename one in the model file."
         )
-    difference = _single_precision(model, words, kind, sensors) if real == "float" else None
-    texts = _texts(model, words, kind, real, sensors, difference)
+    light, change, difference = model, 0.0, None
+    words |= {"difference": "", "change": ""}
+    if real == "float":
+        light, change = splined(model)
+        difference = _single_precision({"double": model, "float": light}, words, kind, sensors)
+        words |= {"difference": difference and amount(difference, "m"), "change": change and f"{change:.1g}"}
+    texts = _texts(light, words, kind, real, sensors)
     return write_directory(model, directory, texts, "femfit_model.h"), difference
 
 
@@ -99,7 +106,6 @@ def _texts(
     kind: FilterKind,
     real: Real,
     sensors: Sequence[str] | None,
-    difference: float | None = None,
 ) -> dict[str, str]:
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
@@ -121,7 +127,6 @@ def _texts(
         "matrix": "covariance" if kind == "ekf" else "factor",
         "first_values": _listed(words["first"], real),
         "first_states": ", ".join(words["states"][: len(words["first"])]),
-        "difference": "" if difference is None else amount(difference, "m"),
         "memory_kB": f"{1e-3 * size * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
         **sizes,
     }
@@ -163,19 +168,22 @@ def _listed(values: Any, real: Real) -> str:
     return ", ".join(f"{x!r}{suffix}" if "e" in repr(x) or "." in repr(x) else f"{x!r}.0{suffix}" for x in numbers)
 
 
-def _single_precision(model: ActuatorModel, words: dict[str, Any], kind: FilterKind, sensors: Any) -> float | None:
+def _single_precision(
+    models: dict[Real, ActuatorModel], words: dict[str, Any], kind: FilterKind, sensors: Any
+) -> float | None:
     """By how much the distance in single precision differs from that in double, along a motion of the simulator.
 
-    Both programs are compiled and follow the same record; None without a compiler.
+    The program of each precision has a model of its own. Both are compiled and follow the same record; None without a
+    compiler.
     """
     compiler = shutil.which("cc")
     if compiler is None:
         return None
     with TemporaryDirectory() as place:
         record = Path(place) / "record.csv"
-        _write_motion(model, words, record)
+        _write_motion(models["double"], words, record)
         followed = []
-        for real in ("double", "float"):
+        for real, model in models.items():
             directory = Path(place) / real
             directory.mkdir()
             for name, text in _texts(model, words, kind, real, sensors).items():
