@@ -172,7 +172,9 @@ _POWERS = (1, 3, 6)
 
 def _coenergy_of_position_dependent_inductance(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
     nominal = at.nominal
-    nearness = nominal.distance_min_m / at.d
+    # Of distances of nought and less, where no face is: from one travel behind the nearest
+    behind = 0.0 if nominal.distance_min_m > 0.0 else nominal.travel_m - nominal.distance_min_m
+    nearness = (nominal.distance_min_m + behind) / (at.d + behind)
     increase = nominal.inductance_H * sum(p[f"increase_{power}"] * nearness**power for power in _POWERS)
     current = at.i
     if np.isfinite(nominal.hall_T_per_A):
@@ -197,7 +199,8 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
                 bounds=(-0.5, 5.0),
                 plausible=(-0.05, 0.5),
                 description="Increase of the inductance at the smallest distance, as a part of the model's, falling "
-                f"with the power {power} of the distance.",
+                f"with the power {power} of the distance; where that may be 0 or less, counted from one travel behind "
+                "the nearest.",
                 scale="inductance_H",
             )
             for power in _POWERS

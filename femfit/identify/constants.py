@@ -322,3 +322,7 @@ REMAINDER_SIZES = 50
 
 HELPS = 9.0
 """Conventional: fall of the weighted error on runs left out from which a remainder is used (three deviations)."""
+
+NEAR_STEPS, WHOLE, LEAST_GAPS = 10.0, 0.05, 5
+"""Numerical: gaps between readings of up to so many steps are looked at, are whole to that part of a step, and must be
+so many for a step to be known."""

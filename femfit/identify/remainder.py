@@ -192,8 +192,10 @@ def learn(
     while len(chosen) < 2:
         with_field = COENERGY in {parts[k].kind for k in chosen}
         candidates = [k for k in range(len(parts)) if not chosen or (parts[k].kind == COENERGY) != with_field]
+        if not candidates:
+            break
         tries = [(*likeliest_root(linear, blocks[k], parts[k].roots), k) for k in candidates]
-        log_evidence, root, best = max(tries, key=lambda candidate: candidate[0], default=(-np.inf, basis, 0))
+        log_evidence, root, best = max(tries, key=lambda candidate: candidate[0])
         if log_evidence <= linear.log_evidence + PRICE:
             break
         chosen, roots = [*chosen, best], [*roots, root]

@@ -23,15 +23,18 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.estimate.constants import NORMAL_MEDIAN
-from femfit.estimate.record import converter_step
 from femfit.identify.constants import (
     AVERAGED_TO,
+    LEAST_GAPS,
     LEAST_REPEATS,
     MOST_DROPPED,
     MOST_ROWS,
+    NEAR_STEPS,
     SAME_LINE,
+    SAME_READING,
     SAME_SETTING,
     SHORT,
+    WHOLE,
 )
 from femfit.identify.observations import Observations, once_for_settings
 from femfit.identify.words import finding
@@ -135,6 +138,21 @@ def levels(x: FloatArray, share: float) -> FloatArray:
     return numbers
 
 
+def quantisation_step(values: FloatArray) -> float:
+    """The step that readings are rounded to: their smallest distance, where nearly equal ones are whole steps apart.
+
+    0 where there is none: five gaps of one to ten steps are whole by chance, to a twentieth, once in 1e5 channels.
+    """
+    gaps = np.diff(np.unique(values))
+    gaps = gaps[gaps > SAME_READING * float(np.abs(values).max(initial=0.0))]
+    if not len(gaps):
+        return 0.0
+    steps = gaps / gaps.min()
+    near = steps[(steps > 1.5) & (steps < NEAR_STEPS)]
+    is_whole = np.abs(near - np.round(near)) < WHOLE
+    return float(gaps.min()) if len(near) >= LEAST_GAPS and is_whole.all() else 0.0
+
+
 def averaged(
     table: BenchTable, currents: Sequence[str], residuals: Callable[[BenchTable], Mapping[str, FloatArray]]
 ) -> BenchTable:
@@ -165,7 +183,7 @@ def averaged(
     known = {}
     for name, values in residual.items():  # halves may round to the same
         sigma = noise_of_means(values, number, count * kept)
-        step = converter_step(table.rows[name].to_numpy())
+        step = quantisation_step(table.rows[name].to_numpy())
         if np.isfinite(sigma) and max(sigma, step) > 0.0:
             known[name] = max(sigma, float(step / np.sqrt(12.0 * usual)))
     told = finding(

@@ -35,8 +35,9 @@ from femfit.identify.plan import (
     separation,
 )
 from femfit.identify.plausible import plausible_table
-from femfit.identify.refit import Refit, starting_point
+from femfit.identify.refit import Refit, Start, starting_point
 from femfit.identify.settings import currents_in, with_currents
+from femfit.identify.signatures import columns_at
 from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -192,7 +193,9 @@ def _joint_distances(
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
         predicted = whitening.with_values(observations.predict(truth.effects))
-        return separation(predicted, [starting_point(predicted, [added.effect for added in rival.effects])])
+        fitted = [variant for added in rival.effects for variant in columns_at(added, observations)]
+        starts = [starting_point(predicted, [added.effect for added in rival.effects])]
+        return separation(predicted, [*starts, Start.at_null(fitted, predicted)])
 
     result: list[float | None] = []
     for a, b in pairs:

@@ -44,7 +44,7 @@ def distance_inverse(model: ActuatorModel, name: str) -> Inverse:
     """The inversion of the characteristic of a sensor of this name, prepared once a model.
 
     A distance is at the nearer edge of the validity domain where the reading lies outside of what it reads there, and
-    NaN where reading or current are no numbers.
+    NaN where the reading, or the current that it depends on, is no number.
 
     Raises
     ------

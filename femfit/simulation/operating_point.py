@@ -10,13 +10,14 @@ S = F_d - F_0' < 0 makes the point unstable: the mechanical pole without back-EM
 References
 ----------
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 5.1.
+C. F. Van Loan, IEEE Trans. Automat. Contr. 23 (1978) 395, for the matrix exponential of (A, B).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import brentq
 
 from femfit.core.errors import DomainError
@@ -126,6 +127,20 @@ def usable_coil_pole(model: ActuatorModel, point: OperatingPoint) -> float:
         for circuit in model.circuits
     ]
     return float(min(*poles, usable))
+
+
+def zero_order_hold(A: FloatArray, B: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Discretise x' = A x + B u with u held: exp of [[A, B], [0, 0]].
+
+    Parameters
+    ----------
+    B : array, shape (n,) or (n, inputs)
+    """
+    n, columns = len(B), B.reshape(len(B), -1)
+    M = np.zeros((n + columns.shape[1],) * 2)
+    M[:n, :n], M[:n, n:] = A * step, columns * step
+    result = expm(M)
+    return result[:n, :n], result[:n, n:].reshape(B.shape)
 
 
 def solve_riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:

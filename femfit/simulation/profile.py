@@ -18,7 +18,8 @@ from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.feed import Winding
 from femfit.simulation.words import sentence
-from femfit.tables.reading import NO_WORDS, Wants, read_columns, read_raw_table
+from femfit.tables.columns import UsedColumn, column_values, match_column
+from femfit.tables.reading import read_raw_table
 
 Interpolation = Literal["held", "linear"]
 
@@ -123,25 +124,32 @@ def read_profiles(
     TableError
         If there is no such table, or it has not these columns.
     """
+    path = Path(path)
+    raw = read_raw_table(path)
     pairs = list(zip(circuits, voltage_columns(circuits), circuit_currents(circuits), strict=True))
     columns = ("time_s", *(column for _, *both in pairs for column in both))
-    wants = Wants("drive table", columns, ("time_s",), ("voltage_V", "current_A"))
-    rows = read_columns(read_raw_table(Path(path)), wants, NO_WORDS).rows
-    for _, voltage, current in pairs:
-        if {voltage, current} <= set(rows):
-            raise TableError(f"{path} must have one of {voltage} and {current}, and has both. Leave one of them out.")
-    commands: list[tuple[str, str, Literal["voltage", "current"]]] = []
-    for name, voltage, current in pairs:
-        commands += [(name, voltage, "voltage"), (name, current, "current")]
-    time = rows["time_s"].to_numpy()
+    used: dict[str, UsedColumn] = {}
+    for header in raw.headers:
+        column = match_column(header, columns)
+        if column is not None and column.name not in used:
+            used[column.name] = column
+    commands = {name: [column for column in both if column in used] for name, *both in pairs}
+    if "time_s" not in used or not any(commands.values()) or any(len(both) > 1 for both in commands.values()):
+        each = " or ".join(f"one of {voltage} and {current}" for _, voltage, current in pairs)
+        raise TableError(
+            f"{path} must have a column time_s and {each}; its columns are {', '.join(raw.headers)}. Name them so, and "
+            "leave one of two for the same circuit out."
+        )
+    values, _ = column_values(raw, list(used.values()))
+    profiles: dict[str, Profile] = {}
     try:
-        return {
-            name: Profile(kind, time, rows[column].to_numpy(), interpolation)
-            for name, column, kind in commands
-            if column in rows
-        }
+        for name, commanded in commands.items():
+            for command in commanded:
+                kind: Literal["voltage", "current"] = "voltage" if command.startswith("voltage") else "current"
+                profiles[name] = Profile(kind, values["time_s"].to_numpy(), values[command].to_numpy(), interpolation)
     except TableError as error:
         raise TableError(f"{path}: {error}") from error
+    return profiles
 
 
 Value = TypeVar("Value")

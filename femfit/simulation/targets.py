@@ -19,7 +19,6 @@ from itertools import pairwise
 from typing import NoReturn
 
 import numpy as np
-from scipy.signal import cont2discrete
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
@@ -36,7 +35,7 @@ from femfit.simulation.allocation import (
     force_range,
 )
 from femfit.simulation.constants import FOLLOWED_PART, REFERENCE_PART, USABLE_PART, USED_AUTHORITY
-from femfit.simulation.operating_point import operating_point, usable_coil_pole
+from femfit.simulation.operating_point import operating_point, usable_coil_pole, zero_order_hold
 
 
 def covered(model: ActuatorModel) -> ActuatorModel:
@@ -136,13 +135,13 @@ def reference_steps(
     Steps between them go through filters of ``rate`` rad/s.
     """
     A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(rate**3), -3.0 * rate**2, -3.0 * rate]])
-    phi, gamma, *_ = cont2discrete((A, np.array([[0.0], [0.0], [rate**3]]), np.eye(3), np.zeros((3, 1))), sample_time)
+    phi, gamma = zero_order_hold(A, np.array([0.0, 0.0, rate**3]), sample_time)
     target = np.asarray(targets)[np.arange(steps) * len(targets) // steps]
     states = np.empty((steps, 3))
     state = np.array([targets[0], 0.0, 0.0])
     for k in range(steps):
         states[k] = state
-        state = phi @ state + gamma[:, 0] * target[k]
+        state = phi @ state + gamma * target[k]
     return states[:, 0], states[:, 1], states[:, 2]
 
 

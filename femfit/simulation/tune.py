@@ -17,7 +17,6 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from scipy.signal import cont2discrete
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
@@ -36,7 +35,7 @@ from femfit.simulation.linear_loop import (
 )
 from femfit.simulation.margins import FREQUENCIES, Margins, margins, worst_of
 from femfit.simulation.observers import DirectObserver
-from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole
+from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole, zero_order_hold
 from femfit.simulation.sensor import LoopSensor
 from femfit.simulation.state_feedback import StateFeedback, pattern_search, regulator
 
@@ -268,9 +267,9 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
             f"{coil:.4g} rad/s, the body's unstable pole {unstable:.4g} rad/s. Use backstepping or state feedback, "
             "which feed back the current, or a coil with less inductance."
         )
-    phi, gamma, *_ = cont2discrete((A, B[:, None], np.eye(3), np.zeros((3, 1))), step)
+    phi, gamma = zero_order_hold(A, B, step)
     a = np.poly(phi).real
-    c = np.poly(phi - np.outer(gamma[:, 0], [1.0, 0.0, 0.0])).real - a  # c(z) of distance/command, order 2
+    c = np.poly(phi - np.outer(gamma, [1.0, 0.0, 0.0])).real - a  # c(z) of distance/command, order 2
     integrated = np.polymul(a, [1.0, -1.0])
     wanted = np.poly(np.full(4, np.exp(-w * step)))
     columns = np.zeros((5, 5))

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
-from femfit.estimate.record import converter_step
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.constants import GUESS_WIDER
@@ -15,6 +14,7 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.scatter import guessed_noise
 from femfit.identify.noise.whitening import Whitening, stops
+from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign
 
 
@@ -218,8 +218,9 @@ def test_a_channel_that_no_distance_changes_has_neither_mounts_nor_stops(levitat
 def test_readings_that_were_not_rounded_have_no_step():
     rng = np.random.default_rng(2)
     settings = np.repeat(rng.normal(size=40), 5)  # settings that repeat exactly are no converter's steps
-    for values in (rng.normal(size=1000), settings, np.ones(30), np.zeros(0), np.array([1.0, 2.0])):
-        assert converter_step(values) == 0.0
+    even = np.tile(2.75 * np.linspace(0.0, 1.4, 8), 12)  # nor are readings in step with settings evenly apart
+    for values in (rng.normal(size=1000), settings, even, np.ones(30), np.zeros(0), np.array([1.0, 2.0])):
+        assert quantisation_step(values) == 0.0
 
 
 def test_a_converter_coarser_than_the_noise_bounds_it(levitation_model):

@@ -180,5 +180,5 @@ def test_a_profile_is_read_held_or_interpolated(tmp_path):
 def test_a_profile_without_a_time_or_with_two_commands_is_refused(tmp_path, columns):
     path = tmp_path / "drive.csv"
     path.write_text(f"{columns}\n" + "\n".join(",".join([str(k)] * len(columns.split(","))) for k in range(3)))
-    with pytest.raises(TableError, match=r"time_s|voltage_V and current_A"):
+    with pytest.raises(TableError, match="time_s"):
         read_profiles(path)

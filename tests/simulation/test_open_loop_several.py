@@ -131,7 +131,7 @@ def test_a_table_commands_each_circuit_by_its_column(bearing, tmp_path):
     assert motion.end_s == 0.004
     assert len(open_loop_figure(motion).axes) == 5
     path.write_text("time_s,voltage_lower_V,current_lower_A\n0,1,0.5\n")
-    with pytest.raises(TableError, match="voltage_lower_V"):
+    with pytest.raises(TableError, match="voltage_upper_V"):
         read_profiles(path, ("lower", "upper"))
 
 

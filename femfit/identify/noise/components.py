@@ -12,7 +12,6 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.record import converter_step
 from femfit.identify.constants import (
     EXACT,
     LEAST_REPEATS,
@@ -34,6 +33,7 @@ from femfit.identify.noise.scatter import (
 )
 from femfit.identify.noise.whitening import NoiseModel, random_effects
 from femfit.identify.observations import Observations
+from femfit.identify.settings import quantisation_step
 from femfit.tables.measurement import OF_RUNS
 
 
@@ -158,7 +158,7 @@ def _variances(
     result[used], wide[used] = np.sqrt(variance), np.sqrt(np.maximum(tests, variance))
     sigma[judged] = np.sqrt(estimate.variance[u:])
     for c in judged:
-        step = converter_step(observations.value[observations.channel == c])
+        step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(sigma[c], step / np.sqrt(12.0))
     taken = bool(0 in used and assumed[0] and distance_m is None)
     return sigma, {

@@ -21,7 +21,6 @@ from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.estimate.constants import NORMAL_MEDIAN
-from femfit.estimate.record import converter_step
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
@@ -41,7 +40,7 @@ from femfit.identify.noise.whitening import (
 )
 from femfit.identify.observations import Observations, once_for_settings
 from femfit.identify.patterns import drift_patterns, smooth_patterns
-from femfit.identify.settings import levels, setting_cells
+from femfit.identify.settings import levels, quantisation_step, setting_cells
 
 
 @once_for_settings
@@ -149,7 +148,7 @@ def known_scatter(observations: Observations, c: int, constant: bool) -> Scatter
     """What repeats and a declaration say of a channel's noise."""
     declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
-    least = converter_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
+    least = quantisation_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
     design = None if constant else _design_of_repeats(observations, c)
     if design is None:
         if constant and not np.isfinite(declared) and least > 0.0:  # coarser than its noise: rounding is left
