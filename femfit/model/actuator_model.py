@@ -32,6 +32,9 @@ from femfit.model.validity import ActuatorKind, FiledBox, Misfit, ProcessNoise, 
 Part = TypeVar("Part")
 Values = TypeVar("Values", FloatArray, ComplexArray)
 
+STRONGER = 1.05
+"""Chosen: ratio of forces from which the other sign of currents is preferred; fits of steel make signs differ less."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ActuatorModel(Printed):
@@ -304,8 +307,15 @@ class ActuatorModel(Printed):
         return float(currents[np.argmin(self.magnetics.force(d, i[..., None]).mean(axis=1))])
 
     def attracting_range(self, low: float, high: float) -> tuple[float, float]:
-        """The part of a range of currents in A over which the force grows with the current."""
-        return (self.weakest_current_A, high) if low < self.weakest_current_A < high else (low, high)
+        """The part of a range of currents in A over which the force grows with the current, or with its magnitude.
+
+        Where either sign attracts, it is the positive one, unless the other attracts more by :data:`STRONGER`.
+        """
+        weakest = self.weakest_current_A
+        if not low < weakest < high:
+            return low, high
+        below, above = (self.magnetics.force(self.validity.grid(41, 1)[0], np.array([i])).mean() for i in (low, high))
+        return (low, weakest) if below > STRONGER * above else (weakest, high)
 
     @property
     def eddy_names(self) -> tuple[str, ...]:

@@ -10,14 +10,17 @@ from scipy.stats import chi2
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import central_differences
+from femfit.device.mechanics import Mechanics, Spring
 from femfit.estimate.holding import holding_current
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise, consistency_band, default_noise, process_covariance, unstable_pole
 from femfit.estimate.process import Output, cholesky
 from femfit.simulation.observers import distance_inverse
+from support.added_effects import under_effects
 from support.one_current import flat
 from support.readings import initial_covariance
+from support.solenoids import solenoid
 from support.steps import runge_kutta_step
 
 RANDOM = np.random.default_rng(8)
@@ -151,6 +154,19 @@ def test_errors_and_innovations_lie_in_their_bands_while_the_current_of_a_coil_i
         nis[k] = state.normalised_innovation_squared
     assert consistency_band(nis.size, 0.99).contains(nis.mean())
     assert errors_are_as_large_as_said(state, truth)
+
+
+def test_a_body_is_held_by_currents_of_the_sign_that_attracts_more():
+    sprung = solenoid(Mechanics(0.025, 0.0, springs=(Spring(200.0, 0.1, 4e-3),)))
+    forwards, backwards = (under_effects(sprung, ("core_remanence", {"mmf": mmf})) for mmf in (0.3, -0.3))
+    assert holding_current(forwards, 1e-3) == pytest.approx(-holding_current(backwards, 1e-3), rel=1e-6)
+    # Where the sign that adds to what the iron keeps holds alone
+    heavy = replace(backwards, motion=replace(backwards.motion, load_N=15.0))
+    held = holding_current(heavy, 1e-3)
+    assert held < backwards.weakest_current_A
+    needed = heavy.motion.static_force(np.asarray(1e-3))
+    assert heavy.force(1e-3, held) == pytest.approx(float(needed), rel=1e-9)
+    assert heavy.force(1e-3, 2.0) < needed
 
 
 @pytest.mark.parametrize("samples", [60, 200, 4000])
