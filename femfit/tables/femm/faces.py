@@ -16,7 +16,8 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree, box
 
-from femfit.tables.femm.model import FemLabel, FemLine, FemMaterial, FemModel, Notes
+from femfit.device.outlines import arc_circle, arc_points
+from femfit.tables.femm.model import Direction, FemLabel, FemLine, FemMaterial, FemModel, Notes
 from femfit.tables.femm.parse import DIGITS
 
 GRID = 10.0**-DIGITS
@@ -42,11 +43,17 @@ class FemFace:
 
 @dataclass(frozen=True)
 class FemPiece:
-    """A connected piece of one material, in the file's coordinates in mm."""
+    """A connected piece of one material, in the file's coordinates in mm; a part may have holes."""
 
     polygon: Polygon
-    material: FemMaterial
     labels: tuple[FemLabel, ...]
+    direction: Direction | None = None  # Of a magnet
+    turns: float = 0.0  # Of a winding by its section; negative where it is wound the other way
+
+    @property
+    def material(self) -> FemMaterial:
+        """Material of its blocks."""
+        return self.labels[0].material
 
     @property
     def group(self) -> int:
@@ -74,13 +81,11 @@ def is_straight(line: FemLine) -> bool:
 
 def chords(line: FemLine) -> list[tuple[float, float]]:
     """The corners of a segment or arc in mm, both ends included."""
-    start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
+    start, end = (line.start.r, line.start.z), (line.end.r, line.end.z)
     if is_straight(line):
-        return [(start.real, start.imag), (end.real, end.imag)]
-    arc, count = _arc(line), math.ceil(line.angle / LARGEST_CHORD_DEG - 1e-9)
-    turned = arc.centre + (start - arc.centre) * np.exp(1j * arc.span * np.arange(1, count) / count)
-    inner = [(round(point.real, DIGITS), round(point.imag, DIGITS)) for point in turned.tolist()]
-    return [(start.real, start.imag), *inner, (end.real, end.imag)]
+        return [start, end]
+    inner = arc_points(start, end, _bulge(line), math.radians(LARGEST_CHORD_DEG))
+    return [start, *((round(r, DIGITS), round(z, DIGITS)) for r, z in inner), end]
 
 
 def find_faces(model: FemModel, notes: Notes) -> tuple[FemFace, ...]:
@@ -221,7 +226,10 @@ def _chorded(arcs: Sequence[_Arc], start: complex, end: complex) -> _Arc | None:
 
 
 def _arc(line: FemLine) -> _Arc:
-    start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
-    half = math.radians(line.angle) / 2.0
-    centre = (start + end) / 2.0 + 1j * (end - start) / 2.0 / math.tan(half)
-    return _Arc(centre, abs(start - centre), cmath.phase(start - centre), 2.0 * half)
+    start = (line.start.r, line.start.z)
+    centre, radius = arc_circle(start, (line.end.r, line.end.z), _bulge(line))
+    return _Arc(complex(*centre), radius, cmath.phase(complex(*start) - complex(*centre)), math.radians(line.angle))
+
+
+def _bulge(line: FemLine) -> float:
+    return math.tan(math.radians(line.angle) / 4.0)

@@ -27,27 +27,20 @@ from femfit.tables.femm.model import (
 )
 
 
-@dataclass(frozen=True)
-class FemPart(FemPiece):
-    """A connected piece of one material, magnetization and group; it may have holes."""
-
-    direction: Direction | None
-
-
 def volume_mm3(polygon: Polygon) -> float:
     """Of a body of revolution, 2 pi r A (Pappus)."""
     return float(2.0 * math.pi * polygon.centroid.x * polygon.area)
 
 
-def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPart, ...]:
+def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPiece, ...]:
     """Join faces that touch and have material, magnetization and group in common."""
     kinds: dict[tuple[FemMaterial, Direction | None, int], list[FemFace]] = {}
     for face in sorted(faces, key=lambda face: face.label.number):
         kinds.setdefault((face.label.material, magnet_direction(face.label), face.label.group), []).append(face)
     parts = []
-    for (material, direction, _), alike in kinds.items():
+    for (_, direction, _), alike in kinds.items():
         for polygon, joined in connected_faces(alike):
-            parts.append(FemPart(polygon, material, tuple(face.label for face in joined), direction))
+            parts.append(FemPiece(polygon, tuple(face.label for face in joined), direction))
     return tuple(sorted(parts, key=lambda part: part.labels[0].number))
 
 
@@ -155,18 +148,11 @@ def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> None:
 
 
 @dataclass(frozen=True)
-class FemCoil(FemPiece):
-    """A winding by its section; negative turns are wound the other way."""
-
-    turns: float
-
-
-@dataclass(frozen=True)
 class FemWinding:
     """Coils in series, with the circuit that carries their current."""
 
     circuit: FemCircuit
-    coils: tuple[FemCoil, ...]
+    coils: tuple[FemPiece, ...]
 
     @property
     def sign(self) -> float:
@@ -214,10 +200,10 @@ def _chosen(faces: Sequence[FemFace], notes: Notes) -> list[FemCircuit]:
     return live
 
 
-def _coils(blocks: Sequence[FemFace]) -> tuple[FemCoil, ...]:
+def _coils(blocks: Sequence[FemFace]) -> tuple[FemPiece, ...]:
     """A coil a block, or several where it is wound around something."""
     return tuple(
-        FemCoil(polygon, block.label.material, (block.label,), block.label.turns * polygon.area / block.polygon.area)
+        FemPiece(polygon, (block.label,), turns=block.label.turns * polygon.area / block.polygon.area)
         for block in sorted(blocks, key=lambda block: block.label.number)
         for polygon in without_holes(block.polygon)
     )
