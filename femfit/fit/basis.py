@@ -37,11 +37,12 @@ def misfit_by_currents(columns: FloatArray, values: FloatArray, distance: FloatA
 
 @dataclass(frozen=True, eq=False)
 class CurrentSplines:
-    """Products of one spline in each current; without a magnet those sums of them that are even, and 0 at 0."""
+    """Products of one spline in each current, or sums of them alone."""
 
     knots: tuple[FloatArray, ...]
     degrees: tuple[int, ...]
-    even: bool = False
+    even: bool = False  # Without a magnet: those sums that are even, and 0 at 0
+    separate: bool = False  # Of lines: those sums that are a line in each current by itself
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -57,7 +58,7 @@ class CurrentSplines:
     def count(self) -> int:
         """How many sums are free."""
         size = int(np.prod(self.shape))
-        return (size - 1) // 2 if self.even else size
+        return 1 + len(self.knots) if self.separate else (size - 1) // 2 if self.even else size
 
     @property
     def constant(self) -> bool:
@@ -66,24 +67,28 @@ class CurrentSplines:
 
     @cached_property
     def products(self) -> FloatArray:
-        """Each even sum's coefficients of the products, (products, count)."""
+        """Each sum's coefficients of the products, (products, count)."""
+        if self.separate:  # a line's coefficients are its values at the ends
+            ends = np.meshgrid(*(knots[[0, -1]] for knots in self.knots), indexing="ij")
+            return np.stack([np.ones(self.shape), *ends], axis=-1).reshape(-1, self.count)
         pairs = np.eye(int(np.prod(self.shape)))[:, : self.count]  # those in the middle follow from W'(d, 0) = 0
+        if not self.even:
+            return pairs
         pairs = pairs + pairs[::-1]
         return np.asarray(pairs - self._all(np.zeros((1, len(self.knots)))) @ pairs)
 
     def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
         """Each function at currents (rows, n), differentiated once along each circuit named; (rows, count)."""
-        columns = self._all(currents, *circuits)
-        return np.asarray(columns @ self.products) if self.even else columns
+        return np.asarray(self._all(currents, *circuits) @ self.products)
 
     def table(self, coefficients: FloatArray) -> FloatArray:
         """Coefficients (functions of u, count) as those of the products, (functions of u, functions of i_1, ..)."""
-        all_products = coefficients @ self.products.T if self.even else coefficients
-        return all_products.reshape(-1, *self.shape)
+        return np.asarray(coefficients @ self.products.T).reshape(-1, *self.shape)
 
     def _all(self, currents: FloatArray, *circuits: int) -> FloatArray:
         axes = enumerate(zip(self.knots, self.degrees, strict=True))
-        return row_products(*(basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes))
+        splines = (basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes)
+        return row_products(np.ones((len(currents), 1)), *splines)
 
     def roughness(self) -> FloatArray:
         """Sums of the coefficients that are penalised, (penalties, count).
@@ -97,8 +102,7 @@ class CurrentSplines:
             parts = [_differences(knots, order.get(k, 0)) for k, knots in enumerate(self.knots)]
             weight = 1.0 if len(order) == 2 else ALONE
             blocks.append(weight * reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
-        rough = np.concatenate(blocks)
-        return np.asarray(rough @ self.products) if self.even else rough
+        return np.asarray(np.concatenate(blocks) @ self.products)
 
 
 def _differences(knots: FloatArray, order: int) -> FloatArray:

@@ -14,6 +14,7 @@ from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import listing
 from femfit.core.text import amount
 from femfit.fit.basis import CoenergyBasis, CurrentProducts, CurrentSplines, clamped_knots, misfit_by_currents
+from femfit.fit.coenergy import splines_of_current
 from femfit.fit.coenergy_choice import best_along_distance
 from femfit.fit.coenergy_system import CoenergySystem, Projection, coenergy_system, flux_scale
 from femfit.fit.constants import (
@@ -118,8 +119,7 @@ def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
 
 def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> CoenergyTensor:
     """The model's magnetics; with a magnet W' is counted from zero current at the farthest distance."""
-    functions = basis.functions
-    assert isinstance(functions, CurrentSplines)  # noqa: S101  of iron that saturates
+    functions = splines_of_current(basis)
 
     def tensor(table: FloatArray) -> CoenergyTensor:
         axes = tuple(map(CircuitAxis, rows.names, functions.knots, functions.degrees))
