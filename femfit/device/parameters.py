@@ -22,7 +22,6 @@ from femfit.device.complaints import complain, did_you_mean, joined, read_table,
 from femfit.device.drawing import coil_tables
 from femfit.device.file_numbers import Location, with_value
 from femfit.device.keys import SI_UNITS, Key, decimal_sum, keys_of, scaled, unit_of
-from femfit.device.parts import SweepAxes
 from femfit.device.schema import (
     MAX_AXIS_POINTS,
     MAX_FREQUENCIES,
@@ -39,19 +38,6 @@ MIN_DISTANCE = 1e-3
 CURRENT, DISTANCE = (keys_of(SweepEntry)[name] for name in ("current_A", "distance_mm"))
 _DIGITS = 9
 """Significant digits of a frequency between the ends of a range, the same on every machine."""
-
-
-@dataclass(frozen=True)
-class FileAxes:
-    """The axes in the file's units; empty where they are unusable."""
-
-    currents_A: tuple[tuple[float, ...], ...]  # One axis a circuit
-    distances_mm: tuple[float, ...]
-
-    def in_si(self) -> SweepAxes:
-        """The sweep's grid; an actuator without a circuit has the one current of zero."""
-        first, *others_A = self.currents_A or ((0.0,),)
-        return SweepAxes(first, tuple(scaled(d) for d in self.distances_mm), tuple(others_A))
 
 
 def read_axis(key: Key, value: object, path: str, problems: list[str]) -> tuple[float, ...]:
@@ -107,11 +93,13 @@ def _by_decade(axis: FrequencyRangeEntry, path: str, problems: list[str]) -> tup
     return (axis.start, *(float(f"{value:.{_DIGITS}g}") for value in between), axis.stop)
 
 
-def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> FileAxes:
-    """The axes of a file with these circuits."""
+def read_axes(
+    data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]
+) -> tuple[list[tuple[float, ...]], tuple[float, ...]]:
+    """The currents in A of each of these circuits, and the distances in mm; empty where they are unusable."""
     sweep = data.get("sweep")
     if not isinstance(sweep, dict):
-        return FileAxes((), ())
+        return [], ()
     currents, without = sweep.get("current_A"), not any(coil_tables(data))
     read_table(SweepEntry, sweep, "sweep", problems)
     axes, each = [], isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
@@ -129,7 +117,7 @@ def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[s
         distances_mm = read_axis(DISTANCE, sweep["distance_mm"], "sweep.distance_mm", problems)
     if distances_mm and distances_mm[0] < MIN_DISTANCE and data.get("schema") == 1:
         complain(problems, "no_gap", start=distances_mm[0], least=MIN_DISTANCE)
-    return FileAxes(tuple(axes), distances_mm)
+    return axes, distances_mm
 
 
 def _by_circuit(currents: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> list[tuple[float, ...]]:
