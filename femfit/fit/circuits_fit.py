@@ -68,7 +68,7 @@ def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
         if projection is None:
             continue
         magnetics = _tensor(basis, projection, rows)
-        indefinite.append(_indefinite(magnetics, rows, axes))
+        indefinite.append(_indefinite(magnetics, *_between_rows(rows, axes)))
         if not indefinite[-1]:
             return magnetics, projection
     if not indefinite:
@@ -77,9 +77,8 @@ def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
             "currents at every distance."
         )
     raise FitError(
-        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. Sweep more currents, "
-        "where the iron begins to saturate above all, in every combination; windings on one core may have to be fitted "
-        "one at a time."
+        f"{indefinite[0]} Sweep more currents, where the iron begins to saturate above all, in every combination; "
+        "windings on one core may have to be fitted one at a time."
     )
 
 
@@ -132,8 +131,8 @@ def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> Coen
     return tensor(table - tensor(table).coenergy(rows.distances[-1], origin))
 
 
-def _indefinite(magnetics: CoenergyTensor, rows: FitRows, axes: list[FloatArray]) -> str:
-    """Where at or between the rows the inductances are not positive definite; empty where they are everywhere."""
+def _between_rows(rows: FitRows, axes: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Distances and currents of the rows, and of the middles between them."""
     fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
     distance, *along = (point.ravel() for point in np.meshgrid(*fine, indexing="ij"))
     currents = np.stack(along, axis=-1)
@@ -144,14 +143,20 @@ def _indefinite(magnetics: CoenergyTensor, rows: FitRows, axes: list[FloatArray]
     judged = [
         not on or tuple(point) in swept for on, point in zip(grid, np.column_stack([distance, currents]), strict=True)
     ]
-    distance, currents = distance[judged], currents[judged]
+    return distance[judged], currents[judged]
+
+
+def _indefinite(magnetics: CoenergyMatrix | CoenergyTensor, distance: FloatArray, currents: FloatArray) -> str:
+    """Why the model cannot be: inductances that are not positive definite somewhere; empty where they all are."""
     least = np.linalg.eigvalsh(magnetics.inductance(distance, currents))[:, 0]
     worst = int(np.argmin(least))
     if least[worst] > 0.0:
         return ""
-    where = ", ".join(f"{i:.4g} A" for i in currents[worst])
-    value = amount(float(least[worst]), "H", 3)
-    return f"at {1e3 * distance[worst]:.4g} mm and {where} their least eigenvalue is {value}"
+    at_currents = f" and {', '.join(f'{i:.4g} A' for i in currents[worst])}" if currents.any() else ""
+    return (
+        f"The inductances of {', '.join(magnetics.names)} must be positive definite; at {1e3 * distance[worst]:.4g} mm"
+        f"{at_currents} their least eigenvalue is {amount(float(least[worst]), 'H', 3)}."
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +223,9 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
     coefficients = np.zeros((basis.shape[0], every.count))
     coefficients[:, (every.places[0] > 0) | rows.magnet] = projection.coefficients.reshape(basis.shape)
     magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.u_knots, U_DEGREE, coefficients)
-    _require_definite(magnetics, rows)
+    distances = np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)])
+    if indefinite := _indefinite(magnetics, distances, np.zeros((len(distances), len(rows.names)))):
+        raise FitError(f"{indefinite} Sweep more distances, or check the signs of the flux linkages.")
     return _judged(magnetics, projection, system)
 
 
@@ -287,16 +294,4 @@ def _require_agreement(fit: CircuitsFit) -> None:
         raise FitError(
             f"No co-energy meets force and flux linkages together: the best one misses them by {amount(worst, '')} of "
             "their rms. Sweep more distances; if it stays, a sign or a unit of these columns is wrong."
-        )
-
-
-def _require_definite(magnetics: CoenergyMatrix, rows: FitRows) -> None:
-    """Refuse inductances that would store a negative energy at some distance between the rows."""
-    d = np.unique(np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)]))
-    least = np.linalg.eigvalsh(magnetics.inductance(d, np.zeros((len(d), len(magnetics.names)))))[:, 0]
-    if not np.all(least > 0.0):
-        raise FitError(
-            f"The inductances of {', '.join(magnetics.names)} must be positive definite; at "
-            f"{1e3 * d[np.argmin(least)]:.4g} mm their least eigenvalue is {amount(float(least.min()), 'H', 3)}. Sweep "
-            "more distances, or check the signs of the flux linkages."
         )

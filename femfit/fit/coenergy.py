@@ -103,7 +103,7 @@ def _solve_with_shapes(
     while True:
         which = np.flatnonzero(chosen)
         labels = tuple(shapes.labels[n] for n in which)
-        imposed = Inequalities(shapes.matrix[which], shapes.right[which], labels) if len(which) else None
+        imposed = Inequalities(shapes.matrix[which], shapes.right[which], labels)
         qp = solve_bounded_qp(matrix, y, sigma, inequalities=imposed)
         if kinds == 0:
             return qp, ()

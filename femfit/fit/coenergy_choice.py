@@ -43,9 +43,15 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     """
     rows = system.rows
     currents = FEWEST_CURRENTS if rows.without_current else len(rows.currents)
-    check_grid(currents, len(rows.distances), _fewest_distances(rows))
+    fewest = U_DEGREE + 1 + (2 if rows.flux_linkage is None else 0)  # flux linkage gives W' itself beside its slope
+    if currents < FEWEST_CURRENTS or len(rows.distances) < fewest:
+        raise FitError(
+            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest} distances; instead received "
+            f"{counted(currents, 'current')} and {counted(len(rows.distances), 'distance')}. Sweep more "
+            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
+        )
     counts = [n for n in DISTANCE_CELLS if n <= MOST_CELLS or rows.inductance is None]
-    along = chain(*splines_along(rows.distances, counts, _fewest_distances(rows) - U_DEGREE - 1, following=True))
+    along = chain(*splines_along(rows.distances, counts, fewest - U_DEGREE - 1, following=True))
     in_distance: list[dict[str, Any]] = [{"coordinate": coordinate, "u_knots": knots} for coordinate, knots in along]
     in_current: list[dict[str, Any]] = [{"functions": functions} for functions in _current_trials(rows)]
     # A bend that is not resolved hides what the distances show
@@ -103,21 +109,6 @@ def smallest(
     allowed = max(nearly, min(float(np.max(errors / least)) for errors, _ in scored))
     errors, best = next(pair for pair in scored if np.max(pair[0] / least) <= (1.0 + ROUNDING) * allowed)
     return best, float(np.max(errors))
-
-
-def check_grid(currents: int, distances: int, fewest_distances: int = U_DEGREE + 1) -> None:
-    """Refuse a grid with fewer currents or distances than any co-energy needs, by a FitError."""
-    if currents < FEWEST_CURRENTS or distances < fewest_distances:
-        raise FitError(
-            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest_distances} distances; instead received "
-            f"{counted(currents, 'current')} and {counted(distances, 'distance')}. Sweep more "
-            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
-        )
-
-
-def _fewest_distances(rows: FitRows) -> int:
-    """Distances that a cell needs; flux linkage gives W' itself beside its slope, so that fewer will do."""
-    return U_DEGREE + 1 + (2 if rows.flux_linkage is None else 0)
 
 
 def _current_trials(rows: FitRows) -> list[CurrentSplines]:

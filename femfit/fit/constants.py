@@ -9,9 +9,6 @@ calibration behind it. *Numerical* bounds rounding or time. The solver's own tol
 FEWEST_ROWS, FEWEST_DISTANCES = 12, 4
 """Assumed: fewer rows, or distances, leave too little to check a fit by."""
 
-SAME_SETTING = 1e-6
-"""Numerical: settings of a grid that differ by less, as parts of the largest, are one: the fewest digits of a table."""
-
 FEWEST_CURRENTS = 3
 """Derived: a parabola in the current; of three currents one can be left out and a line be distinguished from it."""
 

@@ -75,7 +75,7 @@ class TermBounds:
     # A box, from currents at which a single term makes up the coefficient; shape (terms,)
     lower: FloatArray
     upper: FloatArray
-    inequalities: Inequalities | None
+    inequalities: Inequalities  # Perhaps none
     sides: tuple[str, ...]  # ``lower`` or ``upper`` for each inequality
 
     def solve(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> QPSolution:
@@ -89,18 +89,15 @@ class TermBounds:
     def active(self, solution: QPSolution) -> tuple[str, ...]:
         """The bounds that a solution stands on, in words."""
         box = [f"{name} on its {side} bound" for name, side in zip(self.names, solution.active, strict=True) if side]
-        if self.inequalities is None:
-            return tuple(box)
-        labels = self.inequalities.labels
-        return (*box, *(w for w, hit in zip(labels, solution.active_inequalities, strict=True) if hit))
+        labels = zip(self.inequalities.labels, solution.active_inequalities, strict=True)
+        return (*box, *(label for label, hit in labels if hit))
 
     def active_sides(self, solution: QPSolution) -> tuple[str, ...]:
         """For each term ``lower``, ``upper`` or empty: the side on which its coefficient is bound at any current."""
         sides = list(solution.active)
-        if self.inequalities is not None:
-            for row, side, hit in zip(self.inequalities.matrix, self.sides, solution.active_inequalities, strict=True):
-                for term in np.flatnonzero(row) if hit else ():
-                    sides[term] = sides[term] or side
+        for row, side, hit in zip(self.inequalities.matrix, self.sides, solution.active_inequalities, strict=True):
+            for term in np.flatnonzero(row) if hit else ():
+                sides[term] = sides[term] or side
         return tuple(sides)
 
 
@@ -137,7 +134,7 @@ def term_bounds(
                     words.append(f"{labels[k]} at {i:g} A on its {word} bound {limit:g}")
                     sides.append(word)
         start += len(powers)
-    inequalities = Inequalities(np.array(rows), np.array(right), tuple(words)) if rows else None
+    inequalities = Inequalities(np.reshape(rows, (-1, total)), np.array(right), tuple(words))
     names = (f"{labels[k]} i^{power}" for k, name in enumerate(functions) for power in FUNCTIONS[name])
     return TermBounds(tuple(names), lower, upper, inequalities, tuple(sides))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings, replacing, write_json
-from femfit.core.numerics import BoolArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Printed, listing
 from femfit.core.sweep_columns import VARIANT, is_current
 from femfit.core.text import counted, quoted
@@ -157,21 +157,17 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
 
-    from femfit.tables.raw_table import check_width, decoding  # noqa: PLC0415
-    from femfit.tables.table_file import is_container, parse_table  # noqa: PLC0415
+    from femfit.tables.raw_table import decoding  # noqa: PLC0415
+    from femfit.tables.table_file import parse_table  # noqa: PLC0415
     from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
     file = _table_file(path_of(path, "A sweep table"))
     with decoding(file, "a sweep table"):
         if file.suffix == ".parquet":
             rows = pd.read_parquet(file)
-        elif is_container(file):
+        else:
             raw = parse_table(file.read_bytes(), str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
             rows = raw.frame()
-        else:
-            with file.open("rb") as head:
-                check_width(head.readline().count(b",") + 1, str(file))
-            rows = pd.read_csv(file)
     manifest_file = file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     _check(rows, file, swept=manifest.get("kind") == "sweep")
@@ -197,9 +193,6 @@ def _table_file(path: Path) -> Path:
 
 
 def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
-    from pandas import to_numeric  # noqa: PLC0415
-    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
-
     currents = current_names(rows)
     required = (*(currents or REQUIRED[:1]), *REQUIRED[1:])
     missing = [name for name in required if name not in rows]
@@ -214,14 +207,26 @@ def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
     if usable.empty:
         raise TableError(f"Sweep table {file} has no row with status ok.")
     for name in required:
-        if not is_numeric_dtype(usable[name]):
-            texts = usable[name][to_numeric(usable[name], errors="coerce").isna()]
-            held = quoted((texts if len(texts) else usable[name]).iloc[0])
-            raise TableError(f"Column {name} of {file} must be numeric; it holds {held!r}.")
-        if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
-            raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
+        column_numbers(usable, name, f" of {file}")
     if not swept and (usable["distance_m"] <= 0).any():
         raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")
+
+
+def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatArray:
+    """A column as floats; an error where it has holes or text."""
+    from pandas import to_numeric  # noqa: PLC0415
+
+    values = to_numeric(rows[name], errors="coerce").to_numpy(dtype=np.float64)
+    texts = rows[name][np.isnan(values) & rows[name].notna()]
+    if len(texts):
+        raise TableError(f"Column {name}{source} must be numeric; it holds {quoted(texts.iloc[0])!r}.")
+    if not np.all(np.isfinite(values)):
+        where = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise TableError(
+            f"Column {name}{source} must hold finite numbers in every row with status ok; row {where + 1} holds "
+            f"{values[where]}. Remove the row, give it another status, or drop the column."
+        )
+    return values
 
 
 def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> SweepTable:
