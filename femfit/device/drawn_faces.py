@@ -153,17 +153,16 @@ def _place(axis: int, value: float, across: float) -> tuple[float, float]:
 def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
     """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
     place, height, radius = circle
-    path, body, name = (*part.path, "circle_mm"), part.body, part.name
-    size = f"{name}: radius of {radius:g} mm"
-    if abs(height - radius) < COINCIDENT:
-        top = place, height + radius
-        yield Face(1, radius, ((*path, 2), (*path, 1)), body, part=part.path, label=size, at=top)
-    else:
-        yield Face(1, radius, ((*path, 2),), body, part=part.path, label=size, at=(place, height + radius))
-        centre = f"{name}: centre at z = {height:g} mm"
-        yield Face(1, height, ((*path, 1),), body, part=part.path, label=centre, at=(place, height))
-    centre = f"{name}: centre at r = {place:g} mm"
-    yield Face(0, place, ((*path, 0),), body, part=part.path, label=centre, at=(place, height))
+
+    def face(axis: int, value: float, keys: tuple[int, ...], label: str, at: tuple[float, float]) -> Face:
+        locations = tuple((*part.path, "circle_mm", key) for key in keys)
+        return Face(axis, value, locations, part.body, part=part.path, label=f"{part.name}: {label}", at=at)
+
+    stands = abs(height - radius) < COINCIDENT
+    yield face(1, radius, (2, 1) if stands else (2,), f"radius of {radius:g} mm", (place, height + radius))
+    if not stands:
+        yield face(1, height, (1,), f"centre at z = {height:g} mm", (place, height))
+    yield face(0, place, (0,), f"centre at r = {place:g} mm", (place, height))
 
 
 def _of_outline(

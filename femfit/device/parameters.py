@@ -41,27 +41,19 @@ _DIGITS = 9
 
 
 def read_axis(key: Key, value: object, path: str, problems: list[str]) -> tuple[float, ...]:
-    """The ascending values of a key that are given as a list, or as a table of equal steps; none if unusable."""
+    """The ascending values of a key, in the file's unit, of a list or a table of equal steps; none if unusable."""
     if isinstance(value, dict):
         entry = read_table(key.stepped, value, path, problems)
-        return () if entry is None else axis_values(entry, path, problems)
-    if isinstance(value, list):
-        return axis_values(read_value(key, value, path, problems) or (), path, problems)
-    steps = ", ".join(keys_of(key.stepped))
-    complain(problems, "no_axis", path, steps=steps, given=str(value)[:60], remedy=key.remedy)
-    return ()
-
-
-def axis_values(
-    axis: RangeEntry | FrequencyRangeEntry | Sequence[float], path: str, problems: list[str]
-) -> tuple[float, ...]:
-    """The ascending values of an axis, in the file's unit; none where they are unusable."""
-    if isinstance(axis, RangeEntry | FrequencyRangeEntry):
-        if axis.stop <= axis.start:
-            complain(problems, "no_range", path, start=axis.start, stop=axis.stop)
-            return ()
-        return _stepped(axis, path, problems) if isinstance(axis, RangeEntry) else _by_decade(axis, path, problems)
-    values = tuple(map(float, axis))
+        if entry is not None and entry.stop <= entry.start:
+            complain(problems, "no_range", path, start=entry.start, stop=entry.stop)
+        elif entry is not None:
+            return (_stepped if isinstance(entry, RangeEntry) else _by_decade)(entry, path, problems)
+        return ()
+    if not isinstance(value, list):
+        steps = ", ".join(keys_of(key.stepped))
+        complain(problems, "no_axis", path, steps=steps, given=str(value)[:60], remedy=key.remedy)
+        return ()
+    values = tuple(map(float, read_value(key, value, path, problems) or ()))
     for before, after in pairwise(values):
         if after <= before:
             how = "repeats" if after == before else "follows"
