@@ -11,7 +11,7 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import ROUNDING, FloatArray, ranked
 from femfit.core.text import counted
-from femfit.fit.basis import CoenergyBasis, CurrentFunctions, CurrentSplines, clamped_knots
+from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots
 from femfit.fit.coenergy_system import CoenergySystem
 from femfit.fit.constants import (
     BENT_CELLS,
@@ -156,12 +156,7 @@ Along = tuple[DistanceCoordinate, FloatArray]
 
 
 def splines_along(
-    distances: FloatArray,
-    counts: Sequence[int],
-    spare: int = 0,
-    *,
-    degree: int = U_DEGREE,
-    following: bool = False,
+    distances: FloatArray, counts: Sequence[int], spare: int = 0, *, degree: int = U_DEGREE, following: bool = False
 ) -> Iterator[list[Along]]:
     """Splines over ascending distances in m, those of as many cells together; ``spare`` distances more than functions.
 
@@ -184,7 +179,7 @@ def splines_along(
         yield alike
 
 
-def best_along_distance(system: CoenergySystem, functions: CurrentFunctions) -> CoenergyBasis:
+def best_along_distance(system: CoenergySystem, functions: CurrentSplines) -> CoenergyBasis:
     """Functions of several currents with the splines of the distance that miss least with distances left out.
 
     Raises

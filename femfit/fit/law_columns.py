@@ -214,9 +214,7 @@ def fit_coefficient_function(
     limits = term_bounds([name], [label], currents, bounds)
     solution = limits.solve(_monomials(name, currents), values, np.ones(len(values)))
     return CoefficientFunction(
-        name=name,
-        values=solution.x,
-        held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()},
+        name=name, values=solution.x, held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()}
     )
 
 

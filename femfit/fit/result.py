@@ -11,7 +11,7 @@ import numpy as np
 from femfit.core.results import Printed, Words
 from femfit.core.text import amount, rounded
 from femfit.fit.circuits_fit import CircuitsFit
-from femfit.fit.coenergy import SHAPES, CoenergyFit, splines_of_current
+from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.constants import SMALL_CIRCUIT_FORCE, TARGET
 from femfit.fit.law_fit import LawFit, law_magnetics
 from femfit.fit.ranking import Ranking, finer_settings
@@ -149,7 +149,7 @@ class FitResult(Printed, Fits):
 
 
 def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
-    splines = splines_of_current(fit.basis)
+    splines = fit.basis.functions
     return {
         "coefficients": fit.basis.size,
         "cells": [fit.basis.u_cells, *splines.cells],

@@ -24,8 +24,7 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import PICKUP_COLUMN
 from femfit.core.text import amount
-from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, misfit_by_currents
-from femfit.fit.coenergy import splines_of_current
+from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, lines_by_current, misfit_by_currents
 from femfit.fit.coenergy_choice import smallest, splines_along
 from femfit.fit.constants import (
     CIRCUIT_CELLS,
@@ -90,12 +89,12 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
         raise FitError(
             f"{what} needs two currents or more of each circuit; circuit {constant[0]} has one. Sweep another."
         )
-    lines = CurrentSplines(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes), separate=True)
+    lines = lines_by_current([axis[[0, -1]] for axis in axes])
     missed = rms(misfit_by_currents(lines.columns(rows.currents), rows.values, rows.distance)) / rows.scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
     trials = [*([lines] if missed < COARSE else []), *([_splines(axes)] if missed > HELD_OUT_TARGET else [])]
     basis, coefficients, error = _fitted(rows, trials, HELD_OUT_TARGET, what)
-    functions = splines_of_current(basis)
+    functions = basis.functions
     currents = tuple(map(CurrentAxis, functions.knots, functions.degrees))
     table = functions.table(coefficients)
     field = SensedField(basis.coordinate, basis.u_knots, basis.u_degree, currents, table)
@@ -181,7 +180,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     trials = [CurrentSplines((np.repeat(ends, degree + 1),), (degree,)) for degree in degrees]
     sensed = SensedRows(rows.distance, rows.circuit_currents, hall)
     basis, coefficients, held_out = _fitted(sensed, trials, HALL_TARGET, "The field at the Hall element")
-    (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+    (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
     field = HallSpline(basis.coordinate, TensorSpline(basis.u_knots, knots, basis.u_degree, degree, coefficients, LINE))
     residual = field.field(rows.distance, rows.circuit_currents) - hall
     _, _, slope = field.derivatives(rows.distance, rows.circuit_currents)
