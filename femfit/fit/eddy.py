@@ -121,11 +121,10 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
     effects = []
     for j in range(len(table.materials)):
         places = range(len(table.distances_m))
-        slope = np.array([table.conductivity_slope(j, k, frequencies) for k in places])
-        bend = np.array([table.conductivity_bend(j, k, frequencies) for k in places])
+        changes = np.array([table.conductivity_changes(j, k, frequencies) for k in places])
         if of_model is not None:
-            slope -= [of_model.conductivity_slope(0, k, frequencies) for k in places]
-            bend -= [of_model.conductivity_bend(0, k, frequencies) for k in places]
+            changes -= [of_model.conductivity_changes(0, k, frequencies) for k in places]
+        slope, bend = changes.swapaxes(0, 1)
         change = impedance_change(
             parameter_name(""),
             eddy.coordinate,

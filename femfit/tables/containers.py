@@ -22,13 +22,7 @@ from femfit.core.processes import process_pool
 from femfit.core.results import listing
 from femfit.tables.columns import match_column
 from femfit.tables.header import with_unit
-from femfit.tables.mat_hdf5 import (
-    hdf5_tree,
-    mat_tree,
-    nested_tables,
-    require_library,
-    table_of_columns,
-)
+from femfit.tables.mat_hdf5 import hdf5_tree, mat_tree, nested_tables, require_library, table_of_columns
 from femfit.tables.raw_table import RawTable
 from femfit.tables.text_table import parse_text
 

@@ -157,17 +157,21 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
 
-    from femfit.tables.raw_table import decoding  # noqa: PLC0415
-    from femfit.tables.table_file import parse_table  # noqa: PLC0415
+    from femfit.tables.raw_table import check_width, decoding  # noqa: PLC0415
+    from femfit.tables.table_file import is_container, parse_table  # noqa: PLC0415
     from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
     file = _table_file(path_of(path, "A sweep table"))
     with decoding(file, "a sweep table"):
         if file.suffix == ".parquet":
             rows = pd.read_parquet(file)
-        else:
+        elif is_container(file):
             raw = parse_table(file.read_bytes(), str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
             rows = raw.frame()
+        else:
+            with file.open("rb") as head:
+                check_width(head.readline().count(b",") + 1, str(file))
+            rows = pd.read_csv(file)
     manifest_file = file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     _check(rows, file, swept=manifest.get("kind") == "sweep")
@@ -216,10 +220,11 @@ def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatAr
     """A column as floats; an error where it has holes or text."""
     from pandas import to_numeric  # noqa: PLC0415
 
-    values = to_numeric(rows[name], errors="coerce").to_numpy(dtype=np.float64)
-    texts = rows[name][np.isnan(values) & rows[name].notna()]
-    if len(texts):
-        raise TableError(f"Column {name}{source} must be numeric; it holds {quoted(texts.iloc[0])!r}.")
+    column, values = rows[name], to_numeric(rows[name], errors="coerce").to_numpy(dtype=np.float64)
+    texts = column[np.isnan(values) & column.notna()]
+    if len(texts) or (column.dtype.kind == "O" and any(isinstance(cell, str) for cell in column)):
+        held = quoted((texts if len(texts) else column).iloc[0])
+        raise TableError(f"Column {name}{source} must be numeric; it holds {held!r}.")
     if not np.all(np.isfinite(values)):
         where = int(np.flatnonzero(~np.isfinite(values))[0])
         raise TableError(
@@ -270,10 +275,8 @@ def _narrowed(rows: "pd.DataFrame", name: str, value: float | str, axes: list[st
 def _same(column: "pd.Series[Any]", value: float | str) -> BoolArray:
     from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
 
-    if not is_numeric_dtype(column):
+    if isinstance(value, str) or not is_numeric_dtype(column):
         return np.array([str(cell) == _shown(value) for cell in column])
-    if isinstance(value, str):
-        return np.zeros(len(column), dtype=np.bool_)
     return np.asarray(np.isclose(column.to_numpy(dtype=float), value, rtol=SAME, atol=0.0))
 
 

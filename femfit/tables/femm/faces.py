@@ -34,16 +34,8 @@ MAX_LINES = 20_000
 
 
 @dataclass(frozen=True)
-class FemFace:
-    """A closed region of the drawing in mm, with holes where other faces lie inside."""
-
-    polygon: Polygon
-    label: FemLabel
-
-
-@dataclass(frozen=True)
 class FemPiece:
-    """A connected piece of one material, in the file's coordinates in mm; a part may have holes."""
+    """A closed region of the drawing in mm, perhaps with holes, or what touching ones of one material are together."""
 
     polygon: Polygon
     labels: tuple[FemLabel, ...]
@@ -51,22 +43,27 @@ class FemPiece:
     turns: float = 0.0  # Of a winding by its section; negative where it is wound the other way
 
     @property
+    def label(self) -> FemLabel:
+        """The only one, or that of the first region."""
+        return self.labels[0]
+
+    @property
     def material(self) -> FemMaterial:
         """Material of its blocks."""
-        return self.labels[0].material
+        return self.label.material
 
     @property
     def group(self) -> int:
         """Group of its blocks."""
-        return self.labels[0].group
+        return self.label.group
 
     @property
     def place(self) -> str:
         """How messages name it."""
-        return f"{self.labels[0].place}, group {self.group}"
+        return f"{self.label.place}, group {self.group}"
 
 
-def connected_faces(faces: Sequence[FemFace]) -> Iterator[tuple[Polygon, list[FemFace]]]:
+def connected_faces(faces: Sequence[FemPiece]) -> Iterator[tuple[Polygon, list[FemPiece]]]:
     """What faces that touch are together, and which they are."""
     union = shapely.unary_union([face.polygon for face in faces], grid_size=GRID)
     for piece in getattr(union, "geoms", [union]):
@@ -88,7 +85,7 @@ def chords(line: FemLine) -> list[tuple[float, float]]:
     return [start, *((round(r, DIGITS), round(z, DIGITS)) for r, z in inner), end]
 
 
-def find_faces(model: FemModel, notes: Notes) -> tuple[FemFace, ...]:
+def find_faces(model: FemModel, notes: Notes) -> tuple[FemPiece, ...]:
     """Split the drawing into its faces and give each its label."""
     strings = [LineString(points) for points in map(chords, model.lines) if len(set(points)) > 1]
     if sum(len(string.coords) for string in strings) > MAX_LINES:
@@ -109,7 +106,7 @@ def find_faces(model: FemModel, notes: Notes) -> tuple[FemFace, ...]:
     return _labelled(polygons, model.labels, notes)
 
 
-def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: Notes) -> tuple[FemFace, ...]:
+def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: Notes) -> tuple[FemPiece, ...]:
     tree = STRtree(polygons)
     owners: dict[int, list[FemLabel]] = {}
     for label in labels:
@@ -129,7 +126,7 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: No
         elif len(owner) > 1:
             notes.say("label twice", places=" and ".join(label.place for label in owner))
         else:
-            faces.append(FemFace(polygon, owner[0]))
+            faces.append(FemPiece(polygon, (owner[0],)))
     return tuple(faces)
 
 

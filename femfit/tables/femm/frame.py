@@ -159,7 +159,7 @@ def find_wire(coil: FemPiece, notes: Notes) -> FemWire:
         section = COPPER_FILL * coil.polygon.area / abs(coil.turns)
         diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
         origin = f"ASSUMED: the file has no wire that fits; {100 * COPPER_FILL:g} % of the winding is copper"
-        notes.say("assumed-wire", place=coil.labels[0].place, diameter=diameter, copper=100 * COPPER_FILL)
+        notes.say("assumed-wire", place=coil.label.place, diameter=diameter, copper=100 * COPPER_FILL)
     resistance = wire_resistance(abs(coil.turns), coil.polygon.centroid.x * 1e-3, diameter * 1e-3)
     return FemWire(diameter, origin, resistance)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import shapely
 
-from femfit.tables.femm.faces import GRID, FemFace, FemPiece
+from femfit.tables.femm.faces import GRID, FemPiece
 from femfit.tables.femm.model import FemOptions, Notes
 from femfit.tables.femm.parts import volume_mm3
 
@@ -26,7 +26,7 @@ def outline_of(body: Body) -> shapely.Geometry:
     return shapely.union_all([piece.polygon for piece in body])
 
 
-def divide(pieces: Body, air: Sequence[FemFace], options: FemOptions, notes: Notes) -> FemBodies | None:
+def divide(pieces: Body, air: Body, options: FemOptions, notes: Notes) -> FemBodies | None:
     """Divide parts and windings into fixed and moving ones; None if nothing moves, or it is not clear what."""
     if not pieces:
         notes.say("mover nothing")
@@ -45,13 +45,12 @@ def divide(pieces: Body, air: Sequence[FemFace], options: FemOptions, notes: Not
     return _divided(pieces, moving, air) if moving else None
 
 
-def _divided(pieces: Body, moving: Body, air: Sequence[FemFace]) -> FemBodies:
+def _divided(pieces: Body, moving: Body, air: Body) -> FemBodies:
     """What stands still and what moves, with the non-magnetic blocks that join it."""
     groups = {piece.group for piece in moving if piece.group} if len(_connected(moving)) > 1 else set()
-    joining = [face for face in air if face.label.meshed and face.label.group in groups]
-    spacers = [FemPiece(face.polygon, (face.label,)) for face in joining]
+    joining = [face for face in air if face.label.meshed and face.group in groups]
     fixed = tuple(piece for piece in pieces if piece not in moving)
-    return FemBodies(fixed, (*(piece for piece in pieces if piece in moving), *spacers))
+    return FemBodies(fixed, (*(piece for piece in pieces if piece in moving), *joining))
 
 
 def _named(bodies: Sequence[Body], labels: Sequence[int], notes: Notes) -> Body:
