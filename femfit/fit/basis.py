@@ -62,8 +62,8 @@ class CurrentSplines:
     def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
         """Each function at currents (rows, n), differentiated once along each circuit named; (rows, count)."""
         axes = enumerate(zip(self.knots, self.degrees, strict=True))
-        splines = (basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes)
-        return self._summed(row_products(np.ones((len(currents), 1)), *splines))
+        splines = [basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes]
+        return self._summed(row_products(*splines) if splines else np.ones((len(currents), 1)))
 
     def table(self, coefficients: FloatArray) -> FloatArray:
         """Coefficients (functions of u, count) as those of the products, (functions of u, functions of i_1, ..)."""
