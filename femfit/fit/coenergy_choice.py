@@ -51,7 +51,7 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
             + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
         )
     counts = [n for n in DISTANCE_CELLS if n <= MOST_CELLS or rows.inductance is None]
-    along = chain(*splines_along(rows.distances, counts, fewest - U_DEGREE - 1, following=True))
+    along = chain(*splines_along(rows.distances, counts, fewest - U_DEGREE - 1, breaks="following"))
     in_distance: list[dict[str, Any]] = [{"coordinate": coordinate, "u_knots": knots} for coordinate, knots in along]
     in_current: list[dict[str, Any]] = [{"functions": functions} for functions in _current_trials(rows)]
     # A bend that is not resolved hides what the distances show
@@ -156,15 +156,16 @@ Along = tuple[DistanceCoordinate, FloatArray]
 
 
 def splines_along(
-    distances: FloatArray, counts: Sequence[int], spare: int = 0, *, degree: int = U_DEGREE, following: bool = False
+    distances: FloatArray, counts: Sequence[int], spare: int = 0, *, degree: int = U_DEGREE, breaks: str = "even"
 ) -> Iterator[list[Along]]:
     """Splines over ascending distances in m, those of as many cells together; ``spare`` distances more than functions.
 
     Breaks lie evenly in the coordinate, or, ``following``, also where the distances do: these leave data in every cell.
-    Without, coordinates between two gaps are tried as well.
+    ``geometric`` ones are even in its logarithm where it is inverse. With even ones alone, coordinates between two gaps
+    are tried as well.
     """
     coordinates = distance_coordinates(distances)
-    if not following:
+    if breaks == "even":
         middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
         coordinates += [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * width) for share in TWO_GAPS]
     for count in counts:
@@ -173,9 +174,10 @@ def splines_along(
         alike = []
         for coordinate in coordinates:
             at_rows = np.sort(coordinate.of(np.quantile(distances, np.linspace(0.0, 1.0, count + 1))))
-            even = np.linspace(at_rows[0], at_rows[-1], count + 1)
-            breaks = [even, at_rows] if following and count > 1 else [even]
-            alike += [(coordinate, clamped_knots(u, degree)) for u in breaks]
+            spaced = np.geomspace if breaks == "geometric" and coordinate.inverse else np.linspace
+            even = spaced(at_rows[0], at_rows[-1], count + 1)
+            places = [even, at_rows] if breaks == "following" and count > 1 else [even]
+            alike += [(coordinate, clamped_knots(u, degree)) for u in places]
         yield alike
 
 

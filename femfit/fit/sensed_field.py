@@ -96,8 +96,7 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
     basis, coefficients, error = _fitted(rows, trials, HELD_OUT_TARGET, what)
     functions = basis.functions
     currents = tuple(map(CurrentAxis, functions.knots, functions.degrees))
-    table = functions.table(coefficients)
-    field = SensedField(basis.coordinate, basis.u_knots, basis.u_degree, currents, table)
+    field = SensedField(basis.coordinate, basis.u_knots, basis.u_degree, currents, functions.table(coefficients))
     errors = field.field(rows.distance, rows.currents) - rows.values
     return SensedFit(field, error, rms(errors))
 
@@ -120,7 +119,7 @@ def _fitted(
     groups = (
         [CoenergyBasis(*along, functions, degree) for along in alike]
         for functions in trials
-        for alike in splines_along(rows.distances, CIRCUIT_CELLS, degree=degree, following=True)
+        for alike in splines_along(rows.distances, CIRCUIT_CELLS, degree=degree, breaks="geometric")
     )
     basis, error = smallest(groups, lambda basis: _left_out(basis, rows) / rows.scale, target)
     coefficients = _solved(basis.columns(rows.distance, rows.currents), rows.values)
