@@ -45,12 +45,11 @@ class Face:
 
 @dataclass(frozen=True)
 class _Part:
-    """A part's table, and the box around it in mm, in r and in z."""
+    """A part's table with its outline."""
 
     path: Location
     body: str
     entry: OutlineEntry
-    box: tuple[tuple[float, float], tuple[float, float]]
     name: str  # As the file gives it, after "coil" where a region has the same one
 
 
@@ -129,36 +128,22 @@ def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
     regions = {path[-1] for path, _, _ in tables if "regions" in path[:2]}
     for path, body, table in tables:
         entry = read_part(OutlineEntry, table)
-        box = None if entry is None else _box(entry)
-        if entry is not None and box is not None:
+        if entry is not None:
             shared = path[0] == "coils" and path[-1] in regions
-            name = f"{'coil ' * shared}{path[-1]}"
-            yield _Part(path, body, entry, box, name)
-
-
-def _box(entry: OutlineEntry) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    if entry.polygon_mm is not None:
-        columns = [[corner[axis] for corner in entry.polygon_mm] for axis in (0, 1)]
-        return (min(columns[0]), max(columns[0])), (min(columns[1]), max(columns[1]))
-    if entry.circle_mm is not None:
-        r, z, radius = entry.circle_mm
-        return (max(r - radius, 0.0), r + radius), (z - radius, z + radius)
-    if entry.r_mm is not None and entry.z_mm is not None:
-        return (entry.r_mm[0], entry.r_mm[1]), (entry.z_mm[0], entry.z_mm[1])
-    return None
+            yield _Part(path, body, entry, f"{'coil ' * shared}{path[-1]}")
 
 
 def _faces(part: _Part) -> Iterator[Face]:
-    entry, path, body = part.entry, part.path, part.body
+    entry, path = part.entry, part.path
     if entry.polygon_mm is not None:
-        yield from _of_polygon(entry.polygon_mm, part)
+        corners = [(*path, "polygon_mm", k) for k in range(len(entry.polygon_mm))]
+        yield from _of_outline(entry.polygon_mm, [((*at, 0), (*at, 1)) for at in corners], part)
     elif entry.circle_mm is not None:
         yield from _of_circle(entry.circle_mm, part)
     elif entry.r_mm is not None and entry.z_mm is not None:
-        for axis, key, extent, across in ((0, "r_mm", entry.r_mm, entry.z_mm), (1, "z_mm", entry.z_mm, entry.r_mm)):
-            for end, side in ((0, 1), (1, -1)):
-                middle = _place(axis, extent[end], 0.5 * (across[0] + across[1]))
-                yield Face(axis, extent[end], ((*path, key, end),), body, (across[0], across[1]), side, path, at=middle)
+        ends = (0, 1), (0, 0), (1, 0), (1, 1)
+        box = [(entry.r_mm[r], entry.z_mm[z]) for r, z in ends]
+        yield from _of_outline(box, [((*path, "r_mm", r), (*path, "z_mm", z)) for r, z in ends], part)
 
 
 def _place(axis: int, value: float, across: float) -> tuple[float, float]:
@@ -168,21 +153,25 @@ def _place(axis: int, value: float, across: float) -> tuple[float, float]:
 def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
     """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
     place, height, radius = circle
-    path, body, name = (*part.path, "circle_mm"), part.body, part.name
-    size = f"{name}: radius of {radius:g} mm"
-    if abs(height - radius) < COINCIDENT:
-        top = place, height + radius
-        yield Face(1, radius, ((*path, 2), (*path, 1)), body, part=part.path, label=size, at=top)
-    else:
-        yield Face(1, radius, ((*path, 2),), body, part=part.path, label=size, at=(place, height + radius))
-        centre = f"{name}: centre at z = {height:g} mm"
-        yield Face(1, height, ((*path, 1),), body, part=part.path, label=centre, at=(place, height))
-    centre = f"{name}: centre at r = {place:g} mm"
-    yield Face(0, place, ((*path, 0),), body, part=part.path, label=centre, at=(place, height))
+
+    def face(axis: int, value: float, keys: tuple[int, ...], label: str, at: tuple[float, float]) -> Face:
+        locations = tuple((*part.path, "circle_mm", key) for key in keys)
+        return Face(axis, value, locations, part.body, part=part.path, label=f"{part.name}: {label}", at=at)
+
+    stands = abs(height - radius) < COINCIDENT
+    yield face(1, radius, (2, 1) if stands else (2,), f"radius of {radius:g} mm", (place, height + radius))
+    if not stands:
+        yield face(1, height, (1,), f"centre at z = {height:g} mm", (place, height))
+    yield face(0, place, (0,), f"centre at r = {place:g} mm", (place, height))
 
 
-def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Face]:
-    """Runs of edges across an axis, the coordinates of all other corners, and contours."""
+def _of_outline(
+    corners: Sequence[Sequence[float]], stand: Sequence[tuple[Location, Location]], part: _Part
+) -> Iterator[Face]:
+    """Runs of edges across an axis, the coordinates of all other corners, and contours.
+
+    Each corner's r and z stand at two locations of the file.
+    """
     places = [[k] for k in range(len(corners))]
     if list(corners[0]) == list(corners[-1]):
         places[0] += places.pop()
@@ -196,11 +185,10 @@ def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Fac
         end, straight = corners[(k + 1) % count], len(start) < 3 or not start[2]
         for axis in (0, 1):
             joins[axis].append(straight and abs(start[axis] - end[axis]) < COINCIDENT)
-    path = (*part.path, "polygon_mm")
     for axis in (0, 1):
         across, flat = 1 - axis, []
         for run in _runs(joins[axis]):
-            locations = tuple((*path, place, axis) for corner in run for place in places[corner])
+            locations = tuple(dict.fromkeys(stand[place][axis] for corner in run for place in places[corner]))
             along, value = [corners[corner][across] for corner in run], corners[run[0]][axis]
             if len(run) == 1:
                 r, z = corners[run[0]][:2]

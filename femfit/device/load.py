@@ -17,7 +17,7 @@ from femfit.device.complaints import complain, read_table, read_tables, table_at
 from femfit.device.keys import scaled
 from femfit.device.parameter_table import read_design
 from femfit.device.parameters import eddy_bias, frequencies, read_axes
-from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, is_iron
+from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
 from femfit.device.read_device import (
     check_circuit_names,
     hall_places,
@@ -105,9 +105,10 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     check_circuit_names(names, problems)
     mechanics = read_mechanics(data, entries, problems)
     sensors = read_sensors(data, entries, circuits, problems)
-    axes = read_axes(data, names, problems)
+    currents_A, distances = read_axes(data, names, problems)
+    first_A, *further_A = currents_A or [(0.0,)]
     frequencies_Hz, eddy_bias_A = frequencies(solver, problems), eddy_bias(solver, len(circuits), problems)
-    distances, steps = axes.distances_mm, [scaled(distance, 3) for distance in reference_m]
+    steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:
         complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
@@ -122,7 +123,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         coils=coils,
         moving=MovingPart(tuple(_region(part) for part in drawn.moving)),
         mechanics=mechanics,
-        sweep=axes.in_si(),
+        sweep=SweepAxes(first_A, tuple(map(scaled, distances)), tuple(further_A)),
         circuits=circuits,
         sample_time_s=entries["supply"].sample_time_s if "supply" in entries else None,
         sensors=sensors,

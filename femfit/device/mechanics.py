@@ -113,13 +113,8 @@ class Mechanics(Record):
 
     def static_gradient(self, distance: FloatArray) -> FloatArray:
         """Slope of :meth:`static_force` in N/m; of a table, that of the piece above each distance."""
-        slope = np.zeros(np.shape(distance))
-        for spring in self.springs:
-            if isinstance(spring, Spring):
-                slope = slope - spring.stiffness_N_per_m
-            else:
-                slope = slope + _piece(spring, distance)[3]
-        return slope
+        slopes = (_piece(spring, distance)[3] for spring in self.springs)
+        return sum(slopes, np.zeros(np.shape(distance)))
 
     def friction(self, velocity: Expression, sample_time_s: float) -> Expression:
         """Friction's force along growing distance in N, for equations that are solved in steps.
@@ -175,24 +170,24 @@ class Mechanics(Record):
 
 def spring_force(spring: Spring | ForceTable, distance: Expression) -> Expression:
     """Force of a spring along growing distance, in N."""
-    if isinstance(spring, Spring):
-        return spring.preload_N - spring.stiffness_N_per_m * (distance - spring.distance_m)
     way, _, force, slope = _piece(spring, distance)
     return force + slope * way
 
 
 def spring_energy(spring: Spring | ForceTable, distance: Expression) -> Expression:
     """Energy of a spring in J, from nought at its distance or at the first one of its table."""
-    if isinstance(spring, Spring):
-        stretched = distance - spring.distance_m
-        return 0.5 * spring.stiffness_N_per_m * stretched**2 - spring.preload_N * stretched
     way, done, force, slope = _piece(spring, distance)
     return -(done + force * way + 0.5 * slope * way**2)
 
 
-def _piece(table: ForceTable, distance: Expression) -> tuple[Expression, Expression, Expression, Expression]:
-    """The way from the lower end of each distance's piece, and there the work done, the force and its slope."""
-    at, force = np.asarray(table.distances_m), np.asarray(table.forces_N)
+def _piece(spring: Spring | ForceTable, distance: Expression) -> tuple[Expression, Expression, Expression, Expression]:
+    """The way from the lower end of each distance's piece, and there the work done, the force and its slope.
+
+    A spring is one piece, from its distance on; a table has one from each point to the next.
+    """
+    if isinstance(spring, Spring):
+        return distance - spring.distance_m, 0.0, spring.preload_N, -spring.stiffness_N_per_m
+    at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(at))])
     slopes = np.concatenate([[0.0], np.diff(force) / np.diff(at), [0.0]])
     rows = np.stack([*(np.concatenate([x[:1], x]) for x in (at, work, force)), slopes], axis=1)

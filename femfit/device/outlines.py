@@ -36,11 +36,11 @@ def flattened(corners: Sequence[Corner], bulges: Sequence[float]) -> list[Corner
     return points
 
 
-def arc_points(start: Corner, stop: Corner, bulge: float) -> list[Corner]:
-    """Points of an arc between its ends, the same ones from either end."""
+def arc_points(start: Corner, stop: Corner, bulge: float, step: float = LARGEST_STEP) -> list[Corner]:
+    """Points of an arc between its ends, the same ones from either end, at most a step (in radians) apart."""
     centre, _ = arc_circle(start, stop, bulge)
     angle = 4.0 * math.atan(bulge)
-    pieces = max(2, math.ceil(abs(angle) / LARGEST_STEP))
+    pieces = max(2, math.ceil(abs(angle) / step - 1e-9))
     r, z = start[0] - centre[0], start[1] - centre[1]
     turns = (angle * k / pieces for k in range(1, pieces))
     return [

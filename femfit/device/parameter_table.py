@@ -18,10 +18,10 @@ from femfit.device.parameters import (
     ParameterDesign,
     Points,
     SweptParameter,
-    axis_values,
     grid_points,
     latin_hypercube,
     list_points,
+    read_axis,
 )
 from femfit.device.schema import (
     MAX_AXIS_POINTS,
@@ -35,7 +35,9 @@ from femfit.device.schema import (
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 PATH = "sweep.parameters"
-NUMBERS = Key("at least one number", count=((1, MAX_AXIS_POINTS),), hint=tuple[float, ...], **PARAMETER)
+NUMBERS = Key(
+    "at least one number", count=((1, MAX_AXIS_POINTS),), hint=tuple[float, ...], stepped=RangeEntry, **PARAMETER
+)
 NAMES = Key("at least one name of a material in quotes", count=((1, MAX_AXIS_POINTS),), hint=tuple[str, ...])
 SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
 
@@ -133,8 +135,7 @@ def _values(value: object, path: str, name: str, problems: list[str]) -> Values 
     if isinstance(value, dict) and value.keys() & {"min", "max"}:
         return read_table(SampledEntry, value, path, problems)
     if isinstance(value, dict):
-        stepped = read_table(RangeEntry, value, path, problems)
-        return None if stepped is None else axis_values(stepped, path, problems) or None
+        return read_axis(NUMBERS, value, path, problems) or None
     complain(problems, "no_values", path, given=str(value)[:60], name=name[:60])
     return None
 

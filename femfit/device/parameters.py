@@ -22,7 +22,6 @@ from femfit.device.complaints import complain, did_you_mean, joined, read_table,
 from femfit.device.drawing import coil_tables
 from femfit.device.file_numbers import Location, with_value
 from femfit.device.keys import SI_UNITS, Key, decimal_sum, keys_of, scaled, unit_of
-from femfit.device.parts import SweepAxes
 from femfit.device.schema import (
     MAX_AXIS_POINTS,
     MAX_FREQUENCIES,
@@ -41,41 +40,20 @@ _DIGITS = 9
 """Significant digits of a frequency between the ends of a range, the same on every machine."""
 
 
-@dataclass(frozen=True)
-class FileAxes:
-    """The axes in the file's units; empty where they are unusable."""
-
-    currents_A: tuple[tuple[float, ...], ...]  # One axis a circuit
-    distances_mm: tuple[float, ...]
-
-    def in_si(self) -> SweepAxes:
-        """The sweep's grid; an actuator without a circuit has the one current of zero."""
-        first, *others_A = self.currents_A or ((0.0,),)
-        return SweepAxes(first, tuple(scaled(d) for d in self.distances_mm), tuple(others_A))
-
-
 def read_axis(key: Key, value: object, path: str, problems: list[str]) -> tuple[float, ...]:
-    """The ascending values of a key that are given as a list, or as a table of equal steps; none if unusable."""
+    """The ascending values of a key, in the file's unit, of a list or a table of equal steps; none if unusable."""
     if isinstance(value, dict):
         entry = read_table(key.stepped, value, path, problems)
-        return () if entry is None else axis_values(entry, path, problems)
-    if isinstance(value, list):
-        return axis_values(read_value(key, value, path, problems) or (), path, problems)
-    steps = ", ".join(keys_of(key.stepped))
-    complain(problems, "no_axis", path, steps=steps, given=str(value)[:60], remedy=key.remedy)
-    return ()
-
-
-def axis_values(
-    axis: RangeEntry | FrequencyRangeEntry | Sequence[float], path: str, problems: list[str]
-) -> tuple[float, ...]:
-    """The ascending values of an axis, in the file's unit; none where they are unusable."""
-    if isinstance(axis, RangeEntry | FrequencyRangeEntry):
-        if axis.stop <= axis.start:
-            complain(problems, "no_range", path, start=axis.start, stop=axis.stop)
-            return ()
-        return _stepped(axis, path, problems) if isinstance(axis, RangeEntry) else _by_decade(axis, path, problems)
-    values = tuple(map(float, axis))
+        if entry is not None and entry.stop <= entry.start:
+            complain(problems, "no_range", path, start=entry.start, stop=entry.stop)
+        elif entry is not None:
+            return (_stepped if isinstance(entry, RangeEntry) else _by_decade)(entry, path, problems)
+        return ()
+    if not isinstance(value, list):
+        steps = ", ".join(keys_of(key.stepped))
+        complain(problems, "no_axis", path, steps=steps, given=str(value)[:60], remedy=key.remedy)
+        return ()
+    values = tuple(map(float, read_value(key, value, path, problems) or ()))
     for before, after in pairwise(values):
         if after <= before:
             how = "repeats" if after == before else "follows"
@@ -107,11 +85,13 @@ def _by_decade(axis: FrequencyRangeEntry, path: str, problems: list[str]) -> tup
     return (axis.start, *(float(f"{value:.{_DIGITS}g}") for value in between), axis.stop)
 
 
-def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> FileAxes:
-    """The axes of a file with these circuits."""
+def read_axes(
+    data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]
+) -> tuple[list[tuple[float, ...]], tuple[float, ...]]:
+    """The currents in A of each of these circuits, and the distances in mm; empty where they are unusable."""
     sweep = data.get("sweep")
     if not isinstance(sweep, dict):
-        return FileAxes((), ())
+        return [], ()
     currents, without = sweep.get("current_A"), not any(coil_tables(data))
     read_table(SweepEntry, sweep, "sweep", problems)
     axes, each = [], isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
@@ -129,7 +109,7 @@ def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[s
         distances_mm = read_axis(DISTANCE, sweep["distance_mm"], "sweep.distance_mm", problems)
     if distances_mm and distances_mm[0] < MIN_DISTANCE and data.get("schema") == 1:
         complain(problems, "no_gap", start=distances_mm[0], least=MIN_DISTANCE)
-    return FileAxes(tuple(axes), distances_mm)
+    return axes, distances_mm
 
 
 def _by_circuit(currents: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> list[tuple[float, ...]]:

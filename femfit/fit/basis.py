@@ -5,13 +5,13 @@ iron saturates, products of two currents.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, reduce
+from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import combinations
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.fit.constants import ALONE, U_DEGREE
 from femfit.model.bspline import DistanceCoordinate, basis_matrix
 
@@ -37,11 +37,12 @@ def misfit_by_currents(columns: FloatArray, values: FloatArray, distance: FloatA
 
 @dataclass(frozen=True, eq=False)
 class CurrentSplines:
-    """Products of one spline in each current; without a magnet those sums of them that are even, and 0 at 0."""
+    """Products of one spline in each current, or sums of them."""
 
     knots: tuple[FloatArray, ...]
     degrees: tuple[int, ...]
-    even: bool = False
+    sums: FloatArray | None = None  # Coefficients of the products in each sum, (products, count); None: of each alone
+    constant: bool = True  # Whether a constant in W', which no row determines, is among them
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -55,35 +56,22 @@ class CurrentSplines:
 
     @property
     def count(self) -> int:
-        """How many sums are free."""
-        size = int(np.prod(self.shape))
-        return (size - 1) // 2 if self.even else size
-
-    @property
-    def constant(self) -> bool:
-        """Whether a constant is among them: all splines of one current add up to 1."""
-        return not self.even
-
-    @cached_property
-    def products(self) -> FloatArray:
-        """Each even sum's coefficients of the products, (products, count)."""
-        pairs = np.eye(int(np.prod(self.shape)))[:, : self.count]  # those in the middle follow from W'(d, 0) = 0
-        pairs = pairs + pairs[::-1]
-        return np.asarray(pairs - self._all(np.zeros((1, len(self.knots)))) @ pairs)
+        """How many sums there are."""
+        return int(np.prod(self.shape)) if self.sums is None else self.sums.shape[1]
 
     def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
         """Each function at currents (rows, n), differentiated once along each circuit named; (rows, count)."""
-        columns = self._all(currents, *circuits)
-        return np.asarray(columns @ self.products) if self.even else columns
+        axes = enumerate(zip(self.knots, self.degrees, strict=True))
+        splines = [basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes]
+        return self._summed(row_products(*splines) if splines else np.ones((len(currents), 1)))
 
     def table(self, coefficients: FloatArray) -> FloatArray:
         """Coefficients (functions of u, count) as those of the products, (functions of u, functions of i_1, ..)."""
-        all_products = coefficients @ self.products.T if self.even else coefficients
-        return all_products.reshape(-1, *self.shape)
+        of_products = coefficients if self.sums is None else coefficients @ self.sums.T
+        return np.asarray(of_products).reshape(-1, *self.shape)
 
-    def _all(self, currents: FloatArray, *circuits: int) -> FloatArray:
-        axes = enumerate(zip(self.knots, self.degrees, strict=True))
-        return row_products(*(basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes))
+    def _summed(self, rows: FloatArray) -> FloatArray:
+        return rows if self.sums is None else np.asarray(rows @ self.sums)
 
     def roughness(self) -> FloatArray:
         """Sums of the coefficients that are penalised, (penalties, count).
@@ -97,8 +85,7 @@ class CurrentSplines:
             parts = [_differences(knots, order.get(k, 0)) for k, knots in enumerate(self.knots)]
             weight = 1.0 if len(order) == 2 else ALONE
             blocks.append(weight * reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
-        rough = np.concatenate(blocks)
-        return np.asarray(rough @ self.products) if self.even else rough
+        return self._summed(np.concatenate(blocks))
 
 
 def _differences(knots: FloatArray, order: int) -> FloatArray:
@@ -113,46 +100,35 @@ def _differences(knots: FloatArray, order: int) -> FloatArray:
     return differences
 
 
-@dataclass(frozen=True, eq=False)
-class CurrentProducts:
-    """v_a v_b of v = (1, i_1, .., i_n), a <= b, half of the squares; those with 1 where there is a magnet alone."""
-
-    circuits: int
-    magnet: bool
-
-    @property
-    def places(self) -> tuple[IntArray, IntArray]:
-        """Row and column in M of each; shape (count,)."""
-        a, b = np.triu_indices(self.circuits + 1)
-        wanted = (a > 0) | self.magnet
-        return a[wanted], b[wanted]
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return len(self.places[0])
-
-    @property
-    def constant(self) -> bool:
-        """Whether the first one is a constant."""
-        return self.magnet
-
-    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
-        """As of :class:`CurrentSplines`."""
-        a, b = self.places
-        v = np.concatenate([np.ones((len(currents), 1)), currents], axis=1)
-        if not circuits:
-            return np.asarray(np.where(a == b, 0.5, 1.0) * v[:, a] * v[:, b])
-        first, *second = (k + 1 for k in circuits)
-        if not second:
-            return np.where(a == first, v[:, b], np.where(b == first, v[:, a], 0.0))
-        low, high = sorted((first, *second))
-        return np.tile(((a == low) & (b == high)).astype(np.float64), (len(currents), 1))
+def even_splines(knots: tuple[FloatArray, ...], degrees: tuple[int, ...]) -> CurrentSplines:
+    """Without a magnet: the sums of products that are even, and 0 at 0."""
+    each = CurrentSplines(knots, degrees)
+    pairs = np.eye(each.count)[:, : (each.count - 1) // 2]  # those in the middle follow from W'(d, 0) = 0
+    pairs = pairs + pairs[::-1]
+    return replace(each, sums=pairs - each.columns(np.zeros((1, len(knots)))) @ pairs, constant=False)
 
 
-CurrentFunctions = CurrentSplines | CurrentProducts
-"""Functions of all currents; ``constant`` says whether a constant in W', which no row determines, is among their sums.
-"""
+def lines_by_current(ends: Sequence[FloatArray]) -> CurrentSplines:
+    """1 and each current, between the lowest and the highest."""
+    lines = CurrentSplines(tuple(np.repeat(pair, 2) for pair in ends), (1,) * len(ends))
+    currents = np.meshgrid(*ends, indexing="ij")  # a line's coefficients are its values at the ends
+    return replace(lines, sums=np.stack([np.ones(lines.shape), *currents], axis=-1).reshape(lines.count, -1))
+
+
+def quadratic_form(largest: FloatArray, magnet: bool) -> CurrentSplines:
+    """v_a v_b of v = (1, i_1, .., i_n), a <= b, half of the squares; those with 1 where there is a magnet alone.
+
+    ``largest`` holds each current's largest size, (n,): between its negative and itself 1, i and i^2 have the
+    coefficients (1, 1, 1), (-i, 0, i) and (i^2, -i^2, i^2) in splines of one cell.
+    """
+    a, b = np.triu_indices(len(largest) + 1)
+    a, b = a[(a > 0) | magnet], b[(a > 0) | magnet]
+    powers = [np.array([[1.0, 1.0, 1.0], [-i, 0.0, i], [i * i, -i * i, i * i]]) for i in largest]
+    orders = [(a == k).astype(int) + (b == k) for k in range(1, len(largest) + 1)]
+    of_each = [power[order] for power, order in zip(powers, orders, strict=True)]
+    knots = tuple(np.repeat([-i, i], 3) for i in largest)
+    sums = np.where(a == b, 0.5, 1.0) * row_products(*of_each).T
+    return CurrentSplines(knots, (2,) * len(largest), sums, constant=magnet)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +137,7 @@ class CoenergyBasis:
 
     coordinate: DistanceCoordinate
     u_knots: FloatArray
-    functions: CurrentFunctions
+    functions: CurrentSplines
     u_degree: int = U_DEGREE
 
     @property

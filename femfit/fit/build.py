@@ -16,7 +16,6 @@ from femfit.fit.circuits_fit import fit_circuits, require_currents
 from femfit.fit.coenergy import fit_coenergy
 from femfit.fit.drawing import drawn_effects
 from femfit.fit.eddy import with_eddy_currents
-from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import fit_law
 from femfit.fit.model_parts import (
     actuator_entry,
@@ -187,8 +186,7 @@ def _fits(
     elif law == NETWORK:
         network = fit_network(rows)
     elif law is not None:
-        named = law_by_name(law)
-        law_fit = fit_law(named, rows, default_bounds(named).with_single(named, bounds or {}), functions)
+        law_fit = fit_law(law_by_name(law), rows, bounds, functions)
     try:
         coenergy = fit_coenergy(rows, inductance_H or 0.0)
     except FitError:

@@ -13,7 +13,14 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import listing
 from femfit.core.text import amount
-from femfit.fit.basis import CoenergyBasis, CurrentProducts, CurrentSplines, clamped_knots, misfit_by_currents
+from femfit.fit.basis import (
+    CoenergyBasis,
+    CurrentSplines,
+    clamped_knots,
+    even_splines,
+    misfit_by_currents,
+    quadratic_form,
+)
 from femfit.fit.coenergy_choice import best_along_distance
 from femfit.fit.coenergy_system import CoenergySystem, Projection, coenergy_system, flux_scale
 from femfit.fit.constants import (
@@ -46,17 +53,15 @@ def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
     require_currents(rows, "The iron saturates")
     signed = axes if rows.magnet else [np.unique(np.concatenate([axis, -axis])) for axis in axes]
     degrees = (U_DEGREE,) * len(axes)
-    trials = [
-        CurrentSplines(tuple(_knots(axis, share, not rows.magnet) for axis in signed), degrees, not rows.magnet)
-        for share in FINER_CURRENTS
-    ]
-    unknowns = len(rows.distances) * trials[-1].count
+    knots = [tuple(_knots(axis, share, not rows.magnet) for axis in signed) for share in FINER_CURRENTS]
+    products = int(np.prod([len(of_axis) - U_DEGREE - 1 for of_axis in knots[-1]]))
+    unknowns = len(rows.distances) * (products if rows.magnet else (products - 1) // 2)
     if unknowns > MOST_UNKNOWNS:
         raise FitError(
             f"The spline over the distance and {len(axes)} currents would have {unknowns} coefficients; femfit fits at "
             f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
         )
-
+    trials = [(CurrentSplines if rows.magnet else even_splines)(trial, degrees) for trial in knots]
     finest = trials[-1 if rows.inductance is not None else -2]  # a knee that is not met hides what the distances show
     along = best_along_distance(system, finest)
     by_points = replace(system, folds=tuple(points_left_out(rows)))
@@ -67,7 +72,7 @@ def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
         if projection is None:
             continue
         magnetics = _tensor(basis, projection, rows)
-        indefinite.append(_indefinite(magnetics, rows, axes))
+        indefinite.append(_indefinite(magnetics, *_between_rows(rows, axes)))
         if not indefinite[-1]:
             return magnetics, projection
     if not indefinite:
@@ -76,9 +81,8 @@ def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
             "currents at every distance."
         )
     raise FitError(
-        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. Sweep more currents, "
-        "where the iron begins to saturate above all, in every combination; windings on one core may have to be fitted "
-        "one at a time."
+        f"{indefinite[0]} Sweep more currents, where the iron begins to saturate above all, in every combination; "
+        "windings on one core may have to be fitted one at a time."
     )
 
 
@@ -119,21 +123,20 @@ def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
 def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> CoenergyTensor:
     """The model's magnetics; with a magnet W' is counted from zero current at the farthest distance."""
     functions = basis.functions
-    assert isinstance(functions, CurrentSplines)  # noqa: S101  of iron that saturates
 
     def tensor(table: FloatArray) -> CoenergyTensor:
         axes = tuple(map(CircuitAxis, rows.names, functions.knots, functions.degrees))
         return CoenergyTensor(basis.coordinate, basis.u_knots, U_DEGREE, axes, table)
 
     table = functions.table(projection.coefficients.reshape(basis.shape))
-    if functions.even:
+    if not functions.constant:
         return tensor(table)
     origin = np.clip(np.zeros(len(rows.names)), rows.circuit_currents.min(axis=0), rows.circuit_currents.max(axis=0))
     return tensor(table - tensor(table).coenergy(rows.distances[-1], origin))
 
 
-def _indefinite(magnetics: CoenergyTensor, rows: FitRows, axes: list[FloatArray]) -> str:
-    """Where at or between the rows the inductances are not positive definite; empty where they are everywhere."""
+def _between_rows(rows: FitRows, axes: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Distances and currents of the rows, and of the middles between them."""
     fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
     distance, *along = (point.ravel() for point in np.meshgrid(*fine, indexing="ij"))
     currents = np.stack(along, axis=-1)
@@ -144,14 +147,20 @@ def _indefinite(magnetics: CoenergyTensor, rows: FitRows, axes: list[FloatArray]
     judged = [
         not on or tuple(point) in swept for on, point in zip(grid, np.column_stack([distance, currents]), strict=True)
     ]
-    distance, currents = distance[judged], currents[judged]
+    return distance[judged], currents[judged]
+
+
+def _indefinite(magnetics: CoenergyMatrix | CoenergyTensor, distance: FloatArray, currents: FloatArray) -> str:
+    """Why the model cannot be: inductances that are not positive definite somewhere; empty where they all are."""
     least = np.linalg.eigvalsh(magnetics.inductance(distance, currents))[:, 0]
     worst = int(np.argmin(least))
     if least[worst] > 0.0:
         return ""
-    where = ", ".join(f"{i:.4g} A" for i in currents[worst])
-    value = amount(float(least[worst]), "H", 3)
-    return f"at {1e3 * distance[worst]:.4g} mm and {where} their least eigenvalue is {value}"
+    at_currents = f" and {', '.join(f'{i:.4g} A' for i in currents[worst])}" if currents.any() else ""
+    return (
+        f"The inductances of {', '.join(magnetics.names)} must be positive definite; at {1e3 * distance[worst]:.4g} mm"
+        f"{at_currents} their least eigenvalue is {amount(float(least[worst]), 'H', 3)}."
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +213,8 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
         If the rows do not determine the co-energy, if force and flux linkages contradict each other, or if the
         inductances are not positive definite everywhere.
     """
-    functions, system = CurrentProducts(len(rows.names), rows.magnet), coenergy_system(rows)
+    largest = np.abs(rows.circuit_currents).max(axis=0)
+    functions, system = quadratic_form(np.where(largest > 0.0, largest, 1.0), rows.magnet), coenergy_system(rows)
     if _not_quadratic(rows, functions) > NOT_QUADRATIC:
         return _judged(*fit_saturating(system), system)
     basis = best_along_distance(system, functions)
@@ -214,11 +224,13 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
             f"The rows do not determine the inductances of {', '.join(rows.names)}. Sweep each circuit's current by "
             "itself and at least one point with each two together."
         )
-    every = CurrentProducts(len(rows.names), magnet=True)
-    coefficients = np.zeros((basis.shape[0], every.count))
-    coefficients[:, (every.places[0] > 0) | rows.magnet] = projection.coefficients.reshape(basis.shape)
+    beside_magnet = np.triu_indices(len(rows.names) + 1)[0] > 0
+    coefficients = np.zeros((basis.shape[0], len(beside_magnet)))
+    coefficients[:, beside_magnet | rows.magnet] = projection.coefficients.reshape(basis.shape)
     magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.u_knots, U_DEGREE, coefficients)
-    _require_definite(magnetics, rows)
+    distances = np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)])
+    if indefinite := _indefinite(magnetics, distances, np.zeros((len(distances), len(rows.names)))):
+        raise FitError(f"{indefinite} Sweep more distances, or check the signs of the flux linkages.")
     return _judged(magnetics, projection, system)
 
 
@@ -263,7 +275,7 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, projection: Projection, 
     return fit
 
 
-def _not_quadratic(rows: FitRows, functions: CurrentProducts) -> float:
+def _not_quadratic(rows: FitRows, functions: CurrentSplines) -> float:
     """What the best quadratic form in the currents misses at each distance by itself, over the scale, at most."""
     flux = [((k,), column, flux_scale(column)) for k, column in enumerate(rows.linked.T)]
     readings = [((), rows.force, rows.force_scale), *flux]
@@ -287,16 +299,4 @@ def _require_agreement(fit: CircuitsFit) -> None:
         raise FitError(
             f"No co-energy meets force and flux linkages together: the best one misses them by {amount(worst, '')} of "
             "their rms. Sweep more distances; if it stays, a sign or a unit of these columns is wrong."
-        )
-
-
-def _require_definite(magnetics: CoenergyMatrix, rows: FitRows) -> None:
-    """Refuse inductances that would store a negative energy at some distance between the rows."""
-    d = np.unique(np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)]))
-    least = np.linalg.eigvalsh(magnetics.inductance(d, np.zeros((len(d), len(magnetics.names)))))[:, 0]
-    if not np.all(least > 0.0):
-        raise FitError(
-            f"The inductances of {', '.join(magnetics.names)} must be positive definite; at "
-            f"{1e3 * d[np.argmin(least)]:.4g} mm their least eigenvalue is {amount(float(least.min()), 'H', 3)}. Sweep "
-            "more distances, or check the signs of the flux linkages."
         )

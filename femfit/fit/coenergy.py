@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.fit.basis import CoenergyBasis, CurrentSplines
+from femfit.fit.basis import CoenergyBasis
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system, determined
@@ -72,7 +72,7 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
     coefficients = coefficients.reshape(basis.shape)
     if rows.flux_linkage is None and open_inductance_H:
         # i^2 in the current's B-splines, exact since their degree is at least 2
-        ((knots,), (degree,)) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+        ((knots,), (degree,)) = basis.functions.knots, basis.functions.degrees
         points = np.linspace(knots[0], knots[-1], 4 * basis.shape[1])
         square = np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0]
         coefficients = coefficients + 0.5 * open_inductance_H * square[None, :]
@@ -103,7 +103,7 @@ def _solve_with_shapes(
     while True:
         which = np.flatnonzero(chosen)
         labels = tuple(shapes.labels[n] for n in which)
-        imposed = Inequalities(shapes.matrix[which], shapes.right[which], labels) if len(which) else None
+        imposed = Inequalities(shapes.matrix[which], shapes.right[which], labels)
         qp = solve_bounded_qp(matrix, y, sigma, inequalities=imposed)
         if kinds == 0:
             return qp, ()
@@ -137,10 +137,10 @@ def _shape_inequalities(
     basis: CoenergyBasis, rows: FitRows, names: Sequence[str], open_inductance: float
 ) -> Inequalities:
     """The shapes on a grid of points."""
-    (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+    (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
     fraction = np.linspace(0.0, basis.u_cells, max(SHAPE_POINTS, 6 * basis.u_cells) + 1)
     u = np.interp(fraction, np.arange(basis.u_cells + 1), np.unique(basis.u_knots))
-    points = {0: 0, 2: 2}.get(degree, 4 * splines_of_current(basis).cells[0])
+    points = {0: 0, 2: 2}.get(degree, 4 * basis.functions.cells[0])
     i = np.linspace(knots[0], knots[-1], points + 1)
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))
     d = basis.coordinate.distance(grid_u)
@@ -154,15 +154,9 @@ def _shape_inequalities(
     return Inequalities(np.concatenate(blocks), np.concatenate(right), tuple(labels))
 
 
-def splines_of_current(basis: CoenergyBasis) -> CurrentSplines:
-    """The functions of the current of a fitted co-energy."""
-    assert isinstance(basis.functions, CurrentSplines)  # noqa: S101  of one circuit, or where the iron saturates
-    return basis.functions
-
-
 def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> CoenergySpline:
     """The spline of coefficients, W' counted from the largest distance without current."""
-    (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+    (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
 
     def spline(table: FloatArray) -> CoenergySpline:
         return CoenergySpline(basis.coordinate, TensorSpline(basis.u_knots, knots, U_DEGREE, degree, table))

@@ -1,23 +1,24 @@
 """How many B-splines a co-energy takes, and where their knots lie: what held-out rows of the sweep ask for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
+from itertools import chain, groupby
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from femfit.core.errors import FitError
-from femfit.core.numerics import ROUNDING, FloatArray, first_best
+from femfit.core.numerics import ROUNDING, FloatArray, ranked
 from femfit.core.text import counted
-from femfit.fit.basis import CoenergyBasis, CurrentFunctions, CurrentSplines, clamped_knots
+from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots
 from femfit.fit.coenergy_system import CoenergySystem
 from femfit.fit.constants import (
     BENT_CELLS,
     CELLS_IN_CURRENT,
     CIRCUIT_CELLS,
     CLOSEST,
+    DISTANCE_CELLS,
     FEWEST_CURRENTS,
     HELD_OUT_TARGET,
     MOST_BENT_CELLS,
@@ -42,16 +43,27 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     """
     rows = system.rows
     currents = FEWEST_CURRENTS if rows.without_current else len(rows.currents)
-    check_grid(currents, len(rows.distances), _fewest_distances(rows))
-    in_distance, in_current = distance_trials(rows), _current_trials(rows)
-    start = in_current[
-        0 if rows.inductance is None else -1
-    ]  # a bend that is not resolved hides what the distances show
-    basis, error = CoenergyBasis(**in_distance[0], functions=start), np.inf
+    fewest = U_DEGREE + 1 + (2 if rows.flux_linkage is None else 0)  # flux linkage gives W' itself beside its slope
+    if currents < FEWEST_CURRENTS or len(rows.distances) < fewest:
+        raise FitError(
+            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest} distances; instead received "
+            f"{counted(currents, 'current')} and {counted(len(rows.distances), 'distance')}. Sweep more "
+            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
+        )
+    counts = [n for n in DISTANCE_CELLS if n <= MOST_CELLS or rows.inductance is None]
+    along = chain(*splines_along(rows.distances, counts, fewest - U_DEGREE - 1, breaks="following"))
+    in_distance: list[dict[str, Any]] = [{"coordinate": coordinate, "u_knots": knots} for coordinate, knots in along]
+    in_current: list[dict[str, Any]] = [{"functions": functions} for functions in _current_trials(rows)]
+    # A bend that is not resolved hides what the distances show
+    start = in_current[0 if rows.inductance is None else -1]
+    basis, error, size_of = CoenergyBasis(**in_distance[0], **start), np.inf, attrgetter("size")
+    nearly = NEARLY_BEST if rows.inductance is None else NEARLY_BEST_BENT
     for _ in range(ROUNDS):
         before = basis.functions
-        for trials in (in_distance, [{"functions": functions} for functions in in_current]):
-            basis, error = _best([replace(basis, **trial) for trial in trials], system)
+        for trials in (in_distance, in_current):
+            bases = sorted((replace(basis, **trial) for trial in trials), key=size_of)
+            alike = (list(group) for _, group in groupby(bases, size_of))
+            basis, error = smallest(alike, system.held_out_errors, nearly=nearly)
             if error < HELD_OUT_TARGET:
                 return basis, error
         if basis.functions is before:  # the distance was searched with these
@@ -64,39 +76,39 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     return basis, error
 
 
-def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[CoenergyBasis, float]:
-    """The choice among bases, force and flux linkage apart: noise of the one must not hide what the other shows."""
-    scored: list[tuple[FloatArray, CoenergyBasis]] = []
-    size_of = attrgetter("size")
-    for _, alike in groupby(sorted(bases, key=size_of), key=size_of):
-        tried = [(system.held_out_errors(basis), basis) for basis in alike]
-        errors, basis = tried[first_best([-float(np.max(errors)) for errors, _ in tried])]
-        if np.max(errors) < HELD_OUT_TARGET:
-            return basis, float(np.max(errors))
-        # A column that is good enough must not ask for more.
-        scored += [(np.maximum(trial, HELD_OUT_TARGET), basis) for trial, basis in tried]
-    best = np.min([errors for errors, _ in scored], axis=0)
-    if not np.all(np.isfinite(best)):
+Tried = TypeVar("Tried")
+
+
+def smallest(
+    groups: Iterable[Sequence[Tried]],
+    errors_of: Callable[[Tried], Any],
+    target: float = HELD_OUT_TARGET,
+    nearly: float = NEARLY_BEST,
+) -> tuple[Tried, float]:
+    """The first below its target, or else the first that is nearly the best, and its largest error.
+
+    Parameters
+    ----------
+    groups : iterable of sequence
+        What is tried, in groups of one size, the smallest first; of one group the best comes first.
+    errors_of : callable
+        Errors on rows left out, as (2,) of force and flux linkage, or one: noise of the one must not hide what the
+        other shows.
+    """
+    scored: list[tuple[Any, Tried]] = []
+    for alike in groups:
+        tried = ranked([(errors_of(trial), trial) for trial in alike], lambda pair: -float(np.max(pair[0])))
+        errors, best = tried[0]
+        if np.max(errors) < target:
+            return best, float(np.max(errors))
+        # A column that is good enough must not ask for more
+        scored += [(np.maximum(errors, target), trial) for errors, trial in tried]
+    least = np.min([errors for errors, _ in scored], axis=0)
+    if not np.all(np.isfinite(least)):
         return scored[0][1], np.inf
-    nearly = NEARLY_BEST if system.rows.inductance is None else NEARLY_BEST_BENT
-    allowed = max(nearly, min(float(np.max(errors / best)) for errors, _ in scored))
-    errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= (1.0 + ROUNDING) * allowed)
-    return basis, float(np.max(errors))
-
-
-def check_grid(currents: int, distances: int, fewest_distances: int = U_DEGREE + 1) -> None:
-    """Refuse a grid with fewer currents or distances than any co-energy needs, by a FitError."""
-    if currents < FEWEST_CURRENTS or distances < fewest_distances:
-        raise FitError(
-            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest_distances} distances; instead received "
-            f"{counted(currents, 'current')} and {counted(distances, 'distance')}. Sweep more "
-            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
-        )
-
-
-def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
-    """Distances that so many cells need; flux linkage gives W' itself beside its slope, so that fewer will do."""
-    return U_DEGREE + cells + (2 if rows.flux_linkage is None else 0)
+    allowed = max(nearly, min(float(np.max(errors / least)) for errors, _ in scored))
+    errors, best = next(pair for pair in scored if np.max(pair[0] / least) <= (1.0 + ROUNDING) * allowed)
+    return best, float(np.max(errors))
 
 
 def _current_trials(rows: FitRows) -> list[CurrentSplines]:
@@ -130,24 +142,6 @@ def _bent_breaks(rows: FitRows) -> list[FloatArray]:
     return [thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)] for n in counts]
 
 
-def distance_trials(rows: FitRows) -> list[dict[str, Any]]:
-    """Coordinates of the distance, and knots in them."""
-    trials = []
-    for coordinate in distance_coordinates(rows.distances):
-        d = rows.distances
-        for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20):
-            if _fewest_distances(rows, n) > len(d) or (rows.inductance is not None and n > MOST_CELLS):
-                break
-            # Breaks that follow the rows leave data in every cell, where uniform ones would not.
-            following = np.sort(coordinate.of(np.quantile(d, np.linspace(0.0, 1.0, n + 1))))
-            even = np.linspace(following[0], following[-1], n + 1)
-            trials += [
-                {"coordinate": coordinate, "u_knots": clamped_knots(u, U_DEGREE)}
-                for u in ((even,) if n == 1 else (even, following))
-            ]
-    return trials
-
-
 def distance_coordinates(distances: FloatArray) -> list[DistanceCoordinate]:
     """The coordinates that are tried for ascending distances in m: inverse ones with several shifts, and the plain."""
     stroke = float(np.ptp(distances))
@@ -161,54 +155,47 @@ Along = tuple[DistanceCoordinate, FloatArray]
 """A coordinate of the distance, and the knots in it."""
 
 
-def choose_along_distance(
-    distances: FloatArray, held_out: Callable[[DistanceCoordinate, FloatArray], float]
-) -> tuple[Along, float]:
-    """The fewest cells below the target on distances left out, or the fewest that are nearly the best, and the error.
+def splines_along(
+    distances: FloatArray, counts: Sequence[int], spare: int = 0, *, degree: int = U_DEGREE, breaks: str = "even"
+) -> Iterator[list[Along]]:
+    """Splines over ascending distances in m, those of as many cells together; ``spare`` distances more than functions.
 
-    Parameters
-    ----------
-    distances : array, shape (n,)
-        Ascending, in m.
-    held_out : callable
-        Coordinate and knots -> rms error on distances left out.
+    Breaks lie evenly in the coordinate, or, ``following``, also where the distances do: these leave data in every cell.
+    ``geometric`` ones are even in its logarithm where it is inverse. With even ones alone, coordinates between two gaps
+    are tried as well.
+    """
+    coordinates = distance_coordinates(distances)
+    if breaks == "even":
+        middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
+        coordinates += [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * width) for share in TWO_GAPS]
+    for count in counts:
+        if degree + count + spare > len(distances):
+            return
+        alike = []
+        for coordinate in coordinates:
+            at_rows = np.sort(coordinate.of(np.quantile(distances, np.linspace(0.0, 1.0, count + 1))))
+            spaced = np.geomspace if breaks == "geometric" and coordinate.inverse else np.linspace
+            even = spaced(at_rows[0], at_rows[-1], count + 1)
+            places = [even, at_rows] if breaks == "following" and count > 1 else [even]
+            alike += [(coordinate, clamped_knots(u, degree)) for u in places]
+        yield alike
+
+
+def best_along_distance(system: CoenergySystem, functions: CurrentSplines) -> CoenergyBasis:
+    """Functions of several currents with the splines of the distance that miss least with distances left out.
 
     Raises
     ------
     FitError
         If there are fewer distances than one cell needs.
     """
+    distances = system.rows.distances
     if len(distances) < U_DEGREE + 1:
         raise FitError(
             f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "
             "Sweep more distances."
         )
-    middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
-    between = [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * width) for share in TWO_GAPS]
-    coordinates = [*distance_coordinates(distances), *between]
-    scored: list[tuple[float, Along]] = []
-    for cells in CIRCUIT_CELLS:
-        if U_DEGREE + cells > len(distances):
-            break
-        alike: list[tuple[float, Along]] = []
-        for coordinate in coordinates:
-            ends = np.sort(coordinate.of(distances[[0, -1]]))
-            knots = clamped_knots(np.linspace(ends[0], ends[1], cells + 1), U_DEGREE)
-            alike.append((held_out(coordinate, knots), (coordinate, knots)))
-        error, along = min(alike, key=lambda pair: pair[0])
-        if error < HELD_OUT_TARGET:
-            return along, error
-        scored += sorted(alike, key=lambda pair: pair[0])
-    least = min(error for error, _ in scored)
-    error, along = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
-    return along, error
-
-
-def best_along_distance(system: CoenergySystem, functions: CurrentFunctions) -> CoenergyBasis:
-    """Functions of several currents with the splines of the distance that miss least with distances left out."""
-
-    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
-        return float(system.held_out_errors(CoenergyBasis(coordinate, knots, functions)).max())
-
-    along, _ = choose_along_distance(system.rows.distances, held_out)
-    return CoenergyBasis(*along, functions)
+    groups = (
+        [CoenergyBasis(*along, functions) for along in alike] for alike in splines_along(distances, CIRCUIT_CELLS)
+    )
+    return smallest(groups, lambda basis: system.held_out_errors(basis).max())[0]

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.fit.basis import CoenergyBasis, CurrentSplines
+from femfit.fit.basis import CoenergyBasis
 from femfit.fit.constants import (
     DISTANCE_FOLDS,
     FEWEST_CURRENTS,
@@ -203,7 +203,7 @@ class CoenergySystem:
         In the middle of a cell in i, and at as many places of it in u as fix a polynomial there.
         """
         functions = basis.functions
-        if self.rows.inductance is None or not isinstance(functions, CurrentSplines):
+        if self.rows.inductance is None:
             return
         (knots,), (degree,) = functions.knots, functions.degrees
         if degree != SMOOTHED_DEGREE:
@@ -224,7 +224,7 @@ class CoenergySystem:
         size = float(np.linalg.norm(np.concatenate(blocks) / np.concatenate(sigma)[:, None]))
         in_u, count = basis.shape
         rough = [(np.kron(np.diff(np.eye(in_u), U_DEGREE, axis=0), np.eye(count)), SMOOTH_DISTANCE)]
-        if isinstance(basis.functions, CurrentSplines):  # a quadratic form leaves nothing open
+        if U_DEGREE in basis.functions.degrees:  # a quadratic form leaves nothing open
             rough = [(np.kron(np.eye(in_u), basis.functions.roughness()), SMOOTHNESS), *rough]
         for penalty, weight in rough:
             if len(penalty):

@@ -9,9 +9,6 @@ calibration behind it. *Numerical* bounds rounding or time. The solver's own tol
 FEWEST_ROWS, FEWEST_DISTANCES = 12, 4
 """Assumed: fewer rows, or distances, leave too little to check a fit by."""
 
-SAME_SETTING = 1e-6
-"""Numerical: settings of a grid that differ by less, as parts of the largest, are one: the fewest digits of a table."""
-
 FEWEST_CURRENTS = 3
 """Derived: a parabola in the current; of three currents one can be left out and a line be distinguished from it."""
 
@@ -70,6 +67,9 @@ CLOSEST = 0.05
 """Numerical: least distance plus shift, as a part of the range of distances, for a sweep that reaches the face or
 passes it: closer to its pole, an inverse distance puts all distances but one into a corner."""
 
+DISTANCE_CELLS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
+"""Assumed: cells in the distance that are tried for one circuit's co-energy."""
+
 CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 6, 12)
 """Assumed: cells in the current that are tried; and where the inductance shows a bend, beside the finest."""
 
@@ -90,7 +90,7 @@ TWO_GAPS = (0.2, 0.25, 0.32, 0.43, 0.57)
 about the middle that are tried, as parts of the range of distances."""
 
 CIRCUIT_CELLS = (1, 2, 3, 4, 6, 8, 12)
-"""Assumed: cells in the distance that are tried for several circuits."""
+"""Assumed: cells in the distance that are tried for several circuits, and for the field at a sensor."""
 
 SMALL_CIRCUIT_FORCE, SMALL_FLUX = 0.02, 0.05
 """Conventional: errors of several circuits are parts of each row's own force and flux linkage, but at least of these

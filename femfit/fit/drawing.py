@@ -135,11 +135,11 @@ def with_impedances(
     follows = _following(inductance, distance, frequency, eddy)
     at_probes = _following(inductance, distance, slopes.frequencies_Hz, eddy)
     before = np.asarray(np.linalg.inv(at_probes), dtype=np.complex128)
-    by_key, effects = {effect.key: effect for effect in drawn}, list(drawn)
+    effects = {effect.key: effect for effect in drawn}
     for number, by_number in zip(slopes.numbers, slopes.slopes[:, order], strict=True):
         if number.effect or number.kind == CONDUCTIVITY or not by_number.any():
             continue
-        effect = by_key.get(number.key) or drawn_effect(number, (), at_rest=KINDS[number.kind].at_rest)
+        effect = effects.get(number.key) or drawn_effect(number, (), at_rest=KINDS[number.kind].at_rest)
         ratio = _turned(before, by_number) - _static(effect, distance)[:, None, None, None]
         rest = _turned(follows, _along(np.log(slopes.frequencies_Hz), ratio, np.log(frequency)))
         change = impedance_change(
@@ -151,13 +151,8 @@ def with_impedances(
             2j * np.pi * frequency[:, None, None] * rest[:, None],
             share=not effect.unit,
         )
-        changed = replace(effect, impedance=change)
-        effects = (
-            [changed if earlier is effect else earlier for earlier in effects]
-            if number.key in by_key
-            else [*effects, changed]
-        )
-    return tuple(effects)
+        effects[number.key] = replace(effect, impedance=change)
+    return tuple(effects.values())
 
 
 def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArray, eddy: EddyCurrents) -> ComplexArray:
@@ -175,11 +170,9 @@ def _turned(g: ComplexArray, inductance: ComplexArray) -> ComplexArray:
 
 def _static(drawn: DrawnEffect, distance: FloatArray) -> FloatArray:
     """d^2(dW'/dp)/di^2 of a number without a current, in H per unit; of one circuit, which alone has such terms."""
-    still, result = np.zeros((len(distance), 1)), np.zeros_like(distance)
-    for term in drawn.terms:
-        if term.coenergy is not None:
-            result += term.coenergy.inductance(distance, still)[:, 0, 0]
-    return result
+    still = np.zeros((len(distance), 1))
+    changes = [term.coenergy.inductance(distance, still)[:, 0, 0] for term in drawn.terms if term.coenergy is not None]
+    return sum(changes, np.zeros_like(distance))
 
 
 def spline_frequencies(frequency: FloatArray) -> FloatArray:

@@ -16,9 +16,10 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray
+from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerances import KINDS
 from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
-from femfit.fit.drawing import CONDUCTIVITY, spline_frequencies, with_impedances
+from femfit.fit.drawing import CONDUCTIVITY, drawn_effect, spline_frequencies, with_impedances
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, basis_matrix
@@ -120,11 +121,10 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
     effects = []
     for j in range(len(table.materials)):
         places = range(len(table.distances_m))
-        slope = np.array([table.conductivity_slope(j, k, frequencies) for k in places])
-        bend = np.array([table.conductivity_bend(j, k, frequencies) for k in places])
+        changes = np.array([table.conductivity_changes(j, k, frequencies) for k in places])
         if of_model is not None:
-            slope -= [of_model.conductivity_slope(0, k, frequencies) for k in places]
-            bend -= [of_model.conductivity_bend(0, k, frequencies) for k in places]
+            changes -= [of_model.conductivity_changes(0, k, frequencies) for k in places]
+        slope, bend = changes.swapaxes(0, 1)
         change = impedance_change(
             parameter_name(""),
             eddy.coordinate,
@@ -135,19 +135,9 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
             share=True,
             bend=bend[:, None],
         )
-        effects.append(
-            DrawnEffect(
-                key=f"materials.{table.materials[j]}.conductivity_MS_per_m",
-                also=(),
-                subject=f"the conductivity of {table.materials[j]}",
-                value=1e-6 * float(table.conductivities_S_per_m[j]),
-                unit="",
-                tolerance=KINDS[CONDUCTIVITY].tolerance,
-                terms=(),
-                impedance=change,
-                conducts=of_model is not None,
-            )
-        )
+        key, drawn = f"materials.{table.materials[j]}.conductivity_MS_per_m", 1e-6 * table.conductivities_S_per_m[j]
+        number = NumberFacts(key, (), CONDUCTIVITY, float(drawn), "", KINDS[CONDUCTIVITY].tolerance)
+        effects.append(replace(drawn_effect(number, ()), impedance=change, conducts=of_model is not None))
     return tuple(effects)
 
 

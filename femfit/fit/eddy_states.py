@@ -174,20 +174,13 @@ class StateChoice:
         """What departures are relative to: the whole response to a current, and that to motion when it is slow."""
         table, n = self._table, 1 + len(self._table.circuits)
         size = np.full(target.shape, np.inf)
-        kinds = [slice(0, n - 1), slice(n - 1, 2 * n - 1), slice(2 * n - 1, None)]
-        at_rest = [
-            table.flux_linkage[k, : n - 1, 1:n],
-            2.0 * table.force[k, :n, 1:n],
-            np.zeros((0, n - 1)) if table.hall is None else table.hall[k, None, 1:n],
-        ]
-        for kind, rest in zip(kinds, at_rest, strict=True):
-            response = rest - self._s[:, None, None] * target[:, kind, : n - 1]
-            if response.size:
-                largest = np.abs(response).max(axis=(1, 2), keepdims=True)
-                factor = np.abs(self._s)[:, None, None]
-                size[:, kind, : n - 1] = np.divide(
-                    largest, factor, out=np.full_like(largest, np.inf), where=factor > 0.0
-                )
+        whole = table.transfers(k, self._s.imag / (2.0 * np.pi))
+        responses = [whole.flux_linkage, whole.force, *([] if whole.hall is None else [whole.hall[:, None]])]
+        factor = np.abs(self._s)[:, None, None]
+        for response, first in zip(responses, (0, n - 1, 2 * n - 1), strict=False):
+            largest = np.abs(response).max(axis=(1, 2), initial=0.0, keepdims=True)
+            kind = slice(first, first + response.shape[1])
+            size[:, kind, : n - 1] = np.divide(largest, factor, out=np.full_like(largest, np.inf), where=factor > 0.0)
         slow = np.abs(target[0, n - 1 : 2 * n - 1, n - 1 :]).max(initial=0.0)
         if slow > 0.0:
             size[:, n - 1 : 2 * n - 1, n - 1 :] = slow

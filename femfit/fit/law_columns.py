@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.errors import FitError, InfeasibleFitError, UsageError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.fit.bounded_qp import Inequalities, QPSolution, active_set_least_squares, solve_bounded_qp
 from femfit.fit.constants import FEWEST_CURRENTS
 from femfit.fit.rows import FitRows
@@ -33,50 +33,23 @@ FUNCTIONS: dict[str, tuple[int, ...]] = {
 """Coefficient functions of the current: name and powers, simplest first; a coil alone pulls iron with its square."""
 
 
-@dataclass(frozen=True, eq=False)
-class CoefficientBounds:
-    """What each coefficient c_k(i) may be, at the currents of the sweep."""
+def coefficient_bounds(
+    law: ForceLaw, currents: FloatArray, single: Mapping[str, tuple[float, float]] | None = None
+) -> FloatArray:
+    """Lowest and highest coefficient of each column at each current (m,); infinite for none; shape (2, m, k).
 
-    # One entry a column of the law; infinite where nothing is bounded; shape (k,)
-    lower: FloatArray
-    upper: FloatArray
-    # Columns whose bounds hold at currents >= 0 alone, in which the coil attracts: b(i) = m i changes its sign with
-    # the current. None for none of them; shape (k,)
-    attracting: BoolArray | None = None
-
-    def at(self, current: float) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds at a current in A."""
-        if self.attracting is None or current >= 0:
-            return self.lower, self.upper
-        return np.where(self.attracting, -np.inf, self.lower), np.where(self.attracting, np.inf, self.upper)
-
-    def with_single(self, law: ForceLaw, single: Mapping[str, tuple[float, float]]) -> "CoefficientBounds":
-        """These bounds with those of single columns given by hand, which hold at every current."""
-        lower, upper = self.lower.copy(), self.upper.copy()
-        for basis, ends in single.items():
-            if basis not in law.basis:
-                raise UsageError(f"Law {law.name} has the coefficients of {', '.join(law.basis)}; none of {basis!r}.")
-            lower[law.basis.index(basis)], upper[law.basis.index(basis)] = ends
-        attracting = None if self.attracting is None else self.attracting & ~np.isin(law.basis, list(single))
-        return CoefficientBounds(lower, upper, attracting)
-
-    def of_column(self, k: int) -> "CoefficientBounds":
-        """The bounds of one column."""
-        column = slice(k, k + 1)
-        return CoefficientBounds(
-            self.lower[column], self.upper[column], None if self.attracting is None else self.attracting[column]
-        )
-
-
-def default_bounds(law: ForceLaw) -> CoefficientBounds:
-    """The law's own: coefficients that it calls non-negative, at each current in which the coil attracts.
-
-    At negative currents the coil's part of the force, b(i) = m i, repels, and a bound there would leave only b = 0.
+    A coefficient that the law calls non-negative is so at each current in which the coil attracts: at negative ones the
+    coil's part of the force, b(i) = m i, repels, and a bound there would leave only b = 0. Those of single columns hold
+    at every current in place of the law's own.
     """
-    nonnegative = law.nonnegative or (False,) * len(law.basis)
-    return CoefficientBounds(
-        np.where(nonnegative, 0.0, -np.inf), np.full(len(law.basis), np.inf), np.array(nonnegative)
-    )
+    nonnegative = np.array(law.nonnegative or (False,) * len(law.basis))
+    lower = np.where(nonnegative & (currents[:, None] >= 0.0), 0.0, -np.inf)
+    bounds = np.stack([lower, np.full_like(lower, np.inf)])
+    for basis, ends in (single or {}).items():
+        if basis not in law.basis:
+            raise UsageError(f"Law {law.name} has the coefficients of {', '.join(law.basis)}; none of {basis!r}.")
+        bounds[:, :, law.basis.index(basis)] = np.reshape(ends, (2, 1))
+    return bounds
 
 
 def term_names(law: ForceLaw, functions: Sequence[str]) -> tuple[tuple[str, int], ...]:
@@ -102,7 +75,7 @@ class TermBounds:
     # A box, from currents at which a single term makes up the coefficient; shape (terms,)
     lower: FloatArray
     upper: FloatArray
-    inequalities: Inequalities | None
+    inequalities: Inequalities  # Perhaps none
     sides: tuple[str, ...]  # ``lower`` or ``upper`` for each inequality
 
     def solve(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> QPSolution:
@@ -116,25 +89,22 @@ class TermBounds:
     def active(self, solution: QPSolution) -> tuple[str, ...]:
         """The bounds that a solution stands on, in words."""
         box = [f"{name} on its {side} bound" for name, side in zip(self.names, solution.active, strict=True) if side]
-        if self.inequalities is None:
-            return tuple(box)
-        labels = self.inequalities.labels
-        return (*box, *(w for w, hit in zip(labels, solution.active_inequalities, strict=True) if hit))
+        labels = zip(self.inequalities.labels, solution.active_inequalities, strict=True)
+        return (*box, *(label for label, hit in labels if hit))
 
     def active_sides(self, solution: QPSolution) -> tuple[str, ...]:
         """For each term ``lower``, ``upper`` or empty: the side on which its coefficient is bound at any current."""
         sides = list(solution.active)
-        if self.inequalities is not None:
-            for row, side, hit in zip(self.inequalities.matrix, self.sides, solution.active_inequalities, strict=True):
-                for term in np.flatnonzero(row) if hit else ():
-                    sides[term] = sides[term] or side
+        for row, side, hit in zip(self.inequalities.matrix, self.sides, solution.active_inequalities, strict=True):
+            for term in np.flatnonzero(row) if hit else ():
+                sides[term] = sides[term] or side
         return tuple(sides)
 
 
 def term_bounds(
-    functions: Sequence[str], labels: Sequence[str], currents: FloatArray, bounds: CoefficientBounds
+    functions: Sequence[str], labels: Sequence[str], currents: FloatArray, bounds: FloatArray
 ) -> TermBounds:
-    """Bounds on c_k(i) at each current: a box where one term makes it up, inequalities where it has more."""
+    """Bounds (2, m, k) on c_k(i) at each current: a box where one term makes it up, inequalities where it has more."""
     total = sum(len(FUNCTIONS[name]) for name in functions)
     lower, upper = np.full(total, -np.inf), np.full(total, np.inf)
     rows: list[FloatArray] = []
@@ -144,12 +114,11 @@ def term_bounds(
     start = 0
     for k, name in enumerate(functions):
         powers = np.array(FUNCTIONS[name], dtype=np.float64)
-        for i in currents:
+        for i, (low, high) in zip(currents, bounds[:, :, k].T, strict=True):
             row = np.zeros(total)
             row[start : start + len(powers)] = i**powers
             only = np.flatnonzero(row)
-            low, high = bounds.at(float(i))
-            for limit, sign, word in ((low[k], 1.0, "lower"), (high[k], -1.0, "upper")):
+            for limit, sign, word in ((low, 1.0, "lower"), (high, -1.0, "upper")):
                 if not np.isfinite(limit) or len(only) == 0:
                     continue
                 if len(only) == 1:
@@ -165,19 +134,9 @@ def term_bounds(
                     words.append(f"{labels[k]} at {i:g} A on its {word} bound {limit:g}")
                     sides.append(word)
         start += len(powers)
-    inequalities = Inequalities(np.array(rows), np.array(right), tuple(words)) if rows else None
+    inequalities = Inequalities(np.reshape(rows, (-1, total)), np.array(right), tuple(words))
     names = (f"{labels[k]} i^{power}" for k, name in enumerate(functions) for power in FUNCTIONS[name])
     return TermBounds(tuple(names), lower, upper, inequalities, tuple(sides))
-
-
-@dataclass(frozen=True, eq=False)
-class StageOne:
-    """A law fitted at each current by itself."""
-
-    currents: FloatArray  # A; shape (m,)
-    coefficients: FloatArray  # c_k at each current; shape (m, k)
-    residual_sums: FloatArray  # J in N^2; shape (m,)
-    solutions: tuple[QPSolution, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +145,6 @@ class CoefficientFunction:
 
     name: str
     values: FloatArray
-    residual_sum: float
     held_out: Mapping[str, float]  # Root mean square error at the current left out, for every function that was tried
 
     def at(self, current: FloatArray) -> FloatArray:
@@ -195,9 +153,15 @@ class CoefficientFunction:
 
 
 def fit_each_current(
-    law: ForceLaw, shape: Mapping[str, float], rows: FitRows, sigma: FloatArray, bounds: CoefficientBounds
-) -> StageOne:
-    """Stage one, with the law's shape the same at all currents; FitError if there are fewer than three."""
+    law: ForceLaw, shape: Mapping[str, float], rows: FitRows, sigma: FloatArray, bounds: FloatArray
+) -> FloatArray:
+    """Stage one, c_k at each current, shape (m, k), with the law's shape the same at all currents.
+
+    Raises
+    ------
+    FitError
+        If there are fewer than three currents.
+    """
     currents = rows.currents
     if len(currents) < FEWEST_CURRENTS and not rows.without_current:
         listed = ", ".join(f"{i:g} A" for i in currents)
@@ -205,24 +169,21 @@ def fit_each_current(
             f"Two stages need at least {FEWEST_CURRENTS} currents, to leave one out and still distinguish a line "
             f"from a constant; the table holds {len(currents)} ({listed}). Sweep or import more currents."
         )
-    solutions, sums = [], []
-    for i in currents:
+    coefficients = []
+    for i, (lower, upper) in zip(currents, bounds.swapaxes(0, 1), strict=True):
         at_current = rows.current == i
         columns = law.columns(rows.distance[at_current], shape)
         names = [f"{basis} at {i:g} A" for basis in law.basis]
-        solution = solve_bounded_qp(
-            columns, rows.force[at_current], sigma[at_current], *bounds.at(float(i)), names=names
-        )
-        solutions.append(solution)
-        sums.append(float(np.sum(solution.residual**2)))
-    return StageOne(currents, np.array([s.x for s in solutions]), np.array(sums), tuple(solutions))
+        force, weights = rows.force[at_current], sigma[at_current]
+        coefficients.append(solve_bounded_qp(columns, force, weights, lower, upper, names=names).x)
+    return np.array(coefficients)
 
 
 def fit_coefficient_function(
     currents: FloatArray,
     values: FloatArray,
     label: str,
-    bounds: CoefficientBounds | None = None,
+    bounds: FloatArray | None = None,
     name: str | None = None,
     negligible: float = 0.0,
 ) -> CoefficientFunction:
@@ -230,17 +191,18 @@ def fit_coefficient_function(
 
     The simplest function is taken whose mean squared held-out error lies within one standard error of the best one's
     (Breiman et al.), or below ``negligible``.
-    Values are c at each current, bounds those of c, one column; ``negligible`` is in the coefficient's unit.
+    Values are c at each current, bounds those of c, (2, m, 1); ``negligible`` is in the coefficient's unit.
 
     References
     ----------
     L. Breiman et al., Classification and Regression Trees (Wadsworth, 1984), section 3.4.3 (one standard error).
     """
-    bounds = bounds or CoefficientBounds(np.array([-np.inf]), np.array([np.inf]))
+    if bounds is None:
+        bounds = np.tile(np.reshape([-np.inf, np.inf], (2, 1, 1)), (len(currents), 1))
     squares = _held_out_squares(currents, values, bounds)
     if name is None and not squares:
         raise InfeasibleFitError(
-            f"No coefficient function of {label} is feasible within {bounds.lower[0]:g}..{bounds.upper[0]:g}. "
+            f"No coefficient function of {label} is feasible within {bounds[0].max():g}..{bounds[1].min():g}. "
             "Widen these bounds."
         )
     if not name:
@@ -252,10 +214,7 @@ def fit_coefficient_function(
     limits = term_bounds([name], [label], currents, bounds)
     solution = limits.solve(_monomials(name, currents), values, np.ones(len(values)))
     return CoefficientFunction(
-        name=name,
-        values=solution.x,
-        residual_sum=float(np.sum(solution.residual**2)),
-        held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()},
+        name=name, values=solution.x, held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()}
     )
 
 
@@ -263,7 +222,7 @@ def _monomials(name: str, currents: FloatArray) -> FloatArray:
     return np.asarray(np.power(currents[..., None], np.array(FUNCTIONS[name], dtype=np.float64)))
 
 
-def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: CoefficientBounds) -> dict[str, FloatArray]:
+def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: FloatArray) -> dict[str, FloatArray]:
     """Squared error at each current left out, for every function that the bounds allow."""
     squares = {}
     for name, powers in FUNCTIONS.items():
@@ -274,7 +233,7 @@ def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: Coeffici
         try:
             for out in range(len(currents)):
                 fitted = np.arange(len(currents)) != out
-                limits = term_bounds([name], ["c"], currents[fitted], bounds)
+                limits = term_bounds([name], ["c"], currents[fitted], bounds[:, fitted])
                 x = limits.refit(monomials[fitted], values[fitted], np.ones(len(currents) - 1))
                 errors.append(float(monomials[out] @ x - values[out]))
         except InfeasibleFitError:

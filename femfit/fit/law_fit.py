@@ -14,11 +14,9 @@ from femfit.fit.bounded_qp import QPSolution, non_negative
 from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
     FUNCTIONS,
-    CoefficientBounds,
     CoefficientFunction,
-    StageOne,
     TermBounds,
-    default_bounds,
+    coefficient_bounds,
     design_matrix,
     fit_coefficient_function,
     fit_each_current,
@@ -78,9 +76,8 @@ class LawFit:
     shape_interval: Mapping[str, tuple[float, float]]  # 95 % block-jackknife interval of each of these
     functions: tuple[str, ...]
     terms: tuple[tuple[str, int], ...]  # Column and power of current of each term
-    stage_one: StageOne
+    stage_one: FloatArray  # Coefficient of each column at each current by itself; shape (m, k)
     stage_two: tuple[CoefficientFunction, ...]
-    two_stage: FloatArray  # Coefficients of the two-stage fit; shape (terms,)
     joint: QPSolution  # The one-stage fit of the same terms to all rows
     limits: TermBounds
     # 95 % intervals of the terms, shape (terms, 2), and their covariance, shape (terms, terms): by a delete-a-block
@@ -120,10 +117,6 @@ class LawFit:
         units = {parameter.name: parameter.unit for parameter in self.law.shape}
         return [(name, value, *self.shape_interval[name], units[name]) for name, value in self.shape.items()]
 
-    def force(self, coefficients: FloatArray, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """Force in N for coefficients in the order of ``terms``."""
-        return np.asarray(design_matrix(self.law, self.shape, self.functions, distance, current) @ coefficients)
-
 
 def law_sigma(rows: FitRows) -> FloatArray:
     """Standard deviation in N for which a law's rows are weighted: the same everywhere, and the row's own error.
@@ -134,9 +127,12 @@ def law_sigma(rows: FitRows) -> FloatArray:
 
 
 def fit_law(
-    law: ForceLaw, rows: FitRows, bounds: CoefficientBounds | None = None, functions: Sequence[str] | None = None
+    law: ForceLaw,
+    rows: FitRows,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    functions: Sequence[str] | None = None,
 ) -> LawFit:
-    """Fit a force law in two stages, and jointly; without bounds on every c_k(i) by the law's own."""
+    """Fit a force law in two stages, and jointly, within bounds of single columns and else the law's own."""
     if functions is not None and (len(functions) != len(law.basis) or not set(functions) <= set(FUNCTIONS)):
         raise UsageError(
             f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of "
@@ -151,19 +147,18 @@ def fit_law(
         )
     if rows.without_current:
         functions = ("constant",) * len(law.basis)
-    bounds = default_bounds(law) if bounds is None else bounds
-    sigma = law_sigma(rows)
+    sigma, within = law_sigma(rows), coefficient_bounds(law, rows.currents, bounds)
     shape = fit_shape(law, rows, sigma)
-    stage_one = fit_each_current(law, shape, rows, sigma, bounds)
+    stage_one = fit_each_current(law, shape, rows, sigma, within)
     scale, _ = rows.error_scale
     typical = np.sqrt(np.mean(law.columns(rows.distance, shape) ** 2, axis=0))
     negligible = NEGLIGIBLE * scale / typical
     stage_two = tuple(
         fit_coefficient_function(
-            stage_one.currents,
-            stage_one.coefficients[:, k],
+            rows.currents,
+            stage_one[:, k],
             basis,
-            bounds.of_column(k),
+            within[:, :, [k]],
             None if functions is None else functions[k],
             float(negligible[k]),
         )
@@ -171,7 +166,7 @@ def fit_law(
     )
     chosen = tuple(function.name for function in stage_two)
     matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
-    limits = term_bounds(chosen, law.basis, rows.currents, bounds)
+    limits = term_bounds(chosen, law.basis, rows.currents, within)
     joint = limits.solve(matrix, rows.force, sigma)
     interval, covariance, shape_interval = _intervals(law, shape, chosen, rows, limits, joint)
     return LawFit(
@@ -182,7 +177,6 @@ def fit_law(
         terms=term_names(law, chosen),
         stage_one=stage_one,
         stage_two=stage_two,
-        two_stage=np.concatenate([function.values for function in stage_two]),
         joint=joint,
         limits=limits,
         interval=interval,

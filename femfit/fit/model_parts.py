@@ -2,9 +2,9 @@
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -25,13 +25,6 @@ from femfit.model.several_magnetics import CoenergyMatrix
 from femfit.model.validity import ActuatorKind, ValidityBox
 
 MASS_UNKNOWN = "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g."
-
-Part = TypeVar("Part")
-
-
-@dataclass(frozen=True)
-class _OneSensor:
-    sensor: AnySensor
 
 
 def actuator_entry(
@@ -159,7 +152,7 @@ def other_sensors_of(
     sensors: list[OtherSensor] = []
     notes, halls = [], 0
     for record in entry.get("sensors") or ():
-        sensor: AnySensor = _recorded(_OneSensor, "sensor", {"sensor": record}).sensor
+        sensor: AnySensor = _recorded(AnySensor, "sensor", record)
         if isinstance(sensor, PickupCoil):
             flux = linked.get(sensor.name, "the sweep holds no flux linkage of it. Sweep the drawing again.")
             if isinstance(flux, str):
@@ -180,7 +173,7 @@ def other_sensors_of(
     return tuple(sensors), tuple(notes)
 
 
-def _recorded(kind: type[Part], name: str, record: Mapping[str, Any]) -> Part:
+def _recorded(kind: Any, name: str, record: Mapping[str, Any]) -> Any:
     try:
         return TypeAdapter(kind).validate_python(record)
     except ValidationError as error:

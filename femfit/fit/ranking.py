@@ -30,7 +30,7 @@ from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_from_dict, model_to_dict
-from femfit.model.magnetics import CoenergySpline, Magnetics
+from femfit.model.magnetics import CoenergySpline
 from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import SweepTable
 
@@ -40,14 +40,13 @@ def as_written(model: ActuatorModel) -> ActuatorModel:
     return model_from_dict(json.loads(json.dumps(model_to_dict(model))))
 
 
-def misfit_to_rows(model: ActuatorModel | Magnetics, rows: FitRows) -> Misfit:
+def misfit_to_rows(model: ActuatorModel, rows: FitRows) -> Misfit:
     """Model minus table in force, flux linkage and, with a sensor, the field at the Hall element.
 
     Beside those, of one circuit, the inductance. Of several, the rms misfit of all flux linkages together, and the
     largest of the circuits' shares, each of its own rms.
     """
-    sensor = model.sensor if isinstance(model, ActuatorModel) else None
-    magnetics = model.magnetics if isinstance(model, ActuatorModel) else model
+    sensor, magnetics = model.sensor, model.magnetics
     error = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
     flux_rms = flux_share = inductance_rms = inductance_share = hall_rms = None
     if rows.flux_linkage is not None:

@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
+from functools import partial
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from femfit.core.results import Printed
+from femfit.core.results import Printed, Words
 from femfit.core.text import amount, rounded
 from femfit.fit.circuits_fit import CircuitsFit
-from femfit.fit.coenergy import SHAPES, CoenergyFit, splines_of_current
+from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.constants import SMALL_CIRCUIT_FORCE, TARGET
 from femfit.fit.law_fit import LawFit, law_magnetics
 from femfit.fit.ranking import Ranking, finer_settings
@@ -27,30 +26,24 @@ if TYPE_CHECKING:
     from femfit.fit.soft_iron import NetworkFit
 
 
-def printed(template: str, **facts: Any) -> str:
-    """Fill a template of the room with results and numbers."""
-    return _environment().get_template(template).render(facts).rstrip()
-
-
-@cache
-def _environment() -> Environment:
-    environment = Environment(  # noqa: S701  text for a terminal
-        loader=PackageLoader("femfit.fit"), trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
-    )
-    environment.filters |= {
-        "amount": amount,
-        "share": lambda value: amount(value, ""),
-        "percent": lambda share: "-" if share is None else rounded(100.0 * share, 2),
-        "shorten": shorten,
-    }
-    environment.globals |= {
+_WORDS = Words(
+    "femfit.fit",
+    shorten,
+    share=lambda value: amount(value, ""),
+    percent=lambda share: "-" if share is None else rounded(100.0 * share, 2),
+    names={
         "of_model": partial(sentence, "model"),
         "network_name": NETWORK,
         "network_operations": OPERATIONS,
         "small": SMALL_CIRCUIT_FORCE,
         "target": TARGET,
-    }
-    return environment
+    },
+)
+
+
+def printed(template: str, **facts: Any) -> str:
+    """Fill a template of the room with results and numbers."""
+    return _WORDS.environment.get_template(template).render(facts).rstrip()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -156,7 +149,7 @@ class FitResult(Printed, Fits):
 
 
 def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
-    splines = splines_of_current(fit.basis)
+    splines = fit.basis.functions
     return {
         "coefficients": fit.basis.size,
         "cells": [fit.basis.u_cells, *splines.cells],

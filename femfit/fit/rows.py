@@ -16,14 +16,14 @@ from femfit.fit.constants import (
     FEWEST_DISTANCES,
     FEWEST_ROWS,
     NETWORK_IDLE,
-    SAME_SETTING,
     SMALL_CIRCUIT_FORCE,
     SMALL_FORCE,
     STRAIGHT,
     TRAPEZOID,
 )
 from femfit.model.validity import ActuatorKind
-from femfit.tables.sweep_table import SweepTable, current_names
+from femfit.tables.foreign_grid import snap_axis
+from femfit.tables.sweep_table import SweepTable, column_numbers, current_names
 from femfit.tables.units import suspected_by_size
 
 
@@ -178,7 +178,7 @@ def rows_of_table(
     distance, force = numbers[0], numbers[1 + circuits]
     currents = np.column_stack(numbers[1 : 1 + circuits])
     if names:
-        distance, currents = _on_grid(distance), np.column_stack([_on_grid(column) for column in currents.T])
+        distance, currents = snap_axis(distance), np.column_stack([snap_axis(column) for column in currents.T])
     _require_settings(distance, currents)
     if names and not force.any():
         raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
@@ -222,13 +222,6 @@ def _require_settings(distance: FloatArray, currents: FloatArray) -> None:
         )
 
 
-def _on_grid(values: FloatArray) -> FloatArray:
-    """Values of which those count as one that differ by rounding, as of a table that was written with few digits."""
-    distinct, place = np.unique(values, return_inverse=True)
-    first = np.diff(distinct, prepend=-np.inf) > SAME_SETTING * np.abs(distinct).max()
-    return np.asarray(distinct[first][np.cumsum(first) - 1][place])
-
-
 def _inductances(rows: pd.DataFrame, names: tuple[str, ...]) -> FloatArray | None:
     """All inductances of several circuits, (rows, n, n), where the table has them in every row."""
     places = inductance_columns(names)
@@ -255,21 +248,6 @@ def _inductance(rows: pd.DataFrame, measured: FitRows) -> FloatArray | None:
 def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
     """A column as floats; None where it is absent or empty, an error where it has holes or text."""
     return None if name not in rows or rows[name].isna().all() else column_numbers(rows, name)
-
-
-def column_numbers(rows: pd.DataFrame, name: str) -> FloatArray:
-    """A column as floats; an error where it has holes or text."""
-    try:
-        values = rows[name].to_numpy(dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TableError(f"Column {name} must be numeric; {error}.") from error
-    if not np.all(np.isfinite(values)):
-        where = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise TableError(
-            f"Column {name} must hold finite numbers in every row with status ok; row {where + 1} holds "
-            f"{values[where]}. Remove the row, give it another status, or drop the column."
-        )
-    return values
 
 
 def _bends(distance: FloatArray, current: FloatArray, flux_linkage: FloatArray) -> bool:

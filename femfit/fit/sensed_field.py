@@ -3,9 +3,9 @@
 In a device that does not saturate the value is a line in each current at every distance, S_0(d) + sum i_k S_k(d), which
 needs no grid. Else each current takes a spline with as many functions as there are swept currents.
 
-The Hall characteristic: magnet part and coil part of the field at the Hall element, fitted like the force.
+The Hall characteristic of one circuit: magnet part and coil part of the field at the Hall element.
 
-B(d, i) = MH(d) + CH(d) i (+ CH_2(d) i^2 where a held-out current asks for it), each a spline in a coordinate u(d).
+B(d, i) = MH(d) + CH(d) i (+ CH_2(d) i^2 where distances left out ask for it), each a spline in a coordinate u(d).
 
 The flux linkages of a sweep's pickup coils, fitted one by one.
 
@@ -14,22 +14,29 @@ References
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure 11.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import FitError
-from femfit.core.numerics import BoolArray, FloatArray, first_best
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import PICKUP_COLUMN
 from femfit.core.text import amount
-from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, misfit_by_currents, row_products
-from femfit.fit.bounded_qp import solve_bounded_qp
-from femfit.fit.coenergy import splines_of_current
-from femfit.fit.coenergy_choice import Along, choose_along_distance, distance_coordinates
-from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HALL_TARGET, HELD_OUT_TARGET, U_DEGREE
+from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, lines_by_current, misfit_by_currents
+from femfit.fit.coenergy_choice import smallest, splines_along
+from femfit.fit.constants import (
+    CIRCUIT_CELLS,
+    COARSE,
+    CURRENT_DEGREE,
+    DISTANCE_FOLDS,
+    HALL_TARGET,
+    HELD_OUT_TARGET,
+    U_DEGREE,
+)
 from femfit.fit.rows import FitRows, rms
-from femfit.model.bspline import LINE, DistanceCoordinate, TensorSpline, basis_matrix
+from femfit.model.bspline import LINE, TensorSpline
 from femfit.model.hall import CurrentAxis, HallSpline, SensedField
 from femfit.tables.sweep_table import SweepTable, current_names
 
@@ -46,6 +53,11 @@ class SensedRows:
     def distances(self) -> FloatArray:
         """Distinct distances, ascending."""
         return np.unique(self.distance)
+
+    @property
+    def scale(self) -> float:
+        """What errors are a part of: the range of the values."""
+        return float(np.ptp(self.values)) or 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,44 +81,24 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
     Raises
     ------
     FitError
-        If there are too few distances or currents, or the rows do not determine the fit.
+        If there are too few currents, or the rows do not determine the fit.
     """
-    scale = float(np.ptp(rows.values)) or 1.0
     axes = [np.unique(column) for column in rows.currents.T]
     constant = [name for name, axis in enumerate(axes, 1) if len(axis) < 2]
     if constant:
         raise FitError(
             f"{what} needs two currents or more of each circuit; circuit {constant[0]} has one. Sweep another."
         )
-    lines = CurrentSplines(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes))
-    each = np.column_stack([np.ones(len(rows.values)), rows.currents])  # lines in each current by itself
-    missed = rms(misfit_by_currents(each, rows.values, rows.distance)) / scale
+    lines = lines_by_current([axis[[0, -1]] for axis in axes])
+    missed = rms(misfit_by_currents(lines.columns(rows.currents), rows.values, rows.distance)) / rows.scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
-    tried = [lines] if missed <= HELD_OUT_TARGET else [_splines(axes), *([lines] if missed < COARSE else [])]
-    for functions in tried:
-        columns = each if functions is lines else functions.columns(rows.currents)
-        (coordinate, knots), error = choose_along_distance(
-            rows.distances, lambda *along, of=columns: _left_out(along, rows, of) / scale
-        )
-        solution = _solved((coordinate, knots), rows, columns, np.ones(len(rows.values), dtype=np.bool_))
-        if solution is not None:
-            break
-    else:
-        raise FitError(
-            f"{what}: the rows do not determine it. Sweep each circuit's current by itself, or every combination of "
-            "them where the iron saturates."
-        )
-    coefficients = solution.reshape(-1, columns.shape[1])
-    table = _of_lines(coefficients, lines) if functions is lines else functions.table(coefficients)
-    field = SensedField(coordinate, knots, U_DEGREE, tuple(map(CurrentAxis, functions.knots, functions.degrees)), table)
+    trials = [*([lines] if missed < COARSE else []), *([_splines(axes)] if missed > HELD_OUT_TARGET else [])]
+    basis, coefficients, error = _fitted(rows, trials, HELD_OUT_TARGET, what)
+    functions = basis.functions
+    currents = tuple(map(CurrentAxis, functions.knots, functions.degrees))
+    field = SensedField(basis.coordinate, basis.u_knots, basis.u_degree, currents, functions.table(coefficients))
     errors = field.field(rows.distance, rows.currents) - rows.values
     return SensedFit(field, error, rms(errors))
-
-
-def _of_lines(coefficients: FloatArray, lines: CurrentSplines) -> FloatArray:
-    """Coefficients of 1 and each current (functions of u, 1 + n) as those of the products of lines (.., 2, .., 2)."""
-    ends = np.meshgrid(*(knots[[0, -1]] for knots in lines.knots), indexing="ij")  # a line's coefficients
-    return np.asarray(np.tensordot(coefficients, np.stack([np.ones(lines.shape), *ends]), axes=1))
 
 
 def _splines(axes: list[FloatArray]) -> CurrentSplines:
@@ -115,34 +107,48 @@ def _splines(axes: list[FloatArray]) -> CurrentSplines:
     knots = []
     for axis, degree in zip(axes, degrees, strict=True):
         inner = axis[2:-2] if degree == CURRENT_DEGREE else axis[:0]
-        knots.append(np.concatenate([np.repeat(axis[0], degree + 1), inner, np.repeat(axis[-1], degree + 1)]))
+        knots.append(clamped_knots(np.concatenate([axis[:1], inner, axis[-1:]]), degree))
     return CurrentSplines(tuple(knots), degrees)
 
 
-def _left_out(along: Along, rows: SensedRows, columns: FloatArray) -> float:
+def _fitted(
+    rows: SensedRows, trials: Sequence[CurrentSplines], target: float, what: str
+) -> tuple[CoenergyBasis, FloatArray, float]:
+    """The functions that distances left out ask for, their coefficients, and the error there over the values' range."""
+    degree = min(U_DEGREE, len(rows.distances) - 2)  # one distance left out must leave as many as there are functions
+    groups = (
+        [CoenergyBasis(*along, functions, degree) for along in alike]
+        for functions in trials
+        for alike in splines_along(rows.distances, CIRCUIT_CELLS, degree=degree, breaks="geometric")
+    )
+    basis, error = smallest(groups, lambda basis: _left_out(basis, rows) / rows.scale, target)
+    coefficients = _solved(basis.columns(rows.distance, rows.currents), rows.values)
+    if coefficients is None:
+        raise FitError(
+            f"{what}: the rows do not determine it. Sweep each circuit's current by itself, or every combination of "
+            "them where the iron saturates."
+        )
+    return basis, coefficients.reshape(basis.shape), error
+
+
+def _left_out(basis: CoenergyBasis, rows: SensedRows) -> float:
     """Rms error with inner distances left out in turn."""
-    inner, errors = rows.distances[1:-1], []
+    columns, inner, errors = basis.columns(rows.distance, rows.currents), rows.distances[1:-1], []
     for fold in range(min(DISTANCE_FOLDS, len(inner))):
         out = np.isin(rows.distance, inner[fold::DISTANCE_FOLDS])
-        solution = _solved(along, rows, columns, ~out)
+        solution = _solved(columns[~out], rows.values[~out])
         if solution is None:
             return np.inf
-        errors.append(_products(along, rows.distance[out], columns[out]) @ solution - rows.values[out])
+        errors.append(columns[out] @ solution - rows.values[out])
     return rms(np.concatenate(errors))
 
 
-def _products(along: Along, distance: FloatArray, columns: FloatArray) -> FloatArray:
-    coordinate, knots = along
-    return row_products(basis_matrix(coordinate.of(distance), knots, U_DEGREE), columns)
-
-
-def _solved(along: Along, rows: SensedRows, columns: FloatArray, fitted: BoolArray) -> FloatArray | None:
+def _solved(matrix: FloatArray, values: FloatArray) -> FloatArray | None:
     """Coefficients, flat; None where the rows do not determine them."""
-    matrix = _products(along, rows.distance[fitted], columns[fitted])
     scale = np.linalg.norm(matrix, axis=0)
     if len(matrix) < matrix.shape[1] or not np.all(scale > 0.0):
         return None
-    solution, _, rank, _ = np.linalg.lstsq(matrix / scale, rows.values[fitted], rcond=1e-11)
+    solution, _, rank, _ = np.linalg.lstsq(matrix / scale, values, rcond=1e-11)
     return np.asarray(solution / scale) if rank == matrix.shape[1] else None
 
 
@@ -166,68 +172,27 @@ class HallFit:
 
 
 def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
-    """Fit the field B_z (n,) in T at the Hall element; FitError if there is only one current."""
-    scale = float(np.ptp(hall)) or 1.0
-    basis, held_out = _choose(rows, hall, scale)
-    qp = solve_bounded_qp(basis.columns(rows.distance, rows.circuit_currents), hall, np.full_like(hall, 1e-4 * scale))
-    (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
-    spline = TensorSpline(basis.u_knots, knots, basis.u_degree, degree, qp.x.reshape(basis.shape), LINE)
-    field = HallSpline(basis.coordinate, spline)
+    """Fit the field B_z (n,) in T at the Hall element, at two currents or more, or without any."""
+    several = len(rows.currents) > 1
+    ends = rows.currents[[0, -1]] if several else [0.0, 1.0]
+    degrees = range(1, min(3, len(rows.currents) - 1) + 1) if several else [0]
+    trials = [CurrentSplines((np.repeat(ends, degree + 1),), (degree,)) for degree in degrees]
+    sensed = SensedRows(rows.distance, rows.circuit_currents, hall)
+    basis, coefficients, held_out = _fitted(sensed, trials, HALL_TARGET, "The field at the Hall element")
+    (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
+    field = HallSpline(basis.coordinate, TensorSpline(basis.u_knots, knots, basis.u_degree, degree, coefficients, LINE))
+    residual = field.field(rows.distance, rows.circuit_currents) - hall
     _, _, slope = field.derivatives(rows.distance, rows.circuit_currents)
     ends = np.array([rows.distances[-1], rows.distances[0]])
     magnet = field.field(ends, np.zeros((2, 1)))
     return HallFit(
         field=field,
-        rms_T=rms(qp.residual),
-        max_T=float(np.max(np.abs(qp.residual))),
+        rms_T=rms(residual),
+        max_T=float(np.max(np.abs(residual))),
         held_out=held_out,
         coil_slope_T_per_A=(float(slope.min()), float(slope.max())),
         magnet_field_T=(float(magnet[0]), float(magnet[1])),
     )
-
-
-def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[CoenergyBasis, float]:
-    if len(rows.currents) < 2 and not rows.without_current:
-        raise FitError(
-            "The Hall field needs at least two currents, to separate its two parts, coil and magnet; instead "
-            f"received {len(rows.currents)}. Sweep more currents."
-        )
-    ends = [0.0, 1.0] if rows.without_current else [float(rows.currents[0]), float(rows.currents[-1])]
-    coordinates = distance_coordinates(rows.distances)
-    chosen, least = _basis(rows, coordinates[0], 1, np.repeat(ends, 1 if rows.without_current else 2)), np.inf
-    for degree in (0,) if rows.without_current else range(1, min(3, len(rows.currents) - 1) + 1):
-        for cells in (1, 2, 3, 4, 6, 8, 12):
-            if cells > 1 and U_DEGREE + cells + 2 > len(rows.distances):
-                break
-            alike = [_basis(rows, coordinate, cells, np.repeat(ends, degree + 1)) for coordinate in coordinates]
-            errors = [_held_out(basis, rows, hall) / scale for basis in alike]
-            best = first_best([-error for error in errors])
-            basis, error = alike[best], errors[best]
-            if error < HALL_TARGET:
-                return basis, error
-            if error < 0.9 * least:
-                chosen, least = basis, error
-    return chosen, least
-
-
-def _basis(rows: FitRows, coordinate: DistanceCoordinate, cells: int, knots_i: FloatArray) -> CoenergyBasis:
-    d = rows.distances
-    ends = np.sort(coordinate.of(d[[0, -1]]))
-    breaks = (np.geomspace if coordinate.inverse else np.linspace)(ends[0], ends[1], cells + 1)
-    u_degree = min(U_DEGREE, len(d) - 2)  # one distance left out must leave as many as there are functions
-    functions = CurrentSplines((knots_i,), (len(knots_i) // 2 - 1,))
-    return CoenergyBasis(coordinate, clamped_knots(breaks, u_degree), functions, u_degree)
-
-
-def _held_out(basis: CoenergyBasis, rows: FitRows, hall: FloatArray) -> float:
-    errors = []
-    inner = rows.distances[1:-1]
-    columns = basis.columns(rows.distance, rows.circuit_currents)
-    for fold in range(min(4, len(inner))):
-        out = np.isin(rows.distance, inner[fold::4])
-        fitted = np.linalg.lstsq(columns[~out], hall[~out], rcond=1e-12)[0]
-        errors.append(columns[out] @ fitted - hall[out])
-    return rms(np.concatenate(errors))
 
 
 def fit_pickups(table: SweepTable) -> dict[str, SensedFit | str]:

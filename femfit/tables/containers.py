@@ -11,7 +11,6 @@ import faulthandler
 import io
 import resource
 from dataclasses import replace
-from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -23,14 +22,8 @@ from femfit.core.processes import process_pool
 from femfit.core.results import listing
 from femfit.tables.columns import match_column
 from femfit.tables.header import with_unit
-from femfit.tables.mat_hdf5 import (
-    NamedTable,
-    hdf5_tree,
-    mat_tree,
-    nested_tables,
-    require_library,
-    table_of_columns,
-)
+from femfit.tables.mat_hdf5 import hdf5_tree, mat_tree, nested_tables, require_library, table_of_columns
+from femfit.tables.raw_table import RawTable
 from femfit.tables.text_table import parse_text
 
 TIMEOUT_S, TIMEOUT_S_PER_BYTE = 30.0, 1e-6
@@ -40,7 +33,7 @@ MEMORY, MEMORY_PER_BYTE = 2e9, 64.0
 """Bytes, chosen: what numbers unpack to, several times over, beside the libraries'."""
 
 
-def read_apart(kind: str, content: bytes, source: str) -> tuple[list[NamedTable], str]:
+def read_apart(kind: str, content: bytes, source: str) -> tuple[list[RawTable], str]:
     """Tables of a MAT or HDF5 file, and what in it cannot be read."""
     if kind != "MAT":
         require_library("h5py", "h5py", source)
@@ -69,7 +62,7 @@ _NO_CLOCK = (0.0, 1.0)
 """Increments that LabVIEW writes where there is no clock."""
 
 
-def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
+def read_tdms(content: bytes, source: str) -> tuple[list[RawTable], str]:
     """Tables of a TDMS file, one a group; a waveform's increment gives its time."""
     require_library("nptdms", "npTDMS", source)
     from nptdms import TdmsFile  # noqa: PLC0415
@@ -93,7 +86,7 @@ def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     if not lines:
         return tables, ""
     remark = f"The file seems to be damaged: {listing(lines, 3)}."
-    return [replace(table, raw=replace(table.raw, notes=(*table.raw.notes, remark))) for table in tables], remark
+    return [replace(table, notes=(*table.notes, remark)) for table in tables], remark
 
 
 def _with_time(channels: dict[str, Any], properties: list[dict[str, Any]]) -> dict[str, Any]:
@@ -111,7 +104,7 @@ _FULL_SCALE = {"int16": 2.0**15, "int32": 2.0**31, "int64": 2.0**63}
 """Integers of 24 bits are read shifted up to 32."""
 
 
-def read_wav(content: bytes, source: str) -> tuple[list[NamedTable], str]:
+def read_wav(content: bytes, source: str) -> tuple[list[RawTable], str]:
     """The one table of a recording: ``time_s`` and ``channel 1`` to ``channel n``, each from -1 to 1."""
     rate, samples = wavfile.read(io.BytesIO(content))
     samples = samples.reshape(len(samples), -1)
@@ -123,33 +116,25 @@ def read_wav(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     columns |= {f"channel {k + 1}": scaled[:, k] for k in range(scaled.shape[1])}
     table = table_of_columns("samples", columns, source, f"WAV of {rate} samples a second")
     note = "the channels are parts of full scale, -1 to 1; a number as unit, --unit 'channel 1=2.5', is the gain"
-    return [replace(table, raw=replace(table.raw, notes=(note,)))], ""
+    return [replace(table, notes=(note,))], ""
 
 
-def read_xlsx(content: bytes, source: str) -> tuple[list[NamedTable], str]:
+def read_xlsx(content: bytes, source: str) -> tuple[list[RawTable], str]:
     """Tables of a workbook's sheets, and which sheets are none."""
     require_library("openpyxl", "openpyxl", source)
     sheets = pd.read_excel(io.BytesIO(content), sheet_name=None, header=None, engine="openpyxl")
     tables, charts = [], []
     for name, cells in sheets.items():
-        filled = cells.dropna(axis=1, how="all")
-        lines = ["\t".join(map(_text, row)) for row in filled.itertuples(index=False)]
+        text = cells.dropna(axis=1, how="all").map(_on_a_line).to_csv(sep="\t", header=False, index=False)
         try:
-            raw = parse_text("\n".join(lines).encode(), source, delimiter="\t", decimal=".")
+            raw = parse_text(text.encode(), source, delimiter="\t", decimal=".")
         except TableError:
             charts.append(name)
         else:
-            tables.append(NamedTable(str(name), raw))
+            tables.append(replace(raw, name=str(name)))
     return tables, f"No table stands in {listing(charts)}." if charts else ""
 
 
-def _text(cell: object) -> str:
-    """A cell as CSV has it, with a decimal point."""
-    if pd.isna(cell):  # type: ignore[call-overload]
-        return ""
-    if isinstance(cell, bool):
-        return str(int(cell))
-    if isinstance(cell, datetime):
-        return cell.isoformat()
-    text = " ".join(str(cell).split())
-    return '"' + text.replace('"', '""') + '"' if '"' in text else text
+def _on_a_line(cell: Any) -> Any:
+    """A cell without line ends, and with 0 or 1 for false or true."""
+    return " ".join(cell.split()) if isinstance(cell, str) else int(cell) if isinstance(cell, bool) else cell

@@ -169,20 +169,17 @@ class EddyTable:
             resistances=combinations.T @ self.resistances @ combinations,
         )
 
-    def conductivity_slope(self, material: int, k: int, frequencies: FloatArray) -> ComplexArray:
-        """dZ/d(ln sigma) of a material at the k-th distance in ohm, shape (f, n, n).
+    def conductivity_changes(self, material: int, k: int, frequencies: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """dZ/d(ln sigma) of a material at the k-th distance and d^2Z/d(ln sigma)^2 in ohm, shape (f, n, n) each.
 
-        A larger sigma takes its share R_m off R in (R + s N) e = -s m i, so that dZ = -e^T R_m e with e of 1 A.
+        A larger sigma takes its share R_m off R in (R + s N) e = -s m i, so that dZ = -e^T R_m e with e of 1 A; with
+        v = R_m e the second is e^T v - 2 v^T (R + s N)^-1 v.
         """
-        e = self.induced(k, frequencies)
-        return np.asarray(-(e.swapaxes(1, 2) @ self.resistances[material] @ e))
-
-    def conductivity_bend(self, material: int, k: int, frequencies: FloatArray) -> ComplexArray:
-        """d^2Z/d(ln sigma)^2 as :meth:`conductivity_slope`: with v = R_m e, e^T v - 2 v^T (R + s N)^-1 v."""
         e, c = self.induced(k, frequencies), len(self.circuits)
         s, v = 2j * np.pi * np.asarray(frequencies)[:, None, None], self.resistances[material] @ e
         moved = np.linalg.solve(np.eye(self.patterns) + s * self.flux_linkage[k][c:, 1 + c :], v)
-        return np.asarray(e.swapaxes(1, 2) @ v - 2.0 * v.swapaxes(1, 2) @ moved)
+        lost = e.swapaxes(1, 2) @ v
+        return -lost, lost - 2.0 * v.swapaxes(1, 2) @ moved
 
     def error_at(self, frequencies: FloatArray) -> FloatArray:
         """Relative errors of impedance, force and Hall field at frequencies, shape (f, 3)."""

@@ -25,7 +25,6 @@ from femfit.tables.foreign_forms import SWEEP, ImportOptions, is_matrix, listed,
 from femfit.tables.foreign_grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
 from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
-from femfit.tables.reading import Words
 from femfit.tables.sweep_table import SweepTable
 from femfit.tables.table_file import SUFFIXES, parse_table
 from femfit.tables.units import column_unit, unit_factor
@@ -98,16 +97,10 @@ def import_table(
     """
     entry = sweep_manifest_entry(read_actuator(actuator)) if actuator else None
     sources = paths if isinstance(paths, Iterable) and not isinstance(paths, str) else [paths]
-    imported = read_foreign_table([path_of(path, "A table to import") for path in sources], ImportOptions(**options))
-    return imported if entry is None else replace(imported, manifest={**imported.manifest, "actuator": dict(entry)})
-
-
-def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = None) -> ImportedTable:
-    """Read, convert to SI, put in order and check a table from one or more files."""
-    options = options or ImportOptions()
-    files = _files(paths)
+    given = ImportOptions(**options)
+    files = _files([path_of(path, "A table to import") for path in sources])
     contents = {file: file_content(file, "table") for file in files}
-    points, mapping, findings, dialects = _gather(contents, options)
+    points, mapping, findings, dialects = _gather(contents, given)
     good, bad, faults = check_cells(points)
     findings += faults
     if good.empty:
@@ -115,13 +108,13 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
             f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
             f"{faults[0].text if faults else 'there is no row below the header.'}"
         )
-    start = options.distance_start_m or 0.0
+    start = given.distance_start_m or 0.0
     good = good.assign(distance_m=start + good["distance_m"])
     findings += check_units(good)
-    _stop_at_errors(findings, options)
+    _stop_at_errors(findings, given)
     steps: tuple[Callable[[pd.DataFrame], tuple[pd.DataFrame, list[Finding]]], ...] = (
         tidy_grid,
-        lambda points: settle_force_sign(points, keep=options.keep_force),
+        lambda points: settle_force_sign(points, keep=given.keep_force),
         lambda points: (points, check_reciprocity(points)),
         drop_incomplete,
         check_noise,
@@ -129,15 +122,16 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     for step in steps:
         good, remarks = step(good)
         findings += remarks
-    findings = _stop_at_errors(findings, options)
+    findings = _stop_at_errors(findings, given)
     rows = _rows(good, bad.assign(distance_m=start + bad["distance_m"]))
     manifest = _manifest(files, contents, mapping, dialects, findings, rows)
+    manifest |= {} if entry is None else {"actuator": entry}
     return ImportedTable(rows, manifest, findings=tuple(findings), mapping=tuple(mapping.values()), dialects=dialects)
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:
     files: list[Path] = []
-    for path in map(Path, paths):
+    for path in paths:
         if path.is_dir():
             tables = sorted(file for file in path.iterdir() if file.suffix.casefold() in SUFFIXES)
             if not tables:
@@ -163,8 +157,7 @@ def _gather(
     for file, content in contents.items():
         in_name = {column: _value_in_name(file, column) for column in _UNITS}
         constants = {column: value for column, value in in_name.items() if value is not None}
-        words = Words(options.columns, options.units, settings=constants)
-        wanted = partial(_is_wanted, options, words)
+        wanted = partial(_is_wanted, replace(options, settings=constants))
         raw = parse_table(content, file.name, table=options.table, wanted=wanted, decimal=options.decimal)
         raw = replace(raw, headers=options.column_names or raw.headers)
         dialects[file.name] = raw.dialect
@@ -182,9 +175,9 @@ def _gather(
     return pd.concat(frames, ignore_index=True), mapping, findings, dialects
 
 
-def _is_wanted(options: ImportOptions, words: Words, raw: RawTable) -> bool:
+def _is_wanted(options: ImportOptions, raw: RawTable) -> bool:
     named = replace(raw, headers=options.column_names or raw.headers)
-    return is_matrix(named, options) or SWEEP.fits(named, words)
+    return is_matrix(named, options) or SWEEP.fits(named, options)
 
 
 def _value_in_name(path: Path, column: str) -> float | None:

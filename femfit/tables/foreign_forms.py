@@ -7,7 +7,7 @@ What a user can say about a foreign table where its text does not say it.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -23,7 +23,7 @@ from femfit.tables.findings import finding
 from femfit.tables.header import names_of, parse_header
 from femfit.tables.number_text import looks_numeric, parse_number
 from femfit.tables.raw_table import RawTable
-from femfit.tables.reading import Wants
+from femfit.tables.reading import Wants, Words
 from femfit.tables.units import CHANNELS, column_unit, unit_factor
 
 SWEPT = tuple(name for name in COLUMNS if name in CHANNELS)
@@ -36,17 +36,13 @@ WORDS = {column_unit(name)[0]: name for name in SWEPT}
 
 
 @dataclass(frozen=True)
-class ImportOptions:
+class ImportOptions(Words):
     """Overrides of what the reader finds out by itself."""
 
-    # Header to the column of the sweep table that it is; header or column to its unit, or to a factor to SI
-    columns: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str | float] = field(default_factory=dict)
     # Names of the columns of a table without a header line, in order; of a matrix, its first row
     column_names: tuple[str, ...] = ()
     # What the first column of a matrix force(distance, current) with its axes holds
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
-    table: str | None = None  # Sheet, group or struct, where a file has several that could be meant
     decimal: str | None = None
     # Distance at zero of the column; positions that count towards the electromagnet have a negative factor as unit
     distance_start_m: float | None = None

@@ -17,7 +17,6 @@ The MathWorks, MAT-File Format (R2024a): attributes ``MATLAB_class`` and ``MATLA
 import io
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
@@ -108,18 +107,10 @@ def _array(node: Any, file: Any, h5py: Any) -> Any:
 Columns = Mapping[str, NDArray[Any]]
 
 
-@dataclass(frozen=True, eq=False)
-class NamedTable:
-    """One sheet, group, struct or array of a file."""
-
-    name: str
-    raw: RawTable
-
-
-def table_of_columns(name: str, columns: Columns, source: str, kind: str) -> NamedTable:
+def table_of_columns(name: str, columns: Columns, source: str, kind: str) -> RawTable:
     """Return columns of one length as a table."""
     native = {header: np.asarray(column, column.dtype.newbyteorder("=")) for header, column in columns.items()}
-    return NamedTable(name, raw_table_of(pd.DataFrame(native), source, kind))
+    return raw_table_of(pd.DataFrame(native), source, kind, name)
 
 
 def require_library(module: str, package: str, source: str) -> None:
@@ -142,7 +133,7 @@ _NAMES, _UNITS = ("label", "name"), ("unit", "units")
 
 def nested_tables(
     tree: Tree, source: str, kind: str, separator: str = ".", path: str = "", outer: Columns | None = None
-) -> list[NamedTable]:
+) -> list[RawTable]:
     """Find the tables of a tree of names, whose leaves are arrays, texts and numbers.
 
     A vector that stands alone above groups, such as one common clock, belongs to each of their tables of its length.

@@ -79,28 +79,26 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatA
     scale[judged] = np.sqrt(local**2 + (0.5 * usual) ** 2 + floor**2)
     score = deviation / np.maximum(scale, 1e-300)
     largest = np.abs(score[judged]) >= np.maximum(np.abs(score[near[judged]]).max(axis=1), _SIGMA)
-    alone = [k for k in judged[largest] if _is_alone(k, value, place, run, predicted, near, score, scale)]
+    alone = [k for k in judged[largest] if _is_alone(k, near[k], value, place, predicted, score, scale)]
     return np.array(alone, dtype=np.intp)
 
 
 def _is_alone(
     k: int,
+    neighbours: IntArray,
     value: FloatArray,
     place: FloatArray,
-    run: IntArray,
     predicted: FloatArray,
-    near: IntArray,
     score: FloatArray,
     scale: FloatArray,
 ) -> bool:
     """Whether the neighbours agree once the reading is left out, and can judge it, and no repeat deviates with it."""
-    neighbours = near[k]
     plane = _planes(value[neighbours][None], (place[neighbours] - place[k])[None])[0]
     rest = value[neighbours] - plane[0] - (place[neighbours] - place[k]) @ plane[1:]
     if abs(value[k] - plane[0]) < _SIGMA * max(float(1.4826 * np.median(np.abs(rest))), float(scale[k])):
         return False
     distance = np.abs(place - place[k]).max(axis=1)
-    repeats = np.flatnonzero((distance < 1e-3) & (np.arange(len(run)) != k))
+    repeats = np.flatnonzero((distance < 1e-3) & (np.arange(len(value)) != k))
     if np.any(np.sign(score[k]) * score[repeats] > _COMPANY):
         return False
     between = (place[neighbours] - place[k])[:, :_RANGES]

@@ -56,7 +56,7 @@ class Texts(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class RawTable:
-    """Cells of one file, not yet interpreted."""
+    """Cells of one file, or of one sheet, group, struct or array in it, not yet interpreted."""
 
     source: str
     headers: tuple[str, ...]  # One a column; empty if the file has none
@@ -68,6 +68,7 @@ class RawTable:
     # Lines with more or fewer cells than the table has columns: their cells may stand in wrong columns
     ragged: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()  # What was passed over: comment lines, repeated headers
+    name: str = ""  # Among the tables of a file that may have several
 
     def column(self, header: str) -> FloatArray:
         """Return the numbers of a column, shape (n,)."""
@@ -124,7 +125,7 @@ def parse_parquet(content: bytes, source: str) -> RawTable:
     return raw_table_of(frame, source, "Parquet")
 
 
-def raw_table_of(frame: pd.DataFrame, source: str, dialect: str) -> RawTable:
+def raw_table_of(frame: pd.DataFrame, source: str, dialect: str, name: str = "") -> RawTable:
     """Return typed columns as a table."""
     check_width(frame.shape[1], source)
     columns = [typed_numbers(frame.iloc[:, k]) for k in range(frame.shape[1])]
@@ -135,6 +136,7 @@ def raw_table_of(frame: pd.DataFrame, source: str, dialect: str) -> RawTable:
         texts=_FrameTexts(frame),
         lines=range(1, len(frame) + 1),
         dialect=dialect,
+        name=name,
     )
 
 

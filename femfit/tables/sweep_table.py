@@ -13,7 +13,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings, replacing, write_json
-from femfit.core.numerics import BoolArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Printed, listing
 from femfit.core.sweep_columns import VARIANT, is_current
 from femfit.core.text import counted, quoted
@@ -197,9 +197,6 @@ def _table_file(path: Path) -> Path:
 
 
 def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
-    from pandas import to_numeric  # noqa: PLC0415
-    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
-
     currents = current_names(rows)
     required = (*(currents or REQUIRED[:1]), *REQUIRED[1:])
     missing = [name for name in required if name not in rows]
@@ -214,14 +211,27 @@ def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
     if usable.empty:
         raise TableError(f"Sweep table {file} has no row with status ok.")
     for name in required:
-        if not is_numeric_dtype(usable[name]):
-            texts = usable[name][to_numeric(usable[name], errors="coerce").isna()]
-            held = quoted((texts if len(texts) else usable[name]).iloc[0])
-            raise TableError(f"Column {name} of {file} must be numeric; it holds {held!r}.")
-        if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
-            raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
+        column_numbers(usable, name, f" of {file}")
     if not swept and (usable["distance_m"] <= 0).any():
         raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")
+
+
+def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatArray:
+    """A column as floats; an error where it has holes or text."""
+    from pandas import to_numeric  # noqa: PLC0415
+
+    column, values = rows[name], to_numeric(rows[name], errors="coerce").to_numpy(dtype=np.float64)
+    texts = column[np.isnan(values) & column.notna()]
+    if len(texts) or (column.dtype.kind == "O" and any(isinstance(cell, str) for cell in column)):
+        held = quoted((texts if len(texts) else column).iloc[0])
+        raise TableError(f"Column {name}{source} must be numeric; it holds {held!r}.")
+    if not np.all(np.isfinite(values)):
+        where = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise TableError(
+            f"Column {name}{source} must hold finite numbers in every row with status ok; row {where + 1} holds "
+            f"{values[where]}. Remove the row, give it another status, or drop the column."
+        )
+    return values
 
 
 def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> SweepTable:
@@ -265,10 +275,8 @@ def _narrowed(rows: "pd.DataFrame", name: str, value: float | str, axes: list[st
 def _same(column: "pd.Series[Any]", value: float | str) -> BoolArray:
     from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
 
-    if not is_numeric_dtype(column):
+    if isinstance(value, str) or not is_numeric_dtype(column):
         return np.array([str(cell) == _shown(value) for cell in column])
-    if isinstance(value, str):
-        return np.zeros(len(column), dtype=np.bool_)
     return np.asarray(np.isclose(column.to_numpy(dtype=float), value, rtol=SAME, atol=0.0))
 
 

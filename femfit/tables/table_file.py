@@ -9,7 +9,6 @@ from pathlib import Path
 from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.core.text import quoted
-from femfit.tables.mat_hdf5 import NamedTable
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, decoding, parse_parquet
 from femfit.tables.text_table import parse_text
 
@@ -31,7 +30,7 @@ SUFFIXES = (
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 Wanted = Callable[[RawTable], bool]
-Reader = Callable[[bytes, str], tuple[list[NamedTable], str]]
+Reader = Callable[[bytes, str], tuple[list[RawTable], str]]
 
 
 def parse_table(
@@ -104,17 +103,17 @@ def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: W
         tables, remark = reader(content, source)
     suitable = _named(tables, table) if table is not None else tables
     if table is None and len(tables) > 1:
-        suitable = [candidate for candidate in tables if wanted is None or wanted(candidate.raw)]
+        suitable = [candidate for candidate in tables if wanted is None or wanted(candidate)]
     if len(suitable) == 1:
-        raw = suitable[0].raw
+        raw = suitable[0]
         if table is not None or len(tables) == 1:
             return raw
-        passed_over = listing(candidate.name for candidate in tables if candidate is not suitable[0])
-        note = f"of {len(tables)} tables {quoted(suitable[0].name)!r} was taken, not {passed_over}"
+        passed_over = listing(candidate.name for candidate in tables if candidate is not raw)
+        note = f"of {len(tables)} tables {quoted(raw.name)!r} was taken, not {passed_over}"
         return replace(raw, notes=(*raw.notes, note))
     needed = "all columns that are needed" if table is None else f"the name {quoted(table)!r}"
     lines = [
-        f"  - {quoted(candidate.name)}: {listing(candidate.raw.headers, 6) or 'columns without names'}"
+        f"  - {quoted(candidate.name)}: {listing(candidate.headers, 6) or 'columns without names'}"
         for candidate in (suitable or tables)[:12]
     ]
     head = f"{source} must have one table with {needed}; {len(suitable)} of its {len(tables)} have. {remark}".rstrip()
@@ -122,7 +121,7 @@ def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: W
     raise TableError("\n".join([head, *lines, end]))
 
 
-def _named(tables: Sequence[NamedTable], name: str) -> Sequence[NamedTable]:
+def _named(tables: Sequence[RawTable], name: str) -> Sequence[RawTable]:
     """The tables of a name, or of a name's end."""
     exact = [candidate for candidate in tables if candidate.name == name]
     return exact or [each for each in tables if each.name.casefold().endswith(name.strip().casefold())]

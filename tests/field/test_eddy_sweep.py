@@ -131,7 +131,7 @@ def test_a_sweep_with_frequencies_has_them_and_its_conductivity_is_that_of_the_p
     s = 2j * np.pi * slopes.frequencies_Hz
     for distance, exact in zip(slopes.distances_m, slopes.slopes[place, :, :, 0, 0], strict=True):
         (k,) = np.flatnonzero(table.eddy.distances_m == distance)
-        by_patterns = table.eddy.conductivity_slope(0, int(k), slopes.frequencies_Hz)[:, 0, 0] / s
+        by_patterns = table.eddy.conductivity_changes(0, int(k), slopes.frequencies_Hz)[0][:, 0, 0] / s
         assert np.abs(by_patterns - exact).max() < 0.02 * np.abs(exact).max()
 
 

@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear, minimize
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit import bounded_qp
 from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_bounded_qp
-from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, design_matrix, term_bounds
+from femfit.fit.law_columns import FUNCTIONS, design_matrix, term_bounds
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.bspline import basis_matrix
 from support.sweeps import SaturatingCircuit, force_table, full_table
@@ -45,8 +45,9 @@ def test_the_stated_problem_and_the_fast_one_of_refits_have_the_same_answer_for_
         # Each coefficient function must not be negative, and at most half of what the first term's would be
         ceiling = np.full(len(law.basis), np.inf)
         ceiling[0] = 0.5 * abs(free[0]) * np.max(np.abs(i)) ** FUNCTIONS[function][0]
-        bounds = CoefficientBounds(np.zeros(len(law.basis)), ceiling)
-        limits = term_bounds(functions, law.basis, np.unique(i), bounds)
+        currents = np.unique(i)
+        bounds = np.repeat(np.stack([np.zeros_like(ceiling), ceiling])[:, None], len(currents), axis=1)
+        limits = term_bounds(functions, law.basis, currents, bounds)
         sides = limits.lower, limits.upper, limits.inequalities
         stated = solve_bounded_qp(matrix, force, np.ones_like(force), *sides)
         fast = active_set_least_squares(matrix, force, np.ones_like(force), *sides)

@@ -128,10 +128,7 @@ def test_one_frequency_is_a_range(frequency):
     change = conductivities(table, eddy)[0].impedance
     d, f = DISTANCES[[1, 4]], np.full(2, only[0])
     got = changed_impedance(change, d, np.zeros(2), f, {change.parameter: np.expm1(-0.5)})
-    slope, bend = (
-        np.array([one(0, k, only)[0, 0, 0] for k in (1, 4)])
-        for one in (table.conductivity_slope, table.conductivity_bend)
-    )
+    slope, bend = np.array([table.conductivity_changes(0, k, only) for k in (1, 4)])[:, :, 0, 0, 0].T
     np.testing.assert_allclose(got.ravel(), -0.5 * slope + 0.125 * bend, rtol=1e-9)
 
 
@@ -194,9 +191,10 @@ def impedances(table, k):
 def test_a_larger_conductivity_changes_the_impedance_by_its_slope_and_its_bend():
     table, step = made_up(patterns=5), 1e-4
     more, as_drawn, less = (impedances(with_conductivity(table, np.expm1(x)), 2) for x in (step, 0.0, -step))
-    assert table.conductivity_slope(0, 2, FREQUENCIES) == pytest.approx((more - less) / (2.0 * step), rel=1e-6)
+    changes = table.conductivity_changes(0, 2, FREQUENCIES)
+    assert changes[0] == pytest.approx((more - less) / (2.0 * step), rel=1e-6)
     bend, error = (more - 2.0 * as_drawn + less) / step**2, 1e-15 * np.abs(as_drawn).max() / step**2
-    assert table.conductivity_bend(0, 2, FREQUENCIES) == pytest.approx(bend, rel=1e-5, abs=4.0 * error)
+    assert changes[1] == pytest.approx(bend, rel=1e-5, abs=4.0 * error)
 
 
 def test_conductivities_are_numbers_of_the_drawing():

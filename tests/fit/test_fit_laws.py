@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from femfit.fit.constants import TARGET
-from femfit.fit.law_columns import CoefficientBounds, default_bounds, fit_coefficient_function, term_bounds
+from femfit.fit.law_columns import coefficient_bounds, fit_coefficient_function, term_bounds
 from femfit.fit.law_fit import fit_law
 from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
@@ -19,8 +19,7 @@ from support.sweeps import MASS, force_table, full_table
 G = 9.80665
 TABLE_3 = pd.read_csv(Path(__file__).parents[2] / "data" / "paper_table3.csv", comment="#")
 I = TABLE_3["current_A"].to_numpy()  # noqa: E741 - the paper's symbol
-NONNEGATIVE = CoefficientBounds(np.zeros(2), np.full(2, np.inf))
-ABOVE_ZERO = NONNEGATIVE.of_column(0)
+ABOVE_ZERO = np.tile(np.reshape([0.0, np.inf], (2, 1, 1)), (8, 1))
 
 
 def paper_force(d, i):
@@ -43,7 +42,8 @@ def test_two_stages_and_joint_fit_agree_on_exact_data(paper_rows):
     fit = fit_law(F1E, paper_rows)
     assert fit.functions == ("constant", "through-origin")
     assert fit.terms == (("d^-4", 0), ("d^-2", 1))
-    np.testing.assert_allclose(fit.two_stage, [5.996e-9, 4.509e-6], rtol=1e-8)
+    two_stage = [function.at(1.0) for function in fit.stage_two]
+    np.testing.assert_allclose(two_stage, [5.996e-9, 4.509e-6], rtol=1e-8)
     np.testing.assert_allclose(fit.joint.x, [5.996e-9, 4.509e-6], rtol=1e-8)
     assert fit.operations == 7  # 3 for the columns, 1 for m i, 3 for the sum of products
 
@@ -117,12 +117,14 @@ def test_a_laws_attracting_bound_holds_at_positive_currents_and_leaves_negative_
     # The data are of the law itself.
     np.testing.assert_allclose(fit.joint.x, [5.996e-9, 4.509e-6], rtol=1e-6)
     assert fit.limits.active(fit.joint) == ()
-    assert fit.stage_one.coefficients[0, 1] < 0
+    assert fit.stage_one[0, 1] < 0
     repelling = rows_of_table(force_table(lambda d, i: paper_force(d, -i), currents=np.linspace(0.0, 0.3, 7)), MASS, G)
     fit = fit_law(F1E, repelling)
-    assert np.all(fit.stage_one.coefficients[:, 1] >= 0)
+    assert np.all(fit.stage_one[:, 1] >= 0)
     assert fit.limits.active(fit.joint)
-    assert default_bounds(F1E).at(-0.1)[0].tolist() == [-np.inf, -np.inf]
+    assert coefficient_bounds(F1E, np.array([-0.1, 0.0]))[0].tolist() == [[-np.inf, -np.inf], [0.0, 0.0]]
+    given = coefficient_bounds(F1E, np.array([-0.1, 0.0]), {"d^-2": (1.0, 2.0)})
+    assert given[:, :, 1].tolist() == [[1.0, 1.0], [2.0, 2.0]]
 
 
 def test_errors_are_parts_of_the_rms_force_where_the_part_cannot_hang_or_weighs_next_to_nothing():
@@ -194,11 +196,13 @@ def test_a_difference_declared_negligible_buys_no_further_term():
 
 
 def test_bounds_of_currents_become_boxes_and_turn_around_with_the_sign():
-    limits = term_bounds(["affine", "through-origin"], ["x", "y"], np.array([0.0, 1.0, 2.0]), NONNEGATIVE)
+    limits = term_bounds(
+        ["affine", "through-origin"], ["x", "y"], np.array([0.0, 1.0, 2.0]), np.repeat(ABOVE_ZERO[:, :3], 2, axis=2)
+    )
     np.testing.assert_array_equal(limits.lower, [0.0, -np.inf, 0.0])
     np.testing.assert_array_equal(limits.inequalities.matrix, [[1, 1, 0], [1, 2, 0]])
     assert limits.sides == ("lower", "lower")
-    bounds = CoefficientBounds(np.array([-1.0]), np.array([4.0]))
+    bounds = np.tile(np.reshape([-1.0, 4.0], (2, 1, 1)), (2, 1))
     limits = term_bounds(["through-origin"], ["x"], np.array([-2.0, 1.0]), bounds)
     # -1 <= -2 m <= 4 and -1 <= m <= 4 together: -1 <= m <= 0.5.
     assert (limits.lower[0], limits.upper[0]) == (-1.0, 0.5)

@@ -32,9 +32,5 @@ def test_the_first_of_equal_laws_is_ranked_first(monkeypatch):
     [(1.0, 10.0), (10.0 * LITTLE_LESS, 1.0)],  # each the worse in one quantity
 ])  # fmt: skip
 def test_the_first_of_equal_bases_holds_the_coenergy(errors):
-    bases = [SimpleNamespace(size=12, number=k) for k in range(len(errors))]
-    system = SimpleNamespace(
-        held_out_errors=lambda basis: np.array(errors[basis.number]),
-        rows=SimpleNamespace(inductance=None),
-    )
-    assert coenergy_choice._best(bases, system)[0].number == 0
+    chosen, _ = coenergy_choice.smallest([range(len(errors))], lambda number: np.array(errors[number]))
+    assert chosen == 0

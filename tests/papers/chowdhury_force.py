@@ -51,16 +51,19 @@ def law_lines(fit, rows):
     names = "  ".join(f"{basis:>13}" for basis in fit.law.basis)
     lines = [f"{fit.law.name} at each current (J: sum of squared residuals in N^2)"]
     lines.append(f"  {'current_A':>9}  {names}          J  J with functions")
-    for k, i in enumerate(fit.stage_one.currents):
+    for k, i in enumerate(rows.currents):
         at = rows.current == i
-        left = fit.force(fit.two_stage, rows.distance[at], rows.current[at]) - rows.force[at]
-        values = "  ".join(f"{value:13.5e}" for value in fit.stage_one.coefficients[k])
-        lines.append(f"  {i:9.4g}  {values}  {fit.stage_one.residual_sums[k]:9.3e}  {np.sum(left**2):9.3e}")
+        columns, coefficients = fit.law.columns(rows.distance[at], fit.shape), fit.stage_one[k]
+        of_functions = np.array([function.at(i) for function in fit.stage_two])
+        alone, left = (np.sum((columns @ c - rows.force[at]) ** 2) for c in (coefficients, of_functions))
+        values = "  ".join(f"{value:13.5e}" for value in coefficients)
+        lines.append(f"  {i:9.4g}  {values}  {alone:9.3e}  {left:9.3e}")
     lines.append(f"{fit.law.name}: coefficients as functions of the current")
-    for basis, function in zip(fit.law.basis, fit.stage_two, strict=True):
+    for k, (basis, function) in enumerate(zip(fit.law.basis, fit.stage_two, strict=True)):
         tried = ", ".join(f"{name} {error:.2e}" for name, error in function.held_out.items())
         values = ", ".join(f"{value:.4e}" for value in function.values)
-        lines.append(f"  {basis}: {function.name} ({values}); J_3 = {function.residual_sum:.4e}; held out: {tried}")
+        left = np.sum((function.at(rows.currents) - fit.stage_one[:, k]) ** 2)
+        lines.append(f"  {basis}: {function.name} ({values}); J_3 = {left:.4e}; held out: {tried}")
     return lines
 
 

@@ -11,7 +11,7 @@ from papers.chowdhury_force import linearity_lines
 from scipy import stats
 
 from femfit.core.numerics import GRAVITY
-from femfit.fit.law_columns import CoefficientBounds, fit_coefficient_function
+from femfit.fit.law_columns import fit_coefficient_function
 from femfit.fit.rows import rows_of_table
 from femfit.tables.sweep_table import write_sweep_table
 from support.snapshot import check_snapshot
@@ -29,7 +29,7 @@ def test_the_papers_b_is_not_quite_linear_in_the_current():
     f_value = (line - parabola) / parabola * (len(b) - 2)
     assert f_value == pytest.approx(11.4, abs=0.05)
     assert stats.f.sf(f_value, 1, len(b) - 2) == pytest.approx(0.015, abs=5e-4)
-    above_zero = CoefficientBounds(np.zeros(1), np.full(1, np.inf))
+    above_zero = np.tile(np.reshape([0.0, np.inf], (2, 1, 1)), (len(b), 1))
     assert fit_coefficient_function(current, b, "b", above_zero).name == "quadratic"
 
 

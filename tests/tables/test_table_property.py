@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from femfit.core.errors import TableError
 from femfit.tables.coil_record import open_coil_record
-from femfit.tables.foreign import import_table, read_foreign_table
+from femfit.tables.foreign import import_table
 from femfit.tables.foreign_forms import SWEPT, ImportOptions
 from femfit.tables.header import names_of, parse_header
 from femfit.tables.measurement_file import read_measurement
@@ -50,13 +50,13 @@ def test_a_table_is_the_same_in_any_notation_and_order(tmp_path, make_law, data)
                                                  for row in rows), ""])  # fmt: skip
     encoding = data.draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]))
     (tmp_path / "t.csv").write_bytes(text.encode(encoding))
-    imported = read_foreign_table([tmp_path / "t.csv"])
+    imported = import_table([tmp_path / "t.csv"])
     for name in NAMES.values():
         # ten digits are printed
         np.testing.assert_allclose(imported.rows[name], table[name], rtol=3e-9, atol=1e-15)
     assert (imported.rows["status"] == "ok").all()
     write_sweep_table(imported, tmp_path / "out")
-    again = read_foreign_table([tmp_path / "out" / "sweep.csv"])
+    again = import_table([tmp_path / "out" / "sweep.csv"])
     pd.testing.assert_frame_equal(again.rows, imported.rows, rtol=1e-12)
 
 
@@ -64,7 +64,7 @@ def test_rounding_makes_no_new_level(tmp_path, make_law):
     rows = make_law().table(distances=np.linspace(5e-3, 20e-3, 8)).sample(frac=1, random_state=1)
     rows["current_A"] += np.random.default_rng(1).uniform(-1e-9, 1e-9, len(rows))
     rows.to_csv(tmp_path / "t.csv", index=False)
-    assert read_foreign_table([tmp_path / "t.csv"]).rows["current_A"].nunique() == 4
+    assert import_table([tmp_path / "t.csv"]).rows["current_A"].nunique() == 4
 
 
 def outcome(tmp_path, content, options):
@@ -72,7 +72,7 @@ def outcome(tmp_path, content, options):
     path = tmp_path / "t.csv"
     path.write_bytes(content)
     try:
-        imported = read_foreign_table([path], options)
+        imported = import_table([path], **vars(options))
     except TableError:
         return
     rows = imported.valid_rows()
@@ -156,7 +156,7 @@ def test_an_absurd_width_is_refused(tmp_path, read):
 @pytest.mark.parametrize("column", ["force_N", "force_core_reaction_N", "force_selfsub_N"])
 def test_a_field_solvers_table_is_reciprocal_and_complete(column):
     options = ImportOptions(columns={column: "force", "Bz_axis_face_T": "hall"})
-    imported = read_foreign_table([REFERENCE / "emaws_xfemm_488.csv"], options)
+    imported = import_table([REFERENCE / "emaws_xfemm_488.csv"], **vars(options))
     (finding,) = [one for one in imported.findings if one.code == "reciprocity"]
     assert finding.severity == "info"
     assert finding.size < 2e-3

@@ -16,7 +16,8 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree, box
 
-from femfit.tables.femm.model import FemLabel, FemLine, FemMaterial, FemModel, Notes
+from femfit.device.outlines import arc_circle, arc_points
+from femfit.tables.femm.model import Direction, FemLabel, FemLine, FemMaterial, FemModel, Notes
 from femfit.tables.femm.parse import DIGITS
 
 GRID = 10.0**-DIGITS
@@ -33,33 +34,36 @@ MAX_LINES = 20_000
 
 
 @dataclass(frozen=True)
-class FemFace:
-    """A closed region of the drawing in mm, with holes where other faces lie inside."""
-
-    polygon: Polygon
-    label: FemLabel
-
-
-@dataclass(frozen=True)
 class FemPiece:
-    """A connected piece of one material, in the file's coordinates in mm."""
+    """A closed region of the drawing in mm, perhaps with holes, or what touching ones of one material are together."""
 
     polygon: Polygon
-    material: FemMaterial
     labels: tuple[FemLabel, ...]
+    direction: Direction | None = None  # Of a magnet
+    turns: float = 0.0  # Of a winding by its section; negative where it is wound the other way
+
+    @property
+    def label(self) -> FemLabel:
+        """The only one, or that of the first region."""
+        return self.labels[0]
+
+    @property
+    def material(self) -> FemMaterial:
+        """Material of its blocks."""
+        return self.label.material
 
     @property
     def group(self) -> int:
         """Group of its blocks."""
-        return self.labels[0].group
+        return self.label.group
 
     @property
     def place(self) -> str:
         """How messages name it."""
-        return f"{self.labels[0].place}, group {self.group}"
+        return f"{self.label.place}, group {self.group}"
 
 
-def connected_faces(faces: Sequence[FemFace]) -> Iterator[tuple[Polygon, list[FemFace]]]:
+def connected_faces(faces: Sequence[FemPiece]) -> Iterator[tuple[Polygon, list[FemPiece]]]:
     """What faces that touch are together, and which they are."""
     union = shapely.unary_union([face.polygon for face in faces], grid_size=GRID)
     for piece in getattr(union, "geoms", [union]):
@@ -74,16 +78,14 @@ def is_straight(line: FemLine) -> bool:
 
 def chords(line: FemLine) -> list[tuple[float, float]]:
     """The corners of a segment or arc in mm, both ends included."""
-    start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
+    start, end = (line.start.r, line.start.z), (line.end.r, line.end.z)
     if is_straight(line):
-        return [(start.real, start.imag), (end.real, end.imag)]
-    arc, count = _arc(line), math.ceil(line.angle / LARGEST_CHORD_DEG - 1e-9)
-    turned = arc.centre + (start - arc.centre) * np.exp(1j * arc.span * np.arange(1, count) / count)
-    inner = [(round(point.real, DIGITS), round(point.imag, DIGITS)) for point in turned.tolist()]
-    return [(start.real, start.imag), *inner, (end.real, end.imag)]
+        return [start, end]
+    inner = arc_points(start, end, _bulge(line), math.radians(LARGEST_CHORD_DEG))
+    return [start, *((round(r, DIGITS), round(z, DIGITS)) for r, z in inner), end]
 
 
-def find_faces(model: FemModel, notes: Notes) -> tuple[FemFace, ...]:
+def find_faces(model: FemModel, notes: Notes) -> tuple[FemPiece, ...]:
     """Split the drawing into its faces and give each its label."""
     strings = [LineString(points) for points in map(chords, model.lines) if len(set(points)) > 1]
     if sum(len(string.coords) for string in strings) > MAX_LINES:
@@ -104,7 +106,7 @@ def find_faces(model: FemModel, notes: Notes) -> tuple[FemFace, ...]:
     return _labelled(polygons, model.labels, notes)
 
 
-def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: Notes) -> tuple[FemFace, ...]:
+def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: Notes) -> tuple[FemPiece, ...]:
     tree = STRtree(polygons)
     owners: dict[int, list[FemLabel]] = {}
     for label in labels:
@@ -124,7 +126,7 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: No
         elif len(owner) > 1:
             notes.say("label twice", places=" and ".join(label.place for label in owner))
         else:
-            faces.append(FemFace(polygon, owner[0]))
+            faces.append(FemPiece(polygon, (owner[0],)))
     return tuple(faces)
 
 
@@ -221,7 +223,10 @@ def _chorded(arcs: Sequence[_Arc], start: complex, end: complex) -> _Arc | None:
 
 
 def _arc(line: FemLine) -> _Arc:
-    start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
-    half = math.radians(line.angle) / 2.0
-    centre = (start + end) / 2.0 + 1j * (end - start) / 2.0 / math.tan(half)
-    return _Arc(centre, abs(start - centre), cmath.phase(start - centre), 2.0 * half)
+    start = (line.start.r, line.start.z)
+    centre, radius = arc_circle(start, (line.end.r, line.end.z), _bulge(line))
+    return _Arc(complex(*centre), radius, cmath.phase(complex(*start) - complex(*centre)), math.radians(line.angle))
+
+
+def _bulge(line: FemLine) -> float:
+    return math.tan(math.radians(line.angle) / 4.0)

@@ -18,11 +18,11 @@ import shapely
 from shapely import box
 
 from femfit.device.parts import smallest_winding_area, wire_resistance
-from femfit.tables.femm.faces import GRID, MIN_AREA, Edge, with_arcs, without_holes
+from femfit.tables.femm.faces import GRID, MIN_AREA, Edge, FemPiece, with_arcs, without_holes
 from femfit.tables.femm.model import Direction, FemModel, FemOptions, Notes
 from femfit.tables.femm.movers import FemBodies, outline_of
 from femfit.tables.femm.parse import DIGITS
-from femfit.tables.femm.parts import FemCoil, FemPart, FemWinding, volume_mm3
+from femfit.tables.femm.parts import FemWinding, volume_mm3
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class FemFrame:
         base = self.face_mm + (self.up * self.distance_mm if moving else 0.0)
         return [(r, round((z - base) * self.up, DIGITS) + 0.0, self.up * angle + 0.0) for r, z, angle in outline]
 
-    def direction(self, part: FemPart) -> Direction | None:
+    def direction(self, part: FemPiece) -> Direction | None:
         """The part's magnetization in the actuator file."""
         if part.direction is None:
             return None
@@ -62,7 +62,7 @@ class FemFrame:
 def find_frame(bodies: FemBodies, windings: Sequence[FemWinding], options: FemOptions, notes: Notes) -> FemFrame:
     """The face, the side of the moving part and the file's distance."""
     up = _side(bodies, options, notes)
-    fixed, moving = _upwards(outline_of(bodies.standing), up), _upwards(outline_of(bodies.mover), up)
+    fixed, moving = _upwards(outline_of(bodies.fixed), up), _upwards(outline_of(bodies.moving), up)
     face = _face(fixed, moving, notes) if options.face_mm is None else up * options.face_mm
     face = round(face, DIGITS)
     distance = round(moving.bounds[1] - face, DIGITS) + 0.0
@@ -75,7 +75,7 @@ def _side(bodies: FemBodies, options: FemOptions, notes: Notes) -> float:
     """The side that the user says; else the one with a fixed part before it; else by the middles."""
     if options.mover_side != "auto":
         return 1.0 if options.mover_side == "above" else -1.0
-    fixed, moving = outline_of(bodies.standing), outline_of(bodies.mover)
+    fixed, moving = outline_of(bodies.fixed), outline_of(bodies.moving)
     if options.face_mm is None:
         sides = [up for up in (1.0, -1.0) if _before(_upwards(fixed, up), _upwards(moving, up)) is not None]
         if len(sides) == 1:
@@ -151,7 +151,7 @@ class FemWire:
     resistance_ohm: float
 
 
-def find_wire(coil: FemCoil, notes: Notes) -> FemWire:
+def find_wire(coil: FemPiece, notes: Notes) -> FemWire:
     """A winding's wire and resistance."""
     material = coil.material
     diameter, origin = material.wire_diameter_mm, f"WireD of {material.name!r}"
@@ -159,12 +159,12 @@ def find_wire(coil: FemCoil, notes: Notes) -> FemWire:
         section = COPPER_FILL * coil.polygon.area / abs(coil.turns)
         diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
         origin = f"ASSUMED: the file has no wire that fits; {100 * COPPER_FILL:g} % of the winding is copper"
-        notes.say("assumed-wire", place=coil.labels[0].place, diameter=diameter, copper=100 * COPPER_FILL)
+        notes.say("assumed-wire", place=coil.label.place, diameter=diameter, copper=100 * COPPER_FILL)
     resistance = wire_resistance(abs(coil.turns), coil.polygon.centroid.x * 1e-3, diameter * 1e-3)
     return FemWire(diameter, origin, resistance)
 
 
-def _fits(coil: FemCoil, diameter: float) -> bool:
+def _fits(coil: FemPiece, diameter: float) -> bool:
     return bool(smallest_winding_area(abs(coil.turns), diameter) <= coil.polygon.area)
 
 
@@ -181,7 +181,7 @@ class FemDevice:
 
     def outlines(self) -> dict[int, list[list[Edge]]]:
         """Outlines in the actuator file of each part and coil, by its id."""
-        pieces = [(piece, piece in self.bodies.mover) for piece in (*self.bodies.standing, *self.bodies.mover)]
+        pieces = [(piece, piece in self.bodies.moving) for piece in (*self.bodies.fixed, *self.bodies.moving)]
         simple = [(id(piece), polygon, moves) for piece, moves in pieces for polygon in without_holes(piece.polygon)]
         result: dict[int, list[list[Edge]]] = {}
         drawn = with_arcs([polygon for _, polygon, _ in simple], self.model.lines)

@@ -6,31 +6,19 @@ from dataclasses import dataclass
 
 import shapely
 
-from femfit.tables.femm.faces import GRID, FemFace
+from femfit.tables.femm.faces import GRID, FemPiece
 from femfit.tables.femm.model import FemOptions, Notes
-from femfit.tables.femm.parts import FemCoil, FemPart, volume_mm3
+from femfit.tables.femm.parts import volume_mm3
 
-Body = list[FemPart | FemCoil]
+Body = Sequence[FemPiece]
 
 
 @dataclass(frozen=True)
 class FemBodies:
     """Parts and windings, divided."""
 
-    fixed: tuple[FemPart, ...]
-    moving: tuple[FemPart, ...]
-    fixed_coils: tuple[FemCoil, ...]
-    moving_coils: tuple[FemCoil, ...]
-
-    @property
-    def standing(self) -> Body:
-        """All that stands still."""
-        return [*self.fixed, *self.fixed_coils]
-
-    @property
-    def mover(self) -> Body:
-        """All that moves."""
-        return [*self.moving, *self.moving_coils]
+    fixed: tuple[FemPiece, ...]
+    moving: tuple[FemPiece, ...]
 
 
 def outline_of(body: Body) -> shapely.Geometry:
@@ -38,15 +26,12 @@ def outline_of(body: Body) -> shapely.Geometry:
     return shapely.union_all([piece.polygon for piece in body])
 
 
-def divide(
-    parts: Sequence[FemPart], coils: Sequence[FemCoil], air: Sequence[FemFace], options: FemOptions, notes: Notes
-) -> FemBodies | None:
+def divide(pieces: Body, air: Body, options: FemOptions, notes: Notes) -> FemBodies | None:
     """Divide parts and windings into fixed and moving ones; None if nothing moves, or it is not clear what."""
-    pieces: Body = [*parts, *coils]
     if not pieces:
         notes.say("mover nothing")
         return None
-    if not coils and not any(part.direction for part in parts):
+    if not _wound(pieces) and not _magnet(pieces):
         notes.say("mover field")
         return None
     if len(pieces) == 1:
@@ -57,20 +42,15 @@ def divide(
         notes.say("mover touching", places=" and ".join(piece.place for piece in pieces))
         return None
     moving = _named(bodies, options.moving_labels, notes) if options.moving_labels else _inferred(bodies, notes)
-    return _divided(parts, coils, moving, air) if moving else None
+    return _divided(pieces, moving, air) if moving else None
 
 
-def _divided(parts: Sequence[FemPart], coils: Sequence[FemCoil], moving: Body, air: Sequence[FemFace]) -> FemBodies:
+def _divided(pieces: Body, moving: Body, air: Body) -> FemBodies:
     """What stands still and what moves, with the non-magnetic blocks that join it."""
     groups = {piece.group for piece in moving if piece.group} if len(_connected(moving)) > 1 else set()
-    joining = [face for face in air if face.label.meshed and face.label.group in groups]
-    spacers = [FemPart(face.polygon, face.label.material, (face.label,), None) for face in joining]
-    return FemBodies(
-        tuple(part for part in parts if part not in moving),
-        (*(part for part in parts if part in moving), *spacers),
-        tuple(coil for coil in coils if coil not in moving),
-        tuple(coil for coil in coils if coil in moving),
-    )
+    joining = [face for face in air if face.label.meshed and face.group in groups]
+    fixed = tuple(piece for piece in pieces if piece not in moving)
+    return FemBodies(fixed, (*(piece for piece in pieces if piece in moving), *joining))
 
 
 def _named(bodies: Sequence[Body], labels: Sequence[int], notes: Notes) -> Body:
@@ -116,7 +96,7 @@ def _of_two(bodies: Sequence[Body]) -> tuple[Body, str]:
     wound = [body for body in bodies if _wound(body)]
     bare = [body for body in bodies if not _wound(body)]
     if len(bare) == 1 and len(wound) == 1:
-        alone = all(isinstance(piece, FemCoil) for piece in wound[0])
+        alone = all(piece.turns for piece in wound[0])
         iron = any(piece.material.curve or not _magnet([piece]) for piece in bare[0])
         if alone and _magnet(bare[0]) and iron:
             return wound[0], "a winding before a magnet with its iron, as in a voice coil"
@@ -149,16 +129,16 @@ def _rest(body: Body, bodies: Sequence[Body]) -> Body:
 
 
 def _wound(body: Body) -> bool:
-    return any(isinstance(piece, FemCoil) for piece in body)
+    return any(piece.turns for piece in body)
 
 
 def _magnet(body: Body) -> bool:
-    return any(isinstance(piece, FemPart) and piece.direction is not None for piece in body)
+    return any(piece.direction is not None for piece in body)
 
 
 def _clear(body: Body, bodies: Sequence[Body]) -> bool:
     """Whether a body stands above or below all windings."""
-    wound = [piece.polygon.bounds for rival in bodies for piece in rival if isinstance(piece, FemCoil)]
+    wound = [piece.polygon.bounds for rival in bodies for piece in rival if piece.turns]
     low = min((bounds[1] for bounds in wound), default=math.inf)
     high = max((bounds[3] for bounds in wound), default=-math.inf)
     if not wound:
@@ -167,7 +147,7 @@ def _clear(body: Body, bodies: Sequence[Body]) -> bool:
     return bool(bottom >= high or top <= low)
 
 
-def _connected(pieces: Sequence[FemPart | FemCoil]) -> list[Body]:
+def _connected(pieces: Body) -> list[Body]:
     """Pieces that touch each other, together."""
     bodies: list[Body] = []
     for piece in pieces:

@@ -15,23 +15,8 @@ from dataclasses import dataclass
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
-from femfit.tables.femm.faces import GRID, FemFace, FemPiece, connected_faces, without_holes
-from femfit.tables.femm.model import (
-    Direction,
-    FemBoundary,
-    FemCircuit,
-    FemMaterial,
-    FemModel,
-    Notes,
-    magnet_direction,
-)
-
-
-@dataclass(frozen=True)
-class FemPart(FemPiece):
-    """A connected piece of one material, magnetization and group; it may have holes."""
-
-    direction: Direction | None
+from femfit.tables.femm.faces import GRID, FemPiece, connected_faces, without_holes
+from femfit.tables.femm.model import Direction, FemBoundary, FemCircuit, FemMaterial, FemModel, Notes, magnet_direction
 
 
 def volume_mm3(polygon: Polygon) -> float:
@@ -39,16 +24,16 @@ def volume_mm3(polygon: Polygon) -> float:
     return float(2.0 * math.pi * polygon.centroid.x * polygon.area)
 
 
-def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPart, ...]:
+def merge_parts(faces: Sequence[FemPiece]) -> tuple[FemPiece, ...]:
     """Join faces that touch and have material, magnetization and group in common."""
-    kinds: dict[tuple[FemMaterial, Direction | None, int], list[FemFace]] = {}
+    kinds: dict[tuple[FemMaterial, Direction | None, int], list[FemPiece]] = {}
     for face in sorted(faces, key=lambda face: face.label.number):
-        kinds.setdefault((face.label.material, magnet_direction(face.label), face.label.group), []).append(face)
+        kinds.setdefault((face.material, magnet_direction(face.label), face.label.group), []).append(face)
     parts = []
-    for (material, direction, _), alike in kinds.items():
+    for (_, direction, _), alike in kinds.items():
         for polygon, joined in connected_faces(alike):
-            parts.append(FemPart(polygon, material, tuple(face.label for face in joined), direction))
-    return tuple(sorted(parts, key=lambda part: part.labels[0].number))
+            parts.append(FemPiece(polygon, tuple(face.label for face in joined), direction))
+    return tuple(sorted(parts, key=lambda part: part.label.number))
 
 
 _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
@@ -62,7 +47,7 @@ _PERIODIC = {4, 5}
 """FEMM's numbers of the boundaries that join two lines; the outside of a Kelvin transformation counts by them alone."""
 
 
-def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -> tuple[FemFace, ...] | None:
+def drop_surroundings(model: FemModel, faces: Sequence[FemPiece], notes: Notes) -> tuple[FemPiece, ...] | None:
     """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
     meshed = _interior([face for face in faces if face.label.meshed], notes)
     if not meshed:
@@ -82,7 +67,7 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -
     return parts
 
 
-def _interior(meshed: Sequence[FemFace], notes: Notes) -> list[FemFace]:
+def _interior(meshed: Sequence[FemPiece], notes: Notes) -> list[FemPiece]:
     """The faces of the one piece of the drawing that holds parts, without the outside of a Kelvin transformation."""
     pieces = [joined for _, joined in connected_faces([face for face in meshed if not face.label.external])]
     holding = [piece for piece in pieces if any(_is_part(face) for face in piece)]
@@ -98,21 +83,21 @@ def _interior(meshed: Sequence[FemFace], notes: Notes) -> list[FemFace]:
     return holding[0]
 
 
-def _is_part(face: FemFace) -> bool:
-    material = face.label.material
+def _is_part(face: FemPiece) -> bool:
+    material = face.material
     driven = bool(material.current_density) or face.label.circuit is not None
     return face.label.meshed and not face.label.external and (material.magnetic or driven)
 
 
-def _shells(faces: Sequence[FemFace], domain: Polygon) -> list[FemFace]:
+def _shells(faces: Sequence[FemPiece], domain: Polygon) -> list[FemPiece]:
     """Shells of made-up permeability, from the rim inwards."""
     remaining = [
         face
         for face in faces
-        if _SHELL_NAME.fullmatch(face.label.material.name)
-        and not (face.label.material.coercivity or face.label.material.curve or face.label.circuit)
+        if _SHELL_NAME.fullmatch(face.material.name)
+        and not (face.material.coercivity or face.material.curve or face.label.circuit)
     ]
-    shells: list[FemFace] = []
+    shells: list[FemPiece] = []
     front = _off_axis(domain)
     while True:
         reached = [face for face in remaining if face.polygon.intersection(front).length > GRID]
@@ -155,18 +140,11 @@ def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> None:
 
 
 @dataclass(frozen=True)
-class FemCoil(FemPiece):
-    """A winding by its section; negative turns are wound the other way."""
-
-    turns: float
-
-
-@dataclass(frozen=True)
 class FemWinding:
     """Coils in series, with the circuit that carries their current."""
 
     circuit: FemCircuit
-    coils: tuple[FemCoil, ...]
+    coils: tuple[FemPiece, ...]
 
     @property
     def sign(self) -> float:
@@ -174,7 +152,7 @@ class FemWinding:
         return 1.0 if self.coils[0].turns > 0 else -1.0
 
 
-def find_windings(faces: Sequence[FemFace], notes: Notes) -> tuple[FemWinding, ...]:
+def find_windings(faces: Sequence[FemPiece], notes: Notes) -> tuple[FemWinding, ...]:
     """The windings among the faces in the file's order; none for a model without current."""
     before = len(notes.problems)
     chosen = _chosen(faces, notes)
@@ -185,12 +163,12 @@ def find_windings(faces: Sequence[FemFace], notes: Notes) -> tuple[FemWinding, .
         if len(notes.problems) == before:
             windings.append(FemWinding(circuit, _coils(blocks)))
     for face in faces:
-        if face.label.material.current_density:
+        if face.material.current_density:
             notes.say("circuit density", place=face.label.place)
     return () if len(notes.problems) > before else tuple(windings)
 
 
-def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None:
+def _check(blocks: Sequence[FemPiece], circuit: FemCircuit, notes: Notes) -> None:
     if circuit.kind != 1 and len(blocks) > 1:
         notes.say("circuit parallel", name=circuit.name, blocks=len(blocks))
     for block in blocks:
@@ -202,10 +180,10 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
             notes.say("circuit turns", **facts)
 
 
-def _chosen(faces: Sequence[FemFace], notes: Notes) -> list[FemCircuit]:
+def _chosen(faces: Sequence[FemPiece], notes: Notes) -> list[FemCircuit]:
     """The circuits that are taken: those with current where there are such, all of coils alone."""
     circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
-    coils_alone = not any(face.label.material.magnetic for face in faces)  # which feel no force but each other's
+    coils_alone = not any(face.material.magnetic for face in faces)  # which feel no force but each other's
     live = [circuit for circuit in circuits if circuit.current_A]
     if coils_alone or not live:
         return circuits
@@ -214,10 +192,10 @@ def _chosen(faces: Sequence[FemFace], notes: Notes) -> list[FemCircuit]:
     return live
 
 
-def _coils(blocks: Sequence[FemFace]) -> tuple[FemCoil, ...]:
+def _coils(blocks: Sequence[FemPiece]) -> tuple[FemPiece, ...]:
     """A coil a block, or several where it is wound around something."""
     return tuple(
-        FemCoil(polygon, block.label.material, (block.label,), block.label.turns * polygon.area / block.polygon.area)
+        FemPiece(polygon, block.labels, turns=block.label.turns * polygon.area / block.polygon.area)
         for block in sorted(blocks, key=lambda block: block.label.number)
         for polygon in without_holes(block.polygon)
     )

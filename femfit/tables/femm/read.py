@@ -112,6 +112,6 @@ def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[Fe
     coils = [coil for winding in windings for coil in winding.coils]
     if len(notes.problems) > before:
         return None
-    parts = merge_parts([face for face in inside if face.label.material.magnetic])
-    bodies = divide(parts, coils, [face for face in faces if face not in inside], options, notes)
+    parts = merge_parts([face for face in inside if face.material.magnetic])
+    bodies = divide([*parts, *coils], [face for face in faces if face not in inside], options, notes)
     return None if bodies is None else (windings, bodies)

@@ -8,14 +8,14 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any
 
 from jinja2 import StrictUndefined, Template
 
-from femfit.tables.femm.faces import Edge
-from femfit.tables.femm.frame import COPPER_FILL, FemDevice, FemWire
+from femfit.tables.femm.faces import Edge, FemPiece
+from femfit.tables.femm.frame import COPPER_FILL, FemDevice
 from femfit.tables.femm.model import FemMaterial
-from femfit.tables.femm.parts import FemPart, volume_mm3
+from femfit.tables.femm.parts import volume_mm3
 
 EXACT = 17
 """Digits that print a double without loss: the sweep must hold the file's own point."""
@@ -26,19 +26,6 @@ MAGNET_DENSITY, STEEL_DENSITY, COPPER_DENSITY = 7.5, 7.85, 8.96
 
 _string = partial(json.dumps, ensure_ascii=False)
 """A TOML basic string."""
-
-
-class _Region(NamedTuple):
-    """A table of the actuator file for a part or, with turns and wire, for a coil."""
-
-    name: str
-    origin: str
-    outline: Sequence[Edge]
-    material: FemMaterial
-    direction: str = ""
-    turns: float = 0.0
-    wire: FemWire | None = None
-    moves: bool = False
 
 
 def number(value: float, digits: int = 12) -> str:
@@ -97,25 +84,25 @@ def actuator_toml(device: FemDevice) -> str:
 def _facts(device: FemDevice) -> dict[str, Any]:
     """What the template is filled with."""
     outlines, taken, bodies, model = device.outlines(), {"air"}, device.bodies, device.model
-    fixed = [region for part in bodies.fixed for region in _regions(device, part, outlines[id(part)], taken)]
+    standing, body = ([piece for piece in pieces if not piece.turns] for pieces in (bodies.fixed, bodies.moving))
+    fixed = [region for part in standing for region in _regions(device, part, outlines[id(part)], taken)]
     coils = [
-        _Region(
-            free_name(winding.circuit.name, taken),
-            f"circuit {winding.circuit.name!r}: {'; '.join(label.place for label in coil.labels)}",
-            outlines[id(coil)][0],
-            coil.material,
-            turns=abs(coil.turns),
-            wire=device.wires[id(coil)],
-            moves=any(coil is moving for moving in bodies.moving_coils),
-        )
+        {
+            "name": free_name(winding.circuit.name, taken),
+            "origin": f"circuit {winding.circuit.name!r}: {'; '.join(label.place for label in coil.labels)}",
+            "outline": outlines[id(coil)][0],
+            "turns": abs(coil.turns),
+            "wire": device.wires[id(coil)],
+            "moves": any(coil is piece for piece in bodies.moving),
+        }
         for winding in device.windings
         for coil in winding.coils
     ]
-    moving = [region for part in bodies.moving for region in _regions(device, part, outlines[id(part)], taken)]
+    moving = [region for part in body for region in _regions(device, part, outlines[id(part)], taken)]
     names, free = iter(coils), set[str]()
     circuits = {
         free_name(winding.circuit.name, free): [
-            _string(f"{'-' if coil.turns * winding.sign < 0 else ''}{next(names).name}") for coil in winding.coils
+            _string(f"{'-' if coil.turns * winding.sign < 0 else ''}{next(names)['name']}") for coil in winding.coils
         ]
         for winding in device.windings
     }
@@ -126,7 +113,7 @@ def _facts(device: FemDevice) -> dict[str, Any]:
         "model": model,
         "frame": device.frame,
         "comment": f" ({plain(model.comment)})" if model.comment not in {"", "Add comments here."} else "",
-        "materials": dict.fromkeys(part.material for part in (*bodies.fixed, *bodies.moving)),
+        "materials": dict.fromkeys(part.material for part in (*standing, *body)),
         "fixed": fixed,
         "coils": coils,
         "moving": moving,
@@ -139,8 +126,9 @@ def _facts(device: FemDevice) -> dict[str, Any]:
 
 
 def _regions(
-    device: FemDevice, part: FemPart, outlines: Sequence[Sequence[Edge]], taken: set[str]
-) -> Iterator[_Region]:
+    device: FemDevice, part: FemPiece, outlines: Sequence[Sequence[Edge]], taken: set[str]
+) -> Iterator[dict[str, Any]]:
+    """The tables of the actuator file for a part."""
     origin = "; ".join(f"{label.place}, group {label.group}" for label in part.labels)
     origin += f"; a closed ring, cut into {len(outlines)} pieces" if len(outlines) > 1 else ""
     r, z = device.frame.direction(part) or (0.0, 0.0)
@@ -148,18 +136,19 @@ def _regions(
     if r == 0.0 or z == 0.0:
         direction = f'"{"-" if r + z < 0 else "+"}{"z" if r == 0.0 else "r"}"' if part.direction else ""
     for outline in outlines:
-        yield _Region(free_name(part.material.name, taken), origin, outline, part.material, direction)
+        name = free_name(part.material.name, taken)
+        yield {"name": name, "origin": origin, "outline": outline, "material": part.material, "direction": direction}
 
 
 def _mass(device: FemDevice) -> str:
     """The moving part's mass in g, and where it is from."""
-    bodies = device.bodies
+    moving = device.bodies.moving
     weights = [
-        (MAGNET_DENSITY if part.direction else STEEL_DENSITY, volume_mm3(part.polygon) * 1e-3)
-        for part in bodies.moving
-        if part.material.magnetic
+        (MAGNET_DENSITY if piece.direction else STEEL_DENSITY, volume_mm3(piece.polygon) * 1e-3)
+        for piece in moving
+        if piece.material.magnetic
     ]
-    weights += [(COPPER_FILL * COPPER_DENSITY, volume_mm3(coil.polygon) * 1e-3) for coil in bodies.moving_coils]
+    weights += [(COPPER_FILL * COPPER_DENSITY, volume_mm3(coil.polygon) * 1e-3) for coil in moving if coil.turns]
     mass = sum(density * volume for density, volume in weights)
     shown = " + ".join(f"{volume:.5g} cm^3 x {density:g} g/cm^3" for density, volume in weights if volume)
     return f"{number(mass, 5)} # ASSUMED density: {shown}; weigh the body and correct it"
