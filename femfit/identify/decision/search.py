@@ -35,7 +35,7 @@ from femfit.identify.decision.evidence import (
     sizes_of,
     with_unknown_cause,
 )
-from femfit.identify.refit import Refit, Start, fitted_together, refit
+from femfit.identify.refit import Refit, Start, refit
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,9 +145,16 @@ def pairs_of_two(space: EffectSpace, linear: Linear, alone: Sequence[Explanation
             for block, start in ((columns, first), (further, second))
         )
         about = [Linear.of(linear.target, size * columns, linear.density) for size in own_sizes]
-        logs = [beside.with_more(*beside.products(further), sizes)[0] for beside in about]
-        begun, _ = fitted_together(linear.target, [first, second])
-        pairs.append(Explanation(tuple(begun), float(np.max(logs)) - np.log(SIZES), linear.log_evidence))
+        logs = np.array([beside.with_more(*beside.products(further), sizes)[0] for beside in about])
+        j, k = np.unravel_index(np.argmax(logs), logs.shape)
+        both = Linear.of(linear.target, np.hstack([own_sizes[j] * columns, sizes[k] * further]), linear.density)
+        # Not the least squares: at a bound, a direction that the readings leave open would keep a refit there
+        means = own_sizes[j] * both.amplitudes[: first.count], sizes[k] * both.amplitudes[columns.shape[1] :]
+        begun = tuple(
+            replace(start, amplitude=np.clip(half_ranges(start) * mean[: start.count], *start.columns.bounds))
+            for start, mean in zip((first, second), means, strict=True)
+        )
+        pairs.append(Explanation(begun, float(np.max(logs)) - np.log(SIZES), linear.log_evidence))
     return sorted(pairs, key=lambda explanation: -explanation.log_evidence)[:PAIRED]
 
 
