@@ -161,7 +161,7 @@ class ExplicitSlopes:
             plain = LinearForm(2.0 * math.pi * coil.sign * x**2 * v * over).Assemble().vec.FV().NumPy()
             divergence = v * (2.0 * x * coil_field[0] + x**2 * (Grad(coil_field)[0, 0] + Grad(coil_field)[1, 1]))
             slope = LinearForm(density * (divergence + x**2 * InnerProduct(coil_field - passing, grad(v))) * over)
-            motions = zip(motion.of_coil(place), velocities, self._numbers, strict=True)
+            motions = zip(motion.of_coil(coil_region(coil)), velocities, self._numbers, strict=True)
             for k, (of_coil, of_mesh, number) in enumerate(motions):
                 coil_field.vec.FV().NumPy()[:], passing.vec.FV().NumPy()[:] = of_coil.ravel(), of_mesh.ravel()
                 larger, smaller = (_density(device.coils[place]) for device in (number.larger, number.smaller))

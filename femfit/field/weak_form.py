@@ -36,8 +36,8 @@ from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm
 
 from femfit.core.numerics import MU_0, BoolArray, FloatArray
 from femfit.device.electrics import HallElement
-from femfit.device.parts import Actuator, Coil, LinearMaterial, Material
-from femfit.field.layout import FIXED, MOVING, coil_region
+from femfit.device.parts import Actuator, Coil, LinearMaterial, Material, Region
+from femfit.field.layout import FIXED, MOVING, coil_region, parts_of
 
 LAYER = "layer"
 """The region of the mesh's own layer round the moving part, which touches no corner."""
@@ -67,8 +67,7 @@ def hall_field(hall: HallElement, mesh: Mesh, w: GridFunction) -> float:
 
 def materials(actuator: Actuator) -> dict[str, Material]:
     """Material of each of the mesh's region names that is not air."""
-    named = {f"fixed:{region.name}": region.material for region in actuator.fixed}
-    return named | {f"moving:{region.name}": region.material for region in actuator.moving.regions}
+    return {name: part.material for name, part in parts_of(actuator).items() if isinstance(part, Region)}
 
 
 def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
