@@ -108,12 +108,26 @@ def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray,
     return np.concatenate(points), np.concatenate(weights)
 
 
-class LinearActuator:
-    """One mesh of an actuator with linear materials, to be stretched over a group of distances.
+class MeshedActuator:
+    """One mesh of an actuator, to be stretched over a group of ascending distances in m."""
 
-    The group's distances are in m, ascending; with ``estimate`` each is also solved one order lower, for the force's
-    error.
-    """
+    def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
+        self._actuator = actuator
+        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
+        self._moving = MovingMesh(actuator, group, layout, settings)
+        self.mesh = self._moving.mesh
+        self._pickups = PickupCoils(actuator, self._moving)
+        self._signatures: SignatureRows | None = None
+
+    def _slopes(self, numbers: Sequence[DrawnNumber], space: ng.H1, loads: FloatArray) -> SignatureRows:
+        """The signatures of numbers, made when they are first asked for."""
+        if self._signatures is None:
+            self._signatures = SignatureRows(self._actuator, numbers, self._moving, space, loads)
+        return self._signatures
+
+
+class LinearActuator(MeshedActuator):
+    """An actuator with linear materials; with ``estimate`` each distance is also solved one order lower."""
 
     def __init__(
         self,
@@ -124,16 +138,10 @@ class LinearActuator:
         *,
         estimate: bool = True,
     ) -> None:
-        self.actuator = actuator
-        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
-        self.layout = layout
-        self._moving = MovingMesh(actuator, group, layout, settings)
-        self.mesh = self._moving.mesh
-        self._pickups = PickupCoils(actuator, self._moving)
+        super().__init__(actuator, group, layout, settings)
         self._system = LinearSystem(self._moving, actuator, settings.order)
         self.unknowns = int(self._system.space.ndof)  # of the finer of the two orders
         self._lower = LinearSystem(self._moving, actuator, settings.order - 1) if estimate else None
-        self._signatures: SignatureRows | None = None
         self._solved: float | None = None  # distance that the fields are of
 
     def solve(self, distance: float) -> DistanceSolution:
@@ -164,11 +172,10 @@ class LinearActuator:
         if self._solved != distance:
             self.solve(distance)
         system = self._system
-        if self._signatures is None:
-            self._signatures = SignatureRows(self.actuator, numbers, self._moving, system.space, system.loads[1:])
         totals = np.stack([total.vec.FV().NumPy() for total in system.total])
         points = current_points(currents, len(self._circuits))
-        return self._signatures.of_sources(distance, points, totals, system.respond)
+        slopes = self._slopes(numbers, system.space, system.loads[1:])
+        return slopes.of_sources(distance, points, totals, system.respond)
 
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
         """The field w and the force in N at a point, with the mesh left stretched to it."""

@@ -294,6 +294,9 @@ class FormsTask:
         """Solve on the group's mesh."""
         from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only
 
-        forms = eddy_probe.eddy_actuator(self.mesh, self.patterns).forms(self.distance, self.bias)
+        system = eddy_probe.system_with_patterns(self.mesh, self.patterns)
+        system.bias = np.array(self.bias)
+        with eddy_probe.moving_mesh(self.mesh).at(self.distance):
+            forms = system.evaluate()
         arrays = {name: getattr(forms, name) for name in ("force", "flux_linkage", "hall", "rest")}
         return {name: None if array is None else array.tolist() for name, array in arrays.items()}
