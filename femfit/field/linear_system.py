@@ -59,7 +59,7 @@ class SourceFields(ABC):
 
     @abstractmethod
     def state(self) -> FloatArray:
-        """The fields of all sources at rest on the mesh as it is now stretched, shape (m, unknowns); small ones as 0."""
+        """Fields of all sources at rest on the mesh as it is now stretched, shape (m, unknowns); small ones as 0."""
 
     @abstractmethod
     def solve(self) -> None:
