@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like, warmth
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States, in_channel
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, current_lag, in_channel
 
 
 def _warmed(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
@@ -186,15 +186,6 @@ def _picked_up(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Cond
     return volts + p["pickup_V"] * i / nominal.peak_current_A + p["induced_V_s"] * rate
 
 
-def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
-    """The current less its mean over about one sample: the current's rate, for what knows no voltage."""
-    nominal = conditions.nominal
-    return {
-        "pickup_lag": conditions.current_rate_A_s / nominal.peak_current_A
-        - states["pickup_lag"] / nominal.sample_time_s
-    }
-
-
 HALL_COIL_PICKUP = Effect(
     name="hall_coil_pickup",
     symptom="The Hall voltage has a further part in step with the current; force and flux linkage are right.",
@@ -220,12 +211,6 @@ HALL_COIL_PICKUP = Effect(
     "each sign.",
     reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 (coupling) and 3 (common ground)",
     readings=in_channel("hall_V", _picked_up),
-    memory=Memory(
-        names=("pickup_lag",),
-        amplitudes=("induced_V_s",),
-        spread=0.01,
-        steady_state=lambda d, i, conditions, p: {"pickup_lag": 0.0 * i},
-        rate=_rate,
-    ),
+    memory=current_lag("pickup_lag", "induced_V_s", 0.01, lambda nominal, p: nominal.sample_time_s),
     calibrations=(Calibration({"pickup_V": 2e-3}, 20.0),),
 )

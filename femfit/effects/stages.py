@@ -23,7 +23,21 @@ def true_setting(
 
     Of arrays, or of expressions with currents (n,).
     """
-    for setting, added in _acting(effects, "setting"):
+    return _at_another(effects, "setting", distance, currents, conditions)
+
+
+def hall_point(
+    effects: Iterable[AddedEffect], distance: Expression, currents: Expression, conditions: Conditions
+) -> tuple[Any, Any]:
+    """Distance and currents that a Hall reading belongs to, of earlier where it is late: as of :func:`true_setting`."""
+    return _at_another(effects, "hall_point", distance, currents, conditions)
+
+
+def _at_another(
+    effects: Iterable[AddedEffect], stage: str, distance: Expression, currents: Expression, conditions: Conditions
+) -> tuple[Any, Any]:
+    """Distance and currents that a stage has in place of these; of the first current where it is of no circuit."""
+    for setting, added in _acting(effects, stage):
         of = added.effect.of
         symbolic = isinstance(currents, SX)
         columns = ca.vertsplit(currents) if symbolic else list(np.moveaxis(currents, -1, 0))
@@ -129,15 +143,6 @@ def _acting(effects: Iterable[AddedEffect], stage: str) -> Iterator[tuple[Callab
     for added in effects:
         if (act := getattr(added.effect, stage)) is not None:
             yield act, added
-
-
-def hall_point(
-    effects: Iterable[AddedEffect], distance: Expression, current: Expression, conditions: Conditions
-) -> tuple[Expression, Expression]:
-    """Distance and current that a Hall reading belongs to: of earlier, where it is late."""
-    for act, added in _acting(effects, "hall_point"):
-        distance, current = act(distance, current, conditions, added.parameters)
-    return distance, current
 
 
 def recorded(

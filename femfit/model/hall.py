@@ -23,8 +23,7 @@ and free of the steps that a driver's voltage makes at the samples. A current of
 The sensors of a model beside the Hall element.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as limited
 from typing import Literal, TypeAlias
 
@@ -100,13 +99,6 @@ class SensedField(HallField):
         at = self.coordinate.of(distance), *ca.vertsplit(currents)[:n]
         return spline_at(self, axes, self.coefficients[..., None], *at)[0]
 
-    def scaled(self, magnets: float, currents: Sequence[float]) -> "SensedField":
-        """The field with magnets and currents scaled: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in both."""
-        scales = [one / magnets for one in currents]
-        along = zip(self.currents, scales, strict=False)  # or of no current
-        axes = tuple(replace(one, knots_A=one.knots_A / s) for one, s in along)
-        return replace(self, currents=axes, coefficients=magnets * self.coefficients)
-
 
 # What a field's metadata say of a model file: see femfit.model.json_section.
 
@@ -143,7 +135,7 @@ class HallSensor:
 class PickupSensor(Sensor):
     """The winding, whose flux linkage stands in Wb; its reading in V."""
 
-    flux: SensedField
+    flux: HallField = limited(metadata={"kinds": (SensedField,)})
     kind: Literal["pickup_coil"] = "pickup_coil"
 
 

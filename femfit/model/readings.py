@@ -136,9 +136,7 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
     values |= dict(zip(flux_columns(base.current_names), ca.vertsplit(seen["flux_linkage"]), strict=True))
     if base.sensor is not None:
         if any(added.effect.hall_point for added in effects):
-            then_d, then_i = hall_point(effects, d, first, conditions)
-            then = ca.vertcat(SX(0, 1), *[then_i, *ca.vertsplit(i)[1:]][: i.numel()])
-            hall_T = point.resting(then_d, then).magnetic(slopes=False)["hall_T"]
+            hall_T = point.resting(*hall_point(effects, d, i, conditions)).magnetic(slopes=False)["hall_T"]
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * hall_T
     # What the driver does to a commanded voltage does not show: a bench reads across the winding
     ohms = [resistance_of(circuit, effects, i[k], conditions) for k, circuit in enumerate(base.circuits)]
@@ -173,6 +171,4 @@ def hall_seen(
     """Field in T that a Hall reading shows: that of these points, or of earlier ones where it is late."""
     if not any(added.effect.hall_point for added in effects):
         return seen.hall_T
-    then_d, then_i = hall_point(effects, distance, currents[:, 0], conditions)
-    then = np.concatenate([then_i[:, None], currents[:, 1:]], axis=1)
-    return at_rest(base, then_d, then, effects, conditions).hall_T
+    return at_rest(base, *hall_point(effects, distance, currents, conditions), effects, conditions).hall_T

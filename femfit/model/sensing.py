@@ -118,9 +118,7 @@ def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
 def _hall_voltage(model: "ActuatorModel", distance: SX, currents: SX, at: Conditions) -> SX:
     """The Hall element's true output, of the distance and the current that its reading belongs to."""
     sensor, eddy = model.without_effects.require_sensor(), model.eddy
-    first = currents[0] if currents.numel() else SX(0.0)
-    then_d, then_i = hall_point(model.effects, distance, first, at)
-    then = ca.vertcat(then_i, *ca.vertsplit(currents)[1:]) if currents.numel() else currents
+    then = hall_point(model.effects, distance, currents, at)
     field = model.require_sensor().field.with_memory(at.memory)
-    value = field(then_d, then) if eddy is None else eddy.field(field, then_d, then)
+    value = field(*then) if eddy is None else eddy.field(field, *then)
     return sensor.quiescent_V + sensor.sensitivity_V_per_T * value
