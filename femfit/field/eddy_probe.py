@@ -21,7 +21,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from ngsolve import H1, GridFunction, InnerProduct, SetNumThreads
+from ngsolve import H1, GridFunction, SetNumThreads
 from numpy.typing import NDArray
 
 from femfit.core.numerics import ComplexArray, FloatArray
@@ -32,7 +32,7 @@ from femfit.field.harmonic import ConductorPoints, FieldArray, HarmonicSystem
 from femfit.field.linear_system import SourceFields
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.nonlinear_system import static_system
-from femfit.field.signature_rows import ImpedanceSignatures
+from femfit.field.signature_rows import impedance_slopes
 from femfit.field.sweep_task import MeshGroup, Patterns
 from femfit.field.weak_form import function_of, hall_field
 from femfit.tables.eddy_table import Transfers
@@ -53,7 +53,7 @@ class EddyProbe:
         self._real, self._harmonic = (
             HarmonicSystem(moving, actuator, order, real=real, points=points) for real in (True, False)
         )
-        self._beside = range(1 if points is not None else len(self._static.total))  # what small currents pull on
+        self._beside = slice(None if points is None else 1)  # what small currents pull on
         step, states = MOTION_STEP * moving.layout.clearance, []
         for moved in (distance - step, distance + step):
             with moving.at(moved):
@@ -75,9 +75,10 @@ class EddyProbe:
         return Transfers(frequencies, flux, force, None if self._hall is None else hall), np.array(fields)
 
     def slopes(self, numbers: Sequence[DrawnNumber], frequencies: FloatArray, fields: FieldArray) -> ComplexArray:
-        """What numbers of the drawing change of the inductances, as :meth:`ImpedanceSignatures.at` has it."""
-        signatures = ImpedanceSignatures(self._actuator, numbers, self._moving, self.points.space)
-        return signatures.at(self.distance, frequencies, fields)
+        """What numbers of the drawing change of the inductances, as of :func:`impedance_slopes`."""
+        return impedance_slopes(
+            self._actuator, numbers, self._moving, self.points.space, self.distance, frequencies, fields
+        )
 
     def patterns(self, fields: FieldArray, shifts: FloatArray, places: ConductorPoints, tolerance: float) -> FloatArray:
         """Rows (k, n) of induced currents at the points of another mesh.
@@ -110,7 +111,7 @@ class EddyProbe:
 
     def _responses(self, s: complex, fields: FieldArray) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
-        system, hall = self._static, self._hall
+        system, hall, beside = self._static, self._hall, self._beside
         source_fields = [GridFunction(system.space) for _ in fields]
         forces, halls, induced_loads = [], [], []
         for field in fields:  # -s M w of the moving part
@@ -122,7 +123,8 @@ class EddyProbe:
             if component is np.real:
                 loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
             system.find_own(totals, loads, source_fields)
-            forces.append([self._force_beside(source, totals, source_fields) for source in self._beside])
+            pull = system.layer_force.between(system.total[beside], totals)
+            forces.append(2.0 * (pull - system.layer_force.between(system.own[beside], source_fields)))
             halls.append([0.0 if hall is None else hall_field(hall, system.mesh, total) for total in totals])
         forces_of_fields, field_at_hall = (
             np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls)
@@ -130,15 +132,6 @@ class EddyProbe:
         force = np.zeros((len(system.total), len(fields)), dtype=np.complex128)
         force[: len(forces_of_fields)] = forces_of_fields
         return system.loads[1:] @ fields.T, force, field_at_hall
-
-    def _force_beside(self, source: int, totals: list[GridFunction], source_fields: list[GridFunction]) -> list[float]:
-        """What fields add to the force beside a source at rest."""
-        system = self._static
-        total, alone = (system.layer_force.image(functions[source]) for functions in (system.total, system.own))
-        return [
-            2.0 * float(InnerProduct(total, a.vec) - InnerProduct(alone, b.vec))
-            for a, b in zip(totals, source_fields, strict=True)
-        ]
 
 
 @lru_cache(maxsize=2)

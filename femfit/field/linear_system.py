@@ -23,7 +23,6 @@ from femfit.field.weak_form import (
     LayerForce,
     hall_field,
     linear_materials,
-    quadratic,
     reluctivity,
     source_loads,
     stiffness,
@@ -77,7 +76,7 @@ class SourceFields(ABC):
         hall = self._hall
         linked = inner_products(self.loads, self.total)
         return Coefficients(
-            force=quadratic(self.layer_force, self.total) - quadratic(self.layer_force, self.own),
+            force=self.layer_force.of_sum(self.total) - self.layer_force.of_sum(self.own),
             flux_linkage=linked[1:],
             coenergy=0.5 * linked[0, 0],
             hall=None if hall is None else np.array([hall_field(hall, self.mesh, total) for total in self.total]),

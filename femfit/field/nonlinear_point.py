@@ -142,7 +142,7 @@ class NonlinearActuator(MeshedActuator):
         def force(system: NonlinearSystem, layer: LayerForce, state: FloatArray, currents: FloatArray) -> float:
             alone = function_of(system.space, system.own_state(state, currents))
             total = function_of(system.space, state)
-            return layer.between(total, total) - layer.between(alone, alone)
+            return float(layer.of_sum([total]).item() - layer.of_sum([alone]).item())
 
         def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> PointSolution:
             total, coarse_force = function_of(self.fine.space, fine), np.nan

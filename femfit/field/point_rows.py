@@ -99,18 +99,12 @@ class Coefficients:
     coenergy: float  # W_0
     hall: FloatArray | None  # Shape (m,)
     rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class DistanceSolution(Coefficients):
-    """One distance of a linear actuator, with what tells the error of its force."""
-
     # Change of the force from one polynomial order lower, where that was solved; shape (m, m)
-    force_change: FloatArray | None
+    force_change: FloatArray | None = None
     pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by the coils' names; shape (m,) each
 
 
-def superpose(sources: FloatArray, solution: DistanceSolution, circuits: Sequence[str]) -> dict[str, FloatArray]:
+def superpose(sources: FloatArray, solution: Coefficients, circuits: Sequence[str]) -> dict[str, FloatArray]:
     """Table columns at sources of shape (points, 1 + circuits).
 
     The terms of the change between the orders add in magnitude, so that no cancellation flatters the error, which is

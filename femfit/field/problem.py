@@ -12,6 +12,7 @@ heights of its corners; in each strip the nodes of Gauss lie along z, and along 
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -29,8 +30,8 @@ from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.point_rows import (
+    Coefficients,
     CurrentsLike,
-    DistanceSolution,
     current_points,
     sources,
     superpose,
@@ -144,18 +145,16 @@ class LinearActuator(MeshedActuator):
         self._lower = LinearSystem(self._moving, actuator, settings.order - 1) if estimate else None
         self._solved: float | None = None  # distance that the fields are of
 
-    def solve(self, distance: float) -> DistanceSolution:
+    def solve(self, distance: float) -> Coefficients:
         """Solve at a distance."""
         with self._moving.at(distance):
             fine = self._system.evaluate()
             linked = [*map(self._pickups.at(distance), self._system.total)]
             lower = None if self._lower is None else self._lower.evaluate()
         self._solved = distance
-        return DistanceSolution(
-            **vars(fine),
-            force_change=None if lower is None else fine.force - lower.force,
-            pickup={name: np.array([links[name] for links in linked]) for name in linked[0]},
-        )
+        change = None if lower is None else fine.force - lower.force
+        pickup = {name: np.array([links[name] for links in linked]) for name in linked[0]}
+        return replace(fine, force_change=change, pickup=pickup)
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a point of the currents."""

@@ -172,23 +172,16 @@ class LayerForce:
         form += stress_density(flux_density(w), flux_density(v), grad(g)) * region
         self._form = form.Assemble()
 
-    def between(self, first: GridFunction, second: GridFunction) -> float:
-        """The bilinear force of two solutions w in N: that of their sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
-        return float(InnerProduct(first.vec, self.image(second)))
+    def between(self, first: Sequence[GridFunction], second: Sequence[GridFunction]) -> FloatArray:
+        """The bilinear force of solutions w with others in N: that of a sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
+        result = np.zeros((len(first), len(second)))
+        for k, function in enumerate(second):
+            image = function.vec.CreateVector()
+            image.data = self._form.mat * function.vec
+            result[:, k] = [InnerProduct(other.vec, image) for other in first]
+        return result
 
-    def image(self, function: GridFunction) -> Any:
-        """The vector whose product with a solution is its bilinear force with this one."""
-        image = function.vec.CreateVector()
-        image.data = self._form.mat * function.vec
-        return image
-
-
-def quadratic(form: LayerForce, functions: Sequence[GridFunction]) -> FloatArray:
-    """The force of a sum of solutions as a quadratic form in their factors: symmetric, in N."""
-    count = len(functions)
-    matrix = np.zeros((count, count))
-    for j in range(count):
-        image = form.image(functions[j])
-        for k in range(j + 1):
-            matrix[j, k] = matrix[k, j] = InnerProduct(functions[k].vec, image)
-    return matrix
+    def of_sum(self, functions: Sequence[GridFunction]) -> FloatArray:
+        """The force of a sum of solutions as a quadratic form in their factors: symmetric, in N."""
+        whole = self.between(functions, functions)
+        return np.asarray(0.5 * (whole + whole.T))
