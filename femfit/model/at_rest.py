@@ -18,6 +18,7 @@ from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy
+from femfit.model.magnetics import AXES, MagneticState, derivatives_of
 from femfit.model.with_effects import coenergy_of
 
 if TYPE_CHECKING:
@@ -54,22 +55,16 @@ class Point:
     def magnetic(self, *, slopes: bool) -> dict[str, SX]:
         """Force, flux linkages and field at the Hall element; on demand motional constants, and inductances (n n,)."""
         coenergy = changed_coenergy(coenergy_of(self.model), self.effects, self.conditions)
-        n = self.currents.numel()
+        names = "force", "flux_linkage", *(("motional_constant", "inductance") if slopes else ())
 
         def derived(x: SX) -> SX:
             d, i = x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:])
-            value = SX(coenergy(d, i, 0.0))
-            linkage = ca.gradient(value, i)
-            parts = [-ca.gradient(value, d), linkage, slope(lambda h: coenergy(d, i, h), 0.0)]
-            if slopes:
-                parts += [-ca.jacobian(linkage, d), ca.vec(ca.jacobian(linkage, i))]
-            return ca.vertcat(*(ca.densify(part) for part in parts))
+            parts = derivatives_of(names, SX(coenergy(d, i, 0.0)), d, i)
+            return ca.vertcat(*parts.values(), ca.densify(slope(lambda h: coenergy(d, i, h), 0.0)))
 
         found = of_variable(derived, ca.vertcat(self.distance, self.currents))
-        sizes = {"force": 1, "flux_linkage": n, "hall_T": 1}
-        if slopes:
-            sizes |= {"motional_constant": n, "inductance": n * n}
-        return dict(zip(sizes, ca.vertsplit(found, [0, *accumulate(sizes.values())]), strict=True))
+        ends = accumulate((self.currents.numel() ** AXES[name] for name in names), initial=0)
+        return dict(zip((*names, "hall_T"), ca.vertsplit(found, [*ends, found.numel()]), strict=True))
 
 
 def at_points(
@@ -131,25 +126,14 @@ def _function(
         return list(found), ends, GraphFunction([ca.vertcat(d, i), given, sizes], output)
 
 
-@dataclass(frozen=True, eq=False)
-class AtRest:
-    """What a model shows of points at rest, N of n currents."""
-
-    force: FloatArray  # In N, shape (N,)
-    flux_linkage: FloatArray  # In Wb, shape (N, n)
-    hall_T: FloatArray  # Field at the Hall element, shape (N,); 0 without one
-    motional_constant: FloatArray  # In N/A, shape (N, n)
-    inductance: FloatArray  # In H, shape (N, n, n)
-
-
 def at_rest(
     model: "ActuatorModel",
     distance: FloatArray,
     currents: FloatArray,
     effects: Sequence[AddedEffect],
     conditions: Conditions,
-) -> AtRest:
-    """What effects in place of a model's own make of it at distances (N,) and currents (N, n).
+) -> MagneticState:
+    """What effects in place of a model's own make of it at distances (N,) and currents (N, n), without dF/dd.
 
     Where the conditions lack an effect's states, these are as on a slow sweep.
     """
@@ -159,5 +143,6 @@ def at_rest(
 
     acting, n = tuple(added for added in effects if added.effect.coenergy is not None), currents.shape[1]
     values = at_points(model, "at rest", magnetic, distance, currents, acting, conditions)
-    shapes = {"force": (), "flux_linkage": (n,), "hall_T": (), "motional_constant": (n,), "inductance": (n, n)}
-    return AtRest(**{name: values[name].T.reshape(len(distance), *shape) for name, shape in shapes.items()})
+    return MagneticState(
+        **{name: part.T.reshape(len(distance), *[n] * AXES.get(name, 0)) for name, part in values.items()}
+    )

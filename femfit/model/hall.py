@@ -35,7 +35,7 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
 from femfit.model.bspline import FLAT, LINE, DistanceCoordinate, TensorSpline, nested_shape, spline_at
-from femfit.model.magnetics import OfCurrents, Part, current_of, value_of
+from femfit.model.magnetics import OfCurrents, current_of
 
 
 class HallField(OfCurrents):
@@ -43,16 +43,12 @@ class HallField(OfCurrents):
 
     def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """B_z in T, of shape (...)."""
-        return self.derived(value_of, distance, currents)[0]
+        return self.derived(distance, currents, "value")[0]
 
     def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """B_z in T and dB_z/dd in T/m, both (...), and dB_z/di_k in T/A, of shape (..., n)."""
-        value, in_distance, in_currents = self.derived(_gradients, distance, currents)
+        value, in_distance, in_currents = self.derived(distance, currents, "value", "slope", "flux_linkage")
         return value, in_distance, in_currents
-
-
-def _gradients(field: SX, distance: SX, currents: SX) -> list[Part]:
-    return [(field, 0), (ca.gradient(field, distance), 0), (ca.gradient(field, currents), 1)]
 
 
 @dataclass(frozen=True, eq=False)

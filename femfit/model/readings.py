@@ -16,11 +16,12 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, resistance_column, voltage_columns
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import CHANNELS, AddedEffect
-from femfit.effects.stages import hall_point, recorded, true_setting, with_further_force
+from femfit.effects.stages import changed_by, hall_point, true_setting, with_further_force
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import AtRest, Point, at_points, at_rest
+from femfit.model.at_rest import Point, at_points, at_rest
 from femfit.model.decay import Complex
 from femfit.model.impedance import impedance_expression, impedances_by_column
+from femfit.model.magnetics import MagneticState
 from femfit.model.with_effects import resistance_of
 
 LOW_HZ = 1e-6
@@ -145,7 +146,7 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
         inductance = ca.reshape(seen["inductance"], i.numel(), i.numel())
         shown = _impedances(point, d, i, inductance, ohms or [SX(np.nan)] * i.numel())
         values |= {name: shown[name] for name in shown if ohms or not name.startswith("resistance")}
-    return recorded(effects, values, d, first, conditions)
+    return dict(changed_by(effects, "readings", values, d, first, conditions))
 
 
 def _impedances(point: Point, d: SX, i: SX, low: SX, ohms: Sequence[SX]) -> dict[str, Expression]:
@@ -162,7 +163,7 @@ def _impedances(point: Point, d: SX, i: SX, low: SX, ohms: Sequence[SX]) -> dict
 
 def hall_seen(
     base: ActuatorModel,
-    seen: AtRest,
+    seen: MagneticState,
     distance: FloatArray,
     currents: FloatArray,
     effects: Sequence[AddedEffect],

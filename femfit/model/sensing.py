@@ -17,7 +17,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, row_of
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.conditions import Conditions
-from femfit.effects.stages import hall_point, recorded, recorded_setting, with_further_force
+from femfit.effects.stages import changed_by, hall_point, recorded_setting, with_further_force
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
         else:
             force = -ca.gradient(equations.coenergy(memory)(d, w), d)
             name, value = "force_N", with_further_force(model.effects, force, d, first, at)
-        return SX(recorded(model.effects, {name: value}, d, first, at)[name])
+        return SX(changed_by(model.effects, "readings", {name: value}, d, first, at)[name])
     if isinstance(sensor, PickupSensor):
         flux = pickup_flux(model, sensor, state)
         return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))

@@ -24,7 +24,7 @@ from femfit.device.electrics import Circuit
 from femfit.effects.catalogue import OF_THE_WHOLE, SEPARATOR, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
-from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of, true_setting
+from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, true_setting
 from femfit.model.decay import Complex, complex_array
 from femfit.model.eddy_currents import EddyCurrents, Patterns
 from femfit.model.hall import HallField, OtherSensor, PickupSensor
@@ -133,7 +133,7 @@ class EffectHallField(HallField):
         sensor, at = self.magnetics.base.require_sensor(), self.magnetics
         volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * self.with_memory({})(distance, currents)
         first = currents[0] if currents.numel() else SX(0.0)
-        read = recorded(at.effects, {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
+        read = changed_by(at.effects, "readings", {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
         return (read - sensor.quiescent_V) / sensor.sensitivity_V_per_T
 
 
@@ -150,8 +150,8 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     )
     motion = base.motion
     if motion is not None:
-        near, far = stops_of(effects, motion.ends, at.nominal)
-        motion = replace(motion.with_ends(near, far), mass_kg=moving_mass(effects, motion.mass_kg))
+        near, far = changed_by(effects, "ends", motion.ends, at.nominal)
+        motion = replace(motion.with_ends(near, far), mass_kg=changed_by(effects, "mass", motion.mass_kg))
     ohms = [float(resistance_of(circuit, effects, np.zeros(1), at)[0]) for circuit in base.circuits]
     changed = replace(
         base,

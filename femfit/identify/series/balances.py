@@ -33,13 +33,14 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
-from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
+from femfit.effects.stages import changed_by, circuit_of, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
 from femfit.identify.observations import WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import AtRest, at_rest
+from femfit.model.at_rest import at_rest
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
+from femfit.model.magnetics import MagneticState
 from femfit.model.readings import hall_seen
 from femfit.model.with_effects import eddy_with_sources
 
@@ -149,7 +150,7 @@ class _Point:
     currents: FloatArray  # (N, circuits)
     at: Conditions
     force: FloatArray
-    seen: AtRest  # Of the currents that act, eddy currents beside them
+    seen: MagneticState  # Of the currents that act, eddy currents beside them
     induced_T: FloatArray  # What eddy currents add to the field at the Hall element
 
 
@@ -190,7 +191,7 @@ def model_readings(
         d = motion.distance_m
         stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
         readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (point.distance - d)
-    readings = recorded(effects, readings, point.distance, _first(point.currents), point.at)
+    readings = changed_by(effects, "readings", readings, point.distance, _first(point.currents), point.at)
     return {name: weights.mean @ reading for name, reading in readings.items()}
 
 
@@ -230,7 +231,7 @@ def _inertia(
 
     Springs, load and friction stand on the measured side, which another mass leaves alone.
     """
-    share = base.mass_kg / moving_mass(effects, base.mass_kg)
+    share = base.mass_kg / changed_by(effects, "mass", base.mass_kg)
     lacking = base.mass_kg * (weights.curvature @ (distance - motion.distance_m))
     if share != 1.0:
         beside = base.beside_weight(distance) + base.friction(
