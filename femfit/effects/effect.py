@@ -175,6 +175,8 @@ _ACTS_ON = {
     "mass": "motion",
     "ends": "motion",
     "hall_point": "sensor",
+    "impedance": "magnetics",
+    "eddy": "magnetics",
     "readings": "sensor",
 }
 

@@ -17,11 +17,10 @@ F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighte
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from ngsolve import ConvertOperator, GridFunction
+from ngsolve import GridFunction
 
 from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import FloatArray
@@ -29,9 +28,8 @@ from femfit.core.sweep_columns import flux_columns, inductance_columns, pickup_c
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
-from femfit.field.material_points import csr
 from femfit.field.newton import NewtonResult, States, along_currents
-from femfit.field.nonlinear_system import NonlinearSystem
+from femfit.field.nonlinear_system import FIRST_ORDER, NonlinearSystem, at_orders
 from femfit.field.point_rows import (
     BEYOND_CURVE,
     NO_CONVERGENCE,
@@ -44,9 +42,6 @@ from femfit.field.point_rows import (
 from femfit.field.problem import MeshedActuator
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import LayerForce, function_of, hall_field
-
-FIRST_ORDER = 2
-"""Polynomial order at which the way along the currents is found: a tenth of what an iteration costs at order 5."""
 
 
 class NonlinearActuator(MeshedActuator):
@@ -64,13 +59,10 @@ class NonlinearActuator(MeshedActuator):
         super().__init__(actuator, group, layout, settings)
         self._tolerance = settings.newton_tolerance
         below = settings.order - 1
-        orders = sorted({min(FIRST_ORDER, below), below} if estimate else {min(FIRST_ORDER, below)})
-        self._systems = [NonlinearSystem(self._moving, actuator, order) for order in (*orders, settings.order)]
+        orders = min(FIRST_ORDER, below), settings.order, *([below] if estimate else [])
+        self._systems, self._raise_order = at_orders(self._moving, actuator, *orders)
         self.coarse, self.fine = self._systems[-2:]
         self.unknowns = int(self.fine.space.ndof)  # of the finer of the two orders
-        self._raise_order = [
-            csr(ConvertOperator(low.space, high.space), low.space.ndof) for low, high in pairwise(self._systems)
-        ]
         g = self._moving.mover_weight
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None

@@ -250,11 +250,6 @@ class ProbeTask:
     numbers: tuple[DrawnNumber, ...] = ()
     bias: tuple[float, ...] = ()  # In A; where parts saturate
 
-    @property
-    def key(self) -> str:
-        """Name among the tasks."""
-        return f"probe {self.distance!r}"
-
     def result(self) -> dict[str, Any]:
         """Solve; nothing of it is written to the journal."""
         from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only

@@ -29,7 +29,7 @@ from femfit.fit.coenergy import splines_of_current
 from femfit.fit.coenergy_choice import Along, choose_along_distance, distance_coordinates
 from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HALL_TARGET, HELD_OUT_TARGET, U_DEGREE
 from femfit.fit.rows import FitRows, rms
-from femfit.model.bspline import LINE, DistanceCoordinate, TensorSpline, basis_matrix
+from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.hall import CurrentAxis, HallSpline, SensedField
 from femfit.tables.sweep_table import SweepTable, current_names
 
@@ -171,7 +171,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     basis, held_out = _choose(rows, hall, scale)
     qp = solve_bounded_qp(basis.columns(rows.distance, rows.circuit_currents), hall, np.full_like(hall, 1e-4 * scale))
     (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
-    spline = TensorSpline(basis.u_knots, knots, basis.u_degree, degree, qp.x.reshape(basis.shape), LINE)
+    spline = TensorSpline(basis.u_knots, knots, basis.u_degree, degree, qp.x.reshape(basis.shape))
     field = HallSpline(basis.coordinate, spline)
     _, _, slope = field.derivatives(rows.distance, rows.circuit_currents)
     ends = np.array([rows.distances[-1], rows.distances[0]])

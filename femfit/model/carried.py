@@ -189,22 +189,13 @@ def carried_effect(
     reference: str = "",
 ) -> Effect:
     """The effect that acts as its data say."""
-    coenergy = carried.magnetics is not None
-    acts = {
-        "magnetics": coenergy or carried.impedance or carried.conductivity,
-        "bench": carried.setting,
-        "sensors": carried.readings or carried.branches,
-        "force": carried.brake,
-    }
     return Effect(
         name=name,
         symptom=symptom,
-        acts_on=tuple(what for what, stage in acts.items() if stage),
         parameters=tuple(parameters),
-        needs=(),
         experiment=experiment,
         reference=reference,
-        coenergy=carried.coenergy_stage if coenergy else None,
+        coenergy=carried.coenergy_stage if carried.magnetics is not None else None,
         setting=carried.setting_stage if carried.setting else None,
         readings=carried.readings_stage if carried.readings or carried.branches else None,
         force=carried.force_stage if carried.brake else None,

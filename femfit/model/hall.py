@@ -57,11 +57,11 @@ class HallSpline(HallField):
 
     coordinate: DistanceCoordinate = limited(metadata=FLAT)
     # In (u, i), in T; a polynomial in the current is a spline with one cell
-    spline: TensorSpline = limited(metadata={"flat": True, "given": {"beyond": LINE}})
+    spline: TensorSpline = limited(metadata=FLAT)
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """B_z of an expression's distance and current."""
-        return self.spline.expression(self.coordinate.of(distance), current_of(currents))
+        return self.spline.expression(self.coordinate.of(distance), current_of(currents), LINE)
 
 
 @dataclass(frozen=True, eq=False)
