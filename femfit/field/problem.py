@@ -43,9 +43,9 @@ from femfit.field.tolerance import (
     LevelChoice,
     SolverSettings,
     ToleranceProblem,
-    at_level,
     check_currents,
     meet_tolerance,
+    refinement_levels,
 )
 
 NODES = 6
@@ -188,9 +188,9 @@ class LinearActuator(MeshedActuator):
 
 
 if TYPE_CHECKING:
-    from femfit.field.nonlinear_point import NonlinearActuator
+    from femfit.field.tolerance import LevelProblem
 
-    FieldProblem: TypeAlias = LinearActuator | NonlinearActuator | ToleranceProblem
+    FieldProblem: TypeAlias = LevelProblem | ToleranceProblem
 
 
 def prepare(
@@ -210,19 +210,17 @@ def prepare(
         not saturate are solved for all of them at once.
     """
     saturates = actuator.saturates
-
-    def build(of: SolverSettings, *, estimate: bool) -> "LinearActuator | NonlinearActuator":
-        if not saturates:
-            return LinearActuator(actuator, group, layout, of, estimate=estimate)
+    kind: Callable[..., LevelProblem] = LinearActuator
+    if saturates:
         from femfit.field.nonlinear_point import NonlinearActuator  # noqa: PLC0415  loads interpolation and sparse matrices
 
-        return NonlinearActuator(actuator, group, layout, of, estimate=estimate)
-
+        kind = NonlinearActuator
     if settings.tolerance is None:
-        return build(settings, estimate=True)
-    level = partial(build, estimate=False)
+        return kind(actuator, group, layout, settings)
+    level = partial(kind, actuator, group, layout, estimate=False)
     if choice is not None:
-        return at_level(level, choice, settings)
+        chosen = refinement_levels(settings)[choice.level]
+        return ToleranceProblem(level(chosen), chosen, choice)
     circuits = len(actuator.circuits)
     swept = current_points(swept_currents(actuator.sweep), circuits)
     ends = check_currents(swept) if saturates else swept

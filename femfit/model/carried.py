@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 from casadi import SX
+from scipy.interpolate import BSpline
 
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import AddedEffect, Coenergy, Effect, EffectParameter, FieldPoint, Parameters
-from femfit.model.bspline import CellTable, basis_matrix, cells_of, functions
+from femfit.model.bspline import functions, spline_at
 from femfit.model.hall import HallSpline
 from femfit.model.impedance import ImpedanceChange
 from femfit.model.magnetics import CoenergySpline
@@ -61,10 +62,9 @@ class Curve:
         """Values at points of any shape, or of an expression."""
         inside = np.clip(x, self.knots[0], self.knots[-1])
         if isinstance(x, SX):
-            table = CellTable([cells_of(self.knots, self.degree)], self.coefficients[:, None])
-            return p[self.parameter] * table.at(inside)[0]
-        values = basis_matrix(np.ravel(inside), self.knots, self.degree) @ self.coefficients
-        return np.asarray(p[self.parameter] * values.reshape(np.shape(x)))
+            axes = [(self.knots, self.degree)]
+            return p[self.parameter] * spline_at(self, axes, self.coefficients[:, None], inside)[0]
+        return np.asarray(p[self.parameter] * BSpline(self.knots, self.coefficients, self.degree)(inside))
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,17 +143,14 @@ class Equations:
         length = length if self.linear else None
         return self._function(("step", length), lambda at: self._step(at, length))
 
-    def reading(self, sensor: AnySensor) -> GraphFunction:
-        """What a sensor reads."""
-        return self._function(("reading", id(sensor)), lambda at: self._reading(sensor, at), sensor)
+    def reading(self, sensor: AnySensor, *, slope: bool = False) -> GraphFunction:
+        """What a sensor reads, or its gradient by the state."""
 
-    def reading_slope(self, sensor: AnySensor) -> GraphFunction:
-        """Gradient of :meth:`reading` by the state."""
-        key = "reading slope", id(sensor)
-        return self._function(key, lambda at: ca.gradient(self._reading(sensor, at), at.state), sensor)
+        def made(at: _Symbols) -> SX:
+            value = reading_expression(self, sensor, at.state, at.voltage, at.time)
+            return ca.gradient(value, at.state) if slope else value
 
-    def _reading(self, sensor: AnySensor, at: _Symbols) -> SX:
-        return reading_expression(self, sensor, at.state, at.voltage, at.time)
+        return self._function(("reading", slope, id(sensor)), made, sensor)
 
     def _function(self, key: Hashable, make: Callable[[_Symbols], SX], sensor: Any = None) -> GraphFunction:
         """A function of the equations, made once; beside its sensor, so that its address stays its."""
@@ -168,17 +165,12 @@ class Equations:
     def linear(self) -> bool:
         """Whether there are eddy currents, and the inductances of all windings depend on the distance alone."""
         model = self.model
-        if model.eddy is None or self.memories:
+        if model.eddy is None or model.memories:
             return False
         with building():
             d, w = SX.sym("d"), SX.sym("w", model.windings.count)
             inductance = ca.hessian(self.coenergy({})(d, w), w)[0]
             return GraphFunction([d, w], ca.vec(inductance)).leaves_out(w)
-
-    @property
-    def memories(self) -> bool:
-        """Whether effects bring states of their own."""
-        return bool(self.model.memories)
 
     def _responses(self, length: float) -> ResponseTable:
         key = "responses", length

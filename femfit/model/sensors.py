@@ -151,7 +151,7 @@ def predict_sensor(
 
 def reading_slope(model: ActuatorModel, sensor: AnySensor, state: FloatArray) -> FloatArray:
     """Gradient of :func:`predict_sensor` by the state, (..., n), the voltages held."""
-    return evaluated(model, model.equations.reading_slope(sensor), state, _holding(model, state))
+    return evaluated(model, model.equations.reading(sensor, slope=True), state, _holding(model, state))
 
 
 def _holding(model: ActuatorModel, state: FloatArray) -> FloatArray:

@@ -38,7 +38,7 @@ from femfit.identify.constants import SLOWEST
 from femfit.identify.observations import WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import at_rest
+from femfit.model.at_rest import Point, at_rest
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.magnetics import MagneticState
 from femfit.model.readings import hall_seen
@@ -184,7 +184,8 @@ def model_readings(
     base, point = points.base, points.at(motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None:
-        field = point.induced_T + hall_seen(base, point.seen, point.distance, point.currents, effects, point.at)
+        here = Point(base, point.distance, point.currents, point.at, effects)
+        field = point.induced_T + hall_seen(point.seen, here)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.motion is not None:
         near, far = base.motion.ends
@@ -200,17 +201,17 @@ def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[Added
     d, i = true_setting(effects, motion.distance_m, base.validity.with_axis(motion.current_A), motion.at)
     first = _first(i)
     if any(added.memory for added in effects):
-        constant = at_rest(base, d, i, (), conditions).motional_constant[:, 0]
+        constant = at_rest(Point(base, d, i, conditions, ())).motional_constant[:, 0]
         memory: dict[str, FloatArray] = {}
         for added in effects:
             memory |= states_along(added, motion.time_s, d, first, constant, conditions, motion.first)
         conditions = replace(conditions, memory=memory)
     u, pull, induced_T, eddy = i, np.zeros_like(d), np.zeros_like(d), eddy_with_sources(base, effects)
     if eddy is not None:
-        still, along = at_rest(base, d, i, effects, conditions), points.eddies(eddy, d)
+        still, along = at_rest(Point(base, d, i, conditions, effects)), points.eddies(eddy, d)
         induced = induced_along(along, motion.time_s, motion.first, still.flux_linkage, still.inductance)
         u, induced_T = along.acting(i, induced), (along.forms.hall * induced).sum(axis=1)
-    seen = at_rest(base, d, u, effects, conditions)
+    seen = at_rest(Point(base, d, u, conditions, effects))
     if eddy is not None:
         pull = pull_of(along, seen.flux_linkage, induced)
     if i.shape[1] == 1:
