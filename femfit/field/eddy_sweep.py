@@ -197,11 +197,7 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
         settings = plan.meshes[d], plan.reference, d, plan.frequencies
         tasks.append(ProbeTask(*settings, shifts, coarse, numbers, plan.biases.get(d, ())))
     results: dict[float, dict[str, Any]] = {}
-
-    def record(task: ProbeTask, result: dict[str, Any]) -> None:
-        results[task.distance] = result
-
-    solve(tasks, record)
+    solve(tasks, lambda task, result: results.update({task.distance: result}))
     solved = {task.distance: results[task.distance] for task in tasks if results[task.distance]["status"] == "ok"}
     made = [result for result in solved.values() if "rows" in result]
     if not made:

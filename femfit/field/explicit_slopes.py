@@ -33,7 +33,7 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.materials import BHCurve
 from femfit.device.parts import Actuator, Coil, LinearMaterial, Material
 from femfit.field.layout import coil_region
-from femfit.field.moving_mesh import FieldPoints, PlacedPoints
+from femfit.field.moving_mesh import FieldPoints, MovingMesh, PlacedPoints
 from femfit.field.outline_motion import OutlineMotion
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, materials
 
@@ -86,27 +86,20 @@ def _responses(media: _Media, b: FloatArray, rw: FloatArray, s: complex) -> tupl
 
 
 class ExplicitSlopes:
-    """dG/dp for the numbers of a drawing, on one mesh made with the moving part at a reference distance in m.
+    """dG/dp for the numbers of a drawing, on one mesh.
 
     Parameters
     ----------
-    share : array, shape (vertices,)
-        Part of a stretch along z that each vertex makes.
     still : array, shape (vertices,)
         Vertices that do not move with any number.
     """
 
     def __init__(
-        self,
-        space: H1,
-        actuator: Actuator,
-        reference: float,
-        numbers: Sequence[DrawnNumber],
-        share: FloatArray,
-        still: BoolArray,
+        self, space: H1, actuator: Actuator, moving: MovingMesh, numbers: Sequence[DrawnNumber], still: BoolArray
     ) -> None:
+        share = moving.vertex_share
         self.points, self._space, self._numbers = FieldPoints(space, share), space, numbers
-        motion = OutlineMotion(space.mesh, actuator, reference, numbers)
+        motion = OutlineMotion(space.mesh, actuator, moving.reference, numbers)
         velocities = motion.velocities(still)
         self._velocities = velocities.reshape(len(numbers), -1)
         self._loads = self._coil_slopes(motion, velocities)

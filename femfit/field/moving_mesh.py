@@ -58,10 +58,18 @@ class MovingMesh:
         The stretch's own, or all of it within the mover's layer: neither moves an element at a corner of either part,
         where the energy of each part's own field is in error.
         """
-        share = self.mover_weight
-        if self.layout.stretchable:
-            share = stretch_share(self.mesh, self.layout, self._layer_heights)
-        return np.array(share.vec.FV().NumPy()[: self.mesh.nv])
+        return np.array(self._share.vec.FV().NumPy()[: self.mesh.nv])
+
+    @cached_property
+    def _share(self) -> ng.GridFunction:
+        """The share as a function on the mesh as it was made: 1 at the moving part, 0 at the fixed ones."""
+        if not self.layout.stretchable:
+            return self.mover_weight
+        (low, high), far, top = self._layer_heights, FADE * self.layout.radius, self.layout.fixed_top
+        points = np.array([vertex.point for vertex in self.mesh.vertices])
+        along = np.interp(points[:, 1], [top + STILL * (low - top), low, high, far], [0.0, 1.0, 1.0, 0.0])
+        across = np.interp(points[:, 0], [1.5 * self.layout.radius, far], [1.0, 0.0])
+        return function_of(H1(self.mesh, order=1), along * across)
 
     def move_to(self, distance: float) -> None:
         """Stretch to a distance; ``mesh.UnsetDeformation`` undoes it.
@@ -80,12 +88,11 @@ class MovingMesh:
         shift = distance - self.reference
         if not shift:
             return points
-        share = stretch_share(self.mesh, self.layout, self._layer_heights)
         radius, height = points[:, 0], points[:, 1]
         low, high = height - max(shift, 0.0), height - min(shift, 0.0)
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            above = middle + shift * share(self.mesh(radius, middle))[:, 0] > height
+            above = middle + shift * self._share(self.mesh(radius, middle))[:, 0] > height
             low, high = np.where(above, low, middle), np.where(above, middle, high)
         return np.column_stack([radius, 0.5 * (low + high)])
 
@@ -97,17 +104,6 @@ class MovingMesh:
             yield
         finally:
             self.mesh.UnsetDeformation()
-
-
-def stretch_share(mesh: ng.Mesh, layout: Layout, layer_heights: tuple[float, float]) -> ng.GridFunction:
-    """Share of the moving part's shift that each place of the mesh makes: 1 at the part, 0 at the fixed ones."""
-    low, high = layer_heights
-    far = FADE * layout.radius
-    still = layout.fixed_top + STILL * (low - layout.fixed_top)
-    points = np.array([vertex.point for vertex in mesh.vertices])
-    along = np.interp(points[:, 1], [still, low, high, far], [0.0, 1.0, 1.0, 0.0])
-    across = np.interp(points[:, 0], [1.5 * layout.radius, far], [1.0, 0.0])
-    return function_of(H1(mesh, order=1), along * across)
 
 
 class StretchedPoints:

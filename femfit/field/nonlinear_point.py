@@ -26,8 +26,6 @@ from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, inductance_columns, pickup_column
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.parts import Actuator
-from femfit.field.layout import Layout
 from femfit.field.newton import NewtonResult, States, along_currents
 from femfit.field.nonlinear_system import FIRST_ORDER, NonlinearSystem, at_orders
 from femfit.field.point_rows import (
@@ -45,33 +43,24 @@ from femfit.field.weak_form import LayerForce, function_of, hall_field
 
 
 class NonlinearActuator(MeshedActuator):
-    """An actuator with saturating parts; with ``estimate`` each point is also solved one order lower."""
+    """An actuator with saturating parts, solved point by point."""
 
-    def __init__(
-        self,
-        actuator: Actuator,
-        group: tuple[float, ...],
-        layout: Layout,
-        settings: SolverSettings,
-        *,
-        estimate: bool = True,
-    ) -> None:
-        super().__init__(actuator, group, layout, settings)
+    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
         self._tolerance = settings.newton_tolerance
         below = settings.order - 1
         orders = min(FIRST_ORDER, below), settings.order, *([below] if estimate else [])
-        self._systems, self._raise_order = at_orders(self._moving, actuator, *orders)
+        self._systems, self._raise_order = at_orders(self._moving, self._actuator, *orders)
         self.coarse, self.fine = self._systems[-2:]
-        self.unknowns = int(self.fine.space.ndof)  # of the finer of the two orders
         g = self._moving.mover_weight
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
         self._solved: dict[float, dict[tuple[float, ...], PointSolution]] = {}  # of the distance last solved
         self._references: States = {}
-        if len(group) > 1:
+        if len(self._group) > 1:
             self._systems[0].move()
-            swept = current_points(swept_currents(actuator.sweep), len(self._circuits))
+            swept = current_points(swept_currents(self._actuator.sweep), len(self._circuits))
             self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
+        return int(self.fine.space.ndof)
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table, one value a point; one without convergence has its ``status`` and no field."""

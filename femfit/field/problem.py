@@ -11,6 +11,7 @@ it changes nothing, so the mesh knows nothing of it, and it may share its sectio
 heights of its corners; in each strip the nodes of Gauss lie along z, and along r between edges.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -86,49 +87,37 @@ class PickupCoils:
 
 def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
     """Nodes (n, 2) and weights (n,) for integrals over the inside of a polygon; the weights sum to its area."""
-    outline = np.array(corners)
-    starts, stops = outline, np.roll(outline, -1, axis=0)
-    x, w = np.polynomial.legendre.leggauss(NODES)
-    heights = np.unique(outline[:, 1])
+    starts = np.array(corners)
+    stops, heights = np.roll(starts, -1, axis=0), np.unique(starts[:, 1])
     points: list[FloatArray] = []
     weights: list[FloatArray] = []
     for low, high in pairwise(heights):
-        cuts = np.linspace(low, high, max(1, int(np.ceil(STRIPS * (high - low) / np.ptp(heights)))) + 1)
-        for bottom, top in pairwise(cuts):
-            half = 0.5 * (top - bottom)
-            for z, share in zip(0.5 * (bottom + top) + half * x, w, strict=True):
-                crosses = (starts[:, 1] > z) != (stops[:, 1] > z)
-                a, b = starts[crosses], stops[crosses]
-                edges = np.sort(a[:, 0] + (z - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]))
-                for near, far in zip(edges[::2], edges[1::2], strict=True):
-                    ends = np.linspace(near, far, STRIPS + 1)
-                    quarter = 0.5 * np.diff(ends)[:, None]
-                    r = (0.5 * (ends[1:] + ends[:-1])[:, None] + quarter * x).ravel()
-                    points.append(np.column_stack([r, np.full_like(r, z)]))
-                    weights.append(half * share * (quarter * w).ravel())
+        strips = max(1, int(np.ceil(STRIPS * (high - low) / np.ptp(heights))))
+        for z, along in zip(*_in_cells(low, high, strips), strict=True):
+            crosses = (starts[:, 1] > z) != (stops[:, 1] > z)
+            a, b = starts[crosses], stops[crosses]
+            edges = np.sort(a[:, 0] + (z - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]))
+            for near, far in zip(edges[::2], edges[1::2], strict=True):
+                r, across = _in_cells(near, far, STRIPS)
+                points.append(np.column_stack([r, np.full_like(r, z)]))
+                weights.append(along * across)
     return np.concatenate(points), np.concatenate(weights)
 
 
-class MeshedActuator:
-    """One mesh of an actuator, to be stretched over a group of ascending distances in m."""
-
-    def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
-        self._actuator = actuator
-        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
-        self._moving = MovingMesh(actuator, group, layout, settings)
-        self.mesh = self._moving.mesh
-        self._pickups = PickupCoils(actuator, self._moving)
-        self._signatures: SignatureRows | None = None
-
-    def _slopes(self, numbers: Sequence[DrawnNumber], space: ng.H1, loads: FloatArray) -> SignatureRows:
-        """The signatures of numbers, made when they are first asked for."""
-        if self._signatures is None:
-            self._signatures = SignatureRows(self._actuator, numbers, self._moving, space, loads)
-        return self._signatures
+def _in_cells(low: float, high: float, cells: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes of Gauss and their weights between two ends, in cells of equal width."""
+    x, w = np.polynomial.legendre.leggauss(NODES)
+    ends = np.linspace(low, high, cells + 1)
+    half = 0.5 * np.diff(ends)[:, None]
+    return (0.5 * (ends[1:] + ends[:-1])[:, None] + half * x).ravel(), (half * w).ravel()
 
 
-class LinearActuator(MeshedActuator):
-    """An actuator with linear materials; with ``estimate`` each distance is also solved one order lower."""
+class MeshedActuator(ABC):
+    """One mesh of an actuator, to be stretched over a group of distances.
+
+    The group's distances are in m, ascending; with ``estimate`` the force is also solved one order lower, for its
+    error.
+    """
 
     def __init__(
         self,
@@ -139,11 +128,33 @@ class LinearActuator(MeshedActuator):
         *,
         estimate: bool = True,
     ) -> None:
-        super().__init__(actuator, group, layout, settings)
-        self._system = LinearSystem(self._moving, actuator, settings.order)
-        self.unknowns = int(self._system.space.ndof)  # of the finer of the two orders
-        self._lower = LinearSystem(self._moving, actuator, settings.order - 1) if estimate else None
+        self._actuator, self._group = actuator, group
+        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
+        self._moving = MovingMesh(actuator, group, layout, settings)
+        self.mesh = self._moving.mesh
+        self._pickups = PickupCoils(actuator, self._moving)
+        self._signatures: SignatureRows | None = None
+        self.unknowns = self._discretise(settings, estimate=estimate)
+
+    @abstractmethod
+    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
+        """Make the systems on the mesh; the number of unknowns of the finest one."""
+
+    def _slopes(self, numbers: Sequence[DrawnNumber], space: ng.H1, loads: FloatArray) -> SignatureRows:
+        """The signatures of numbers, made when they are first asked for."""
+        if self._signatures is None:
+            self._signatures = SignatureRows(self._actuator, numbers, self._moving, space, loads)
+        return self._signatures
+
+
+class LinearActuator(MeshedActuator):
+    """An actuator with linear materials, of which a distance is solved for all currents at once."""
+
+    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
+        self._system = LinearSystem(self._moving, self._actuator, settings.order)
+        self._lower = LinearSystem(self._moving, self._actuator, settings.order - 1) if estimate else None
         self._solved: float | None = None  # distance that the fields are of
+        return int(self._system.space.ndof)
 
     def solve(self, distance: float) -> Coefficients:
         """Solve at a distance."""

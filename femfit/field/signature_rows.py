@@ -53,7 +53,6 @@ class SignatureRows:
     ) -> None:
         mesh = moving.mesh
         self._moving, self._loads = moving, loads
-        self._share = moving.vertex_share
         self._hall, still = np.zeros((0, space.ndof)), np.zeros(mesh.nv, np.bool_)
         self._hall_moves = np.zeros((len(numbers), space.ndof))
         if actuator.hall is not None:
@@ -62,7 +61,7 @@ class SignatureRows:
             still[[vertex.nr for vertex in element.vertices]] = True
             for k, number in enumerate(numbers):
                 self._hall_moves[k] = _hall_motion(number, space)
-        self._slopes = ExplicitSlopes(space, actuator, moving.reference, numbers, self._share, still)
+        self._slopes = ExplicitSlopes(space, actuator, moving, numbers, still)
         self._step = STEP * moving.layout.clearance
         most = max(abs(i) for axis in (actuator.sweep.currents_A, *actuator.sweep.further_A) for i in axis)
         self._size = STEP * (most or 1.0)  # in A, of differences along the currents
@@ -184,7 +183,7 @@ def impedance_slopes(
         for number in numbers
     ]
     held, count = np.zeros(moving.mesh.nv, dtype=np.bool_), fields.shape[1]
-    slopes = ExplicitSlopes(space, _unmagnetised(actuator), moving.reference, plain, moving.vertex_share, held)
+    slopes = ExplicitSlopes(space, _unmagnetised(actuator), moving, plain, held)
     first, second = np.triu_indices(count, 1)
     unit = np.eye(count)
     factors = np.concatenate([unit, unit[first] + unit[second]])

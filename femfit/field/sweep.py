@@ -144,13 +144,8 @@ def run_sweep(
         beyond = [columns["beyond_bh_curve"] for columns in tables if "beyond_bh_curve" in columns]
         if beyond:  # the actuator saturates
             manifest |= {"points_beyond_bh_curve": sum(map(sum, beyond))}
-        table = SweepTable(
-            rows,
-            manifest,
-            signatures_of(sweep, solved, at_rest) if at_rest else None,
-            eddy,
-            slopes,
-        )
+        drawn_slopes = signatures_of(sweep, solved, at_rest) if at_rest else None
+        table = SweepTable(rows, manifest, drawn_slopes, eddy, slopes)
         _write(table, sweep.actuator, directory, journal)
     return table
 

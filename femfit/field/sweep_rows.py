@@ -13,7 +13,7 @@ from femfit.core.text import counted
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import PickupCoil
 from femfit.device.load import sweep_manifest_entry
-from femfit.device.parts import SweepAxes
+from femfit.device.parts import Actuator, SweepAxes
 from femfit.device.rewrite import VariantSweep
 from femfit.field.point_rows import NO_CONVERGENCE, swept_currents
 from femfit.field.tolerance import scale
@@ -96,11 +96,16 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
         JSON-ready; ``inputs`` is the whole actuator, and ``variants`` has what each variant's model needs beside its
         rows.
     """
+
+    def described(actuator: Actuator | None) -> dict[str, Any]:
+        if actuator is None:
+            return {"actuator": None, "inputs": None}
+        return {"actuator": sweep_manifest_entry(actuator), "inputs": asdict(actuator)}
+
     manifest = {
         "kind": "sweep",
         "name": sweep.actuator.name,
-        "actuator": sweep_manifest_entry(sweep.actuator),
-        "inputs": asdict(sweep.actuator),
+        **described(sweep.actuator),
         "settings": configuration["settings"],
         "versions": configuration["versions"],
         "configuration_hash": configuration["hash"],
@@ -108,12 +113,7 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
     if not sweep.columns:
         return manifest
     variants = [
-        {
-            VARIANT: number,
-            **dict(zip(sweep.columns, variant.values, strict=True)),
-            "actuator": None if variant.actuator is None else sweep_manifest_entry(variant.actuator),
-            "inputs": None if variant.actuator is None else asdict(variant.actuator),
-        }
+        {VARIANT: number, **dict(zip(sweep.columns, variant.values, strict=True)), **described(variant.actuator)}
         for number, variant in enumerate(sweep.variants, 1)
     ]
     return manifest | {"parameters": list(sweep.columns), "variants": variants}

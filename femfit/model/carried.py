@@ -10,7 +10,7 @@ from data then adds no force beyond their distances, nor a flux linkage that gro
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -222,8 +222,7 @@ class FiledCarried:
 
     def effect(self, name: str) -> Effect:
         """The effect itself."""
-        texts = {"experiment": self.experiment, "reference": self.reference}
-        return carried_effect(name, self.symptom, self.parameters, self.carried, **texts)
+        return carried_effect(name, **vars(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,9 +239,7 @@ class FiledEffect:
         """An effect as the file has it."""
         effect, carried = added.effect, None
         if isinstance(effect.carried, Carried):
-            carried = FiledCarried(
-                effect.symptom, effect.experiment, effect.reference, effect.parameters, effect.carried
-            )
+            carried = FiledCarried(**{f.name: getattr(effect, f.name) for f in fields(FiledCarried)})
         return cls(effect.name, added.parameters, added.ci95, carried)
 
 

@@ -235,14 +235,12 @@ class ResponseTable:
         row = row_of(self._table, [self._borders], [d])
         x, polynomial_of = (d - row[0]) * row[1], polynomial((DEGREE + 1,))
         entries = [polynomial_of(coefficients, x) for coefficients in ca.vertsplit(row[2:], DEGREE + 1)]
-        size = len(entries) // 3
-        matrices = []
-        for first in (0, size, 2 * size):
-            matrix = SX.zeros(self._count, self._count)
-            for value, j, k in zip(entries[first : first + size], *np.triu_indices(self._count), strict=True):
-                matrix[int(j), int(k)] = matrix[int(k), int(j)] = value
-            matrices.append(matrix)
-        return matrices
+        size, below = (
+            len(entries) // 3,
+            ca.Sparsity.lower(self._count),
+        )  # column by column, as the entries are row by row
+        parts = (SX(below, ca.vertcat(*entries[first : first + size])) for first in (0, size, 2 * size))
+        return [ca.densify(ca.tril2symm(part)) for part in parts]
 
 
 def _ends(inductance: Callable[[FloatArray], FloatArray], domain: tuple[float, float]) -> tuple[float, float]:

@@ -156,7 +156,8 @@ class Equations:
         """A function of the equations, made once; beside its sensor, so that its address stays its."""
         if key not in self._known:
             with building():
-                at = self._symbols
+                symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
+                at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
                 self._known[key] = sensor, GraphFunction(at.inputs, make(at))
         function: GraphFunction = self._known[key][1]
         return function
@@ -205,14 +206,6 @@ class Equations:
         """
         of_one_length = length if self.linear and not isinstance(length, SX) else None
         return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **options)
-
-    @cached_property
-    def _symbols(self) -> _Symbols:
-        at = (SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)))
-        return _Symbols(*at, *(SX.sym(name) for name in ("step", "time", "free")))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Equations, (self.model,)
 
     def parts(self, state: SX) -> tuple[SX, SX, SX, dict[str, SX]]:
         """Distance, velocity, currents of all windings, and states of effects by name."""

@@ -62,18 +62,12 @@ def predict_readings(
         Channels that the model can predict: hall_V only with a sensor, voltage_V only with a circuit.
     """
     added = tuple(model.effects if effects is None else effects)
-    found = readings_by(model, distance, current, conditions, added, (), channels)
+    found = readings_by(Point(model, distance, current, conditions, added), (), channels)
     return {name: values[0] for name, values in found.items()}
 
 
 def readings_by(
-    model: ActuatorModel,
-    distance: FloatArray,
-    current: FloatArray,
-    conditions: Conditions,
-    effects: Sequence[AddedEffect],
-    parameters: Sequence[Parameter],
-    channels: Collection[str] = CHANNELS,
+    at: Point, parameters: Sequence[Parameter], channels: Collection[str] = CHANNELS
 ) -> dict[str, FloatArray]:
     """Readings as of :func:`predict_readings`, then their slopes by parameters of effects; each (1 + parameters, n)."""
     wanted = tuple(parameters)
@@ -81,26 +75,20 @@ def readings_by(
     def derived(point: Point, values: SX) -> SX:
         return ca.horzcat(values, ca.jacobian(values, point.parameters(wanted)))
 
-    return _at_rows(("readings", wanted), derived, channels, Point(model, distance, current, conditions, effects))
+    return _at_rows(("readings", wanted), derived, channels, at)
 
 
-def setting_slopes(
-    model: ActuatorModel,
-    distance: FloatArray,
-    current: FloatArray,
-    conditions: Conditions,
-    channels: Collection[str] = CHANNELS,
-) -> dict[str, FloatArray]:
+def setting_slopes(at: Point, channels: Collection[str] = CHANNELS) -> dict[str, FloatArray]:
     """First and second derivatives of readings by the recorded distance, then first ones by each current.
 
-    Of each channel that the model predicts with its effects, of shape (2 + circuits, n).
+    Of each channel that the model predicts with the effects, of shape (2 + circuits, n).
     """
 
     def derived(point: Point, values: SX) -> SX:
         slope = ca.jacobian(values, point.distance)
         return ca.horzcat(slope, ca.jacobian(slope, point.distance), ca.jacobian(values, point.currents))
 
-    return _at_rows(("setting",), derived, channels, Point(model, distance, current, conditions, model.effects))
+    return _at_rows(("setting",), derived, channels, at)
 
 
 def _at_rows(
