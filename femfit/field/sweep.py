@@ -188,7 +188,7 @@ def _at_levels(tasks: Sequence[DistanceTask], journal: Journal, record: Done[Dis
         if not task.mesh.shares_level:
             ready.append(task)
             continue
-        first = journal.finished[task.first.key]
+        first = journal.finished[replace(task, distance=task.mesh.distances[0]).key]
         if AGAIN in first:
             record(task, first)
         else:

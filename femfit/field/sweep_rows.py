@@ -67,19 +67,15 @@ def signatures_of(
     actuator, points = sweep.actuator, swept_currents(sweep.actuator.sweep)
     circuits = [circuit.name for circuit in actuator.circuits]
     slopes = ["force_N", *flux_columns(circuits), *(["hall_T"] if actuator.hall is not None else [])]
-    keys = [number.facts.key for number in numbers]
-    frames = []
+    columns = ["number", *current_columns(circuits), "distance_m", *slopes]
+    keys, frames = [number.facts.key for number in numbers], []
     for distance in actuator.sweep.distances_m:
         signatures = results[1, distance].get("signatures")
         if signatures is not None:
             values = np.array(signatures, dtype=np.float64).swapaxes(0, 1).reshape(-1, len(slopes))
-            frames.append(
-                pd.DataFrame({"number": np.repeat(keys, len(points)), "distance_m": distance})
-                .assign(**dict(zip(current_columns(circuits), np.tile(points.T, len(keys)), strict=True)))
-                .assign(**dict(zip(slopes, values.T, strict=True)))
-            )
-    columns = ["number", *current_columns(circuits), "distance_m", *slopes]
-    rows = pd.concat(frames, ignore_index=True)[columns] if frames else pd.DataFrame(columns=columns)
+            settings = np.repeat(keys, len(points)), *np.tile(points.T, len(keys)), np.full(len(values), distance)
+            frames.append(pd.DataFrame(dict(zip(columns, (*settings, *values.T), strict=True))))
+    rows = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=columns)
     order = pd.Categorical(rows["number"], keys, ordered=True)
     rows = rows.assign(number=order).sort_values(
         ["number", *columns[1 : -len(slopes)]], kind="stable", ignore_index=True

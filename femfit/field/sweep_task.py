@@ -124,11 +124,6 @@ class DistanceTask:
         return f"{self.variant}: {self.distance!r}"
 
     @property
-    def first(self) -> "DistanceTask":
-        """The task of the group's first distance."""
-        return replace(self, distance=self.mesh.distances[0])
-
-    @property
     def chooses(self) -> bool:
         """Whether it searches for its group's level."""
         return self.mesh.shares_level and self.distance == self.mesh.distances[0]

@@ -107,21 +107,16 @@ class Carried:
     notes: Mapping[str, str] = field(default_factory=dict, metadata={"omit": True})
     gap_m: float = field(default=0.0, metadata={"key": None})
 
-    @property
-    def parameters(self) -> dict[str, str]:
-        """Names of the parameters that it goes with, by their key paths in a file."""
+    def unknown(self, parameters: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """Faults of a file: parameters that an effect of these does not have."""
         holders: dict[str, Any] = {f"magnetics[{k}]": term for k, term in enumerate(self.magnetics or ())}
         for group in ("setting", "readings", "branches"):
             holders |= {f"{group}.{name}": curve for name, curve in getattr(self, group).items()}
         holders |= {name: getattr(self, name) for name in ("resistance", "impedance", "conductivity")}
         holders["brake.against"] = self.brake and self.brake.against
-        return {f"{path}.parameter": one.parameter for path, one in holders.items() if one is not None}
-
-    def unknown(self, parameters: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """Faults of a file: parameters that an effect of these does not have."""
-        for path, name in self.parameters.items():
-            if name not in parameters:
-                yield path, f"one of the effect's ({', '.join(sorted(parameters))})"
+        for path, holder in holders.items():
+            if holder is not None and holder.parameter not in parameters:
+                yield f"{path}.parameter", f"one of the effect's ({', '.join(sorted(parameters))})"
 
     def coenergy_stage(self, inner: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
         """The changed co-energy."""

@@ -48,9 +48,8 @@ class EddyError:
     frequency_max_Hz: float
     impedance: float | None = limited(default=None, metadata={"lower": 0.0})  # None where there is no circuit
     force: float | None = limited(default=None, metadata={"lower": 0.0})  # Of the force for each ampere
-    hall: float | None = limited(
-        default=None, metadata={"lower": 0.0}
-    )  # Of the Hall element's field for each ampere; None where there is none
+    # Of the Hall element's field for each ampere; None where there is none
+    hall: float | None = limited(default=None, metadata={"lower": 0.0})
     # Where iron saturates: largest error of the static inductance and of dF/di at the currents about which the patterns
     # were solved, most of which are between the sweep's, over the largest of these
     static_inductance: float | None = limited(default=None, metadata={"lower": 0.0})

@@ -153,10 +153,18 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         near, far = changed_by(effects, "ends", motion.ends, at.nominal)
         motion = replace(motion.with_ends(near, far), mass_kg=changed_by(effects, "mass", motion.mass_kg))
     ohms = [float(resistance_of(circuit, effects, np.zeros(1), at)[0]) for circuit in base.circuits]
-    changed = replace(
+    if at.nominal.circuits:
+        _require_of_circuits(base, effects)
+    magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
+    seen = any(added.effect.coenergy is not None for added in effects)
+    if sensor is not None and (seen or any(added.effect.readings for added in effects)):
+        sensor = replace(sensor, field=EffectHallField(magnetics))
+    return replace(
         base,
+        magnetics=magnetics if seen else base.magnetics,
         circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
         motion=motion,
+        sensor=sensor,
         other_sensors=tuple(
             _changed(one, effects, base.circuit_names) if isinstance(one, PickupSensor) else one
             for one in base.other_sensors
@@ -168,19 +176,11 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         coil_temperature_C=model.coil_temperature_C,
         magnet_temperature_C=model.magnet_temperature_C,
     )
-    if at.nominal.circuits:
-        _require_of_circuits(base, effects)
-    magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
-    seen = any(added.effect.coenergy is not None for added in effects)
-    if sensor is not None and (seen or any(added.effect.readings for added in effects)):
-        sensor = replace(sensor, field=EffectHallField(magnetics))
-    return replace(changed, magnetics=magnetics if seen else base.magnetics, sensor=sensor)
 
 
 def _require_of_circuits(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
     """Refuse effects that are written for one current, and magnets that do not stand apart."""
-    apart = [added.effect.name for added in effects if added.effect.name == "remanence"]
-    if apart and isinstance(base.magnetics, CoenergyTensor):
+    if isinstance(base.magnetics, CoenergyTensor) and any(added.effect.name == "remanence" for added in effects):
         raise MissingPartError(
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
             "saturates, it does not stand apart. Take remanence out of the model's effects."
