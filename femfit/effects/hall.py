@@ -69,43 +69,37 @@ def _drifted(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Condit
     return volts + ramps + p["settling_V"] * settled[0] + p["run_settling_V"] * settled[1]
 
 
-def _amplitude(name: str, largest: float, description: str, words: str) -> EffectParameter:
-    return EffectParameter(
-        name,
-        bounds=(-100.0 * largest, 100.0 * largest),
-        plausible=(-largest, largest),
-        description=description,
-        words=words,
-    )
-
-
 HALL_DRIFT = Effect(
     name="hall_drift",
     symptom="The Hall voltage wanders with time, whatever the distance and current.",
     parameters=(
-        _amplitude(
+        EffectParameter(
             "ramp_V",
-            0.2,
-            "Drift over 1000 readings (or seconds) of the campaign.",
-            "the Hall voltage drifts by {signed} in 1000 readings or seconds of the campaign",
+            bounds=(-20.0, 20.0),
+            plausible=(-0.2, 0.2),
+            description="Drift over 1000 readings (or seconds) of the campaign.",
+            words="the Hall voltage drifts by {signed} in 1000 readings or seconds of the campaign",
         ),
-        _amplitude(
+        EffectParameter(
             "run_ramp_V",
-            0.2,
-            "Drift over 1000 readings (or seconds) of a run, zero at its start.",
-            "the Hall voltage drifts by {signed} in 1000 readings or seconds of each run",
+            bounds=(-20.0, 20.0),
+            plausible=(-0.2, 0.2),
+            description="Drift over 1000 readings (or seconds) of a run, zero at its start.",
+            words="the Hall voltage drifts by {signed} in 1000 readings or seconds of each run",
         ),
-        _amplitude(
+        EffectParameter(
             "settling_V",
-            0.1,
-            "Final drift of a warm-up that begins with the campaign.",
-            "the Hall voltage settles by {signed} from the start of the campaign",
+            bounds=(-10.0, 10.0),
+            plausible=(-0.1, 0.1),
+            description="Final drift of a warm-up that begins with the campaign.",
+            words="the Hall voltage settles by {signed} from the start of the campaign",
         ),
-        _amplitude(
+        EffectParameter(
             "run_settling_V",
-            0.1,
-            "Final drift of a warm-up that begins with each run.",
-            "the Hall voltage settles by {signed} from the start of each run",
+            bounds=(-10.0, 10.0),
+            plausible=(-0.1, 0.1),
+            description="Final drift of a warm-up that begins with each run.",
+            words="the Hall voltage settles by {signed} from the start of each run",
         ),
         EffectParameter(
             "settling_time",

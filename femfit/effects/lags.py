@@ -66,27 +66,20 @@ EDDY_CURRENT_LAG = Effect(
     name="eddy_current_lag",
     symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
     parameters=(
-        *(
-            EffectParameter(
-                f"{mode}_share",
-                # The winding's own leakage, here at least a twentieth, keeps the current from jumping
-                bounds=(0.0, 0.95),
-                plausible=(0.0, 0.5),
-                description=description,
-                words=words,
-            )
-            for mode, description, words in (
-                (
-                    "ring",
-                    "Part of the flux that one closed path around it delays.",
-                    "one closed path delays {size} of the flux",
-                ),
-                (
-                    "diffusion",
-                    "Part that the next mode of diffusion delays, nine times as fast.",
-                    "{size} of it follow nine times as fast",
-                ),
-            )
+        # The winding's own leakage, here at least a twentieth, keeps the current from jumping
+        EffectParameter(
+            "ring_share",
+            bounds=(0.0, 0.95),
+            plausible=(0.0, 0.5),
+            description="Part of the flux that one closed path around it delays.",
+            words="one closed path delays {size} of the flux",
+        ),
+        EffectParameter(
+            "diffusion_share",
+            bounds=(0.0, 0.95),
+            plausible=(0.0, 0.5),
+            description="Part that the next mode of diffusion delays, nine times as fast.",
+            words="{size} of it follow nine times as fast",
         ),
         EffectParameter(
             name="time_s",

@@ -136,7 +136,7 @@ class NonlinearActuator(MeshedActuator):
                 **dict(zip(flux_columns(self._circuits), self.fine.flux_linkage(fine).tolist(), strict=True)),
                 **{name: float(inductance[place]) for name, place in inductance_columns(self._circuits).items()},
                 "coenergy_J": -self.fine.evaluate(fine, currents).energy,
-                BEYOND_CURVE: self.fine.beyond_curve(fine),
+                BEYOND_CURVE: self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
                 **{pickup_column(name): flux_linkage for name, flux_linkage in linked(total).items()},
             }
             if hall is not None:

@@ -110,10 +110,6 @@ class NonlinearSystem:
             self._free_ready = True
         return self._free_inverse.solve(load)
 
-    def beyond_curve(self, state: FloatArray) -> bool:
-        """Whether a B-H curve had to be extrapolated (:meth:`MaterialPoints.beyond_curve`)."""
-        return self.points.beyond_curve(self._flux_density(state))
-
     def _flux_density(self, state: FloatArray) -> FloatArray:
         """At the parts' points; that of the last state is kept, which is asked for again and again."""
         if state is not self._last_state:

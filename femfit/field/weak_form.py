@@ -36,7 +36,7 @@ from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm
 
 from femfit.core.numerics import MU_0, BoolArray, FloatArray
 from femfit.device.electrics import HallElement
-from femfit.device.parts import Actuator, Coil, LinearMaterial, Material, Region
+from femfit.device.parts import Actuator, LinearMaterial, Material, Region
 from femfit.field.layout import FIXED, MOVING, coil_region, parts_of
 
 LAYER = "layer"
@@ -98,32 +98,20 @@ def source_loads(space: H1, actuator: Actuator, *, moving: bool = False) -> Floa
     array, shape (1 + circuits, unknowns)
         The product of a circuit's row with a solution is that solution's flux linkage.
     """
-    loads = [_magnet_load(space, actuator, "moving:" if moving else "")]
-    coils = [(coil, _coil_load(space, coil)) for coil in actuator.coils if coil.moves or not moving]
-    for circuit in actuator.circuits:
-        signed = [coil.sign * load for coil, load in coils if coil.circuit == circuit.name]
-        loads.append(np.sum(signed, axis=0) if signed else np.zeros(space.ndof))
-    return np.array(loads)
-
-
-def _magnet_load(space: H1, actuator: Actuator, prefix: str) -> FloatArray:
-    v = space.TestFunction()
-    form = LinearForm(space)
-    for name, material in materials(actuator).items():
-        if material.remanence_T and isinstance(material, LinearMaterial) and name.startswith(prefix):
+    v, r = space.TestFunction(), ng.x
+    forms = [LinearForm(space) for _ in range(1 + len(actuator.circuits))]
+    for name, material in linear_materials(actuator).items():
+        if material.remanence_T and (name.startswith("moving:") or not moving):
             source = material.reluctivity * material.remanence_T
             along = InnerProduct(CF(material.direction), flux_density(v))
-            form += source * along * 2.0 * math.pi * ng.x * dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
-    return np.array(form.Assemble().vec.FV().NumPy())
-
-
-def _coil_load(space: H1, coil: Coil) -> FloatArray:
-    v = space.TestFunction()
-    r = ng.x
-    density = coil.turns / shapely.Polygon(coil.vertices_m).area
-    form = LinearForm(space)
-    form += density * r * v * 2.0 * math.pi * r * dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
-    return np.array(form.Assemble().vec.FV().NumPy())
+            forms[0] += source * along * 2.0 * math.pi * r * dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
+    coils = [coil for coil in actuator.coils if coil.moves or not moving]
+    for place, circuit in enumerate(actuator.circuits, 1):
+        for coil in (coil for coil in coils if coil.circuit == circuit.name):
+            density = coil.sign * coil.turns / shapely.Polygon(coil.vertices_m).area
+            over = dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
+            forms[place] += density * r * v * 2.0 * math.pi * r * over
+    return np.array([form.Assemble().vec.FV().NumPy() for form in forms])
 
 
 def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
