@@ -162,11 +162,9 @@ def with_impedances(
 
 def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArray, eddy: EddyCurrents) -> ComplexArray:
     """The share g at distances and frequencies, shape (d, f, n, n)."""
-    at_each = np.broadcast_to(distance[:, None], (len(distance), len(frequency)))
-    alone, share = inductance[:, None], np.ones_like(at_each, dtype=np.complex128)
-    (forms,) = eddy.forms(at_each)
-    patterns = Patterns(forms.coupling, forms.inductance, eddy.resistances_ohm)
-    induced = induced_impedance(alone, 2j * np.pi * frequency, share, patterns)
+    (forms,) = eddy.forms(np.broadcast_to(distance[:, None], (len(distance), len(frequency))))
+    alone, patterns = inductance[:, None], Patterns(forms.coupling, forms.inductance, eddy.resistances_ohm)
+    induced = induced_impedance(alone, 2j * np.pi * frequency, 1.0, patterns)
     return np.asarray(induced @ np.linalg.inv(alone) / (2j * np.pi * frequency[:, None, None]))
 
 

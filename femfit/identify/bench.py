@@ -130,9 +130,8 @@ class _BenchPrediction:
     weight: Mapping[str, FloatArray]  # Of impedances, of every row
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
-        own = self.model.effects
-        at = Point(self.model, self.distance_m, self.current_A, self.conditions, (*own, *effects))
-        places = [(len(own) + k, name) for k, name in parameters]
+        at = Point(self.model, self.distance_m, self.current_A, self.conditions, (*self.model.effects, *effects))
+        places = [(len(self.model.effects) + k, name) for k, name in parameters]
         return self.stacked(readings_by(at, places, tuple(self.rows)))
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:

@@ -60,8 +60,7 @@ class EddiesAlong:
     @classmethod
     def at(cls, eddy: EddyCurrents, distance: FloatArray) -> Self:
         """At distances (N,) in m."""
-        forms, rising = eddy.forms(distance, 0, 1)
-        return cls(eddy, distance, forms, rising)
+        return cls(eddy, distance, *eddy.forms(distance, 0, 1))
 
     def acting(self, current: FloatArray, induced: FloatArray) -> FloatArray:
         """Currents (N, n) that act on the static field like these and induced ones (N, r) together."""
@@ -184,8 +183,7 @@ def model_readings(
     base, point = points.base, points.at(motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None:
-        here = Point(base, point.distance, point.currents, point.at, effects)
-        field = point.induced_T + hall_seen(point.seen, here)
+        field = point.induced_T + hall_seen(point.seen, Point(base, point.distance, point.currents, point.at, effects))
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.motion is not None:
         near, far = base.motion.ends
@@ -235,9 +233,8 @@ def _inertia(
     share = base.mass_kg / changed_by(effects, "mass", base.mass_kg)
     lacking = base.mass_kg * (weights.curvature @ (distance - motion.distance_m))
     if share != 1.0:
-        beside = base.beside_weight(distance) + base.friction(
-            np.asarray(motion.at.velocity_m_s), motion.at.nominal.sample_time_s
-        )
+        velocity = np.asarray(motion.at.velocity_m_s)
+        beside = base.beside_weight(distance) + base.friction(velocity, motion.at.nominal.sample_time_s)
         lacking = lacking + (1.0 - share) * (weights.mean @ (beside + np.zeros_like(distance)))
     return share, np.asarray(lacking)
 
