@@ -143,14 +143,13 @@ class Equations:
         length = length if self.linear else None
         return self._function(("step", length), lambda at: self._step(at, length))
 
-    def reading(self, sensor: AnySensor, *, slope: bool = False) -> GraphFunction:
-        """What a sensor reads, or its gradient by the state."""
+    def reading(self, sensor: AnySensor) -> GraphFunction:
+        """What a sensor reads."""
 
         def made(at: _Symbols) -> SX:
-            value = reading_expression(self, sensor, at.state, at.voltage, at.time)
-            return ca.gradient(value, at.state) if slope else value
+            return reading_expression(self, sensor, at.state, at.voltage, at.time)
 
-        return self._function(("reading", slope, id(sensor)), made, sensor)
+        return self._function(("reading", id(sensor)), made, sensor)
 
     def _function(self, key: Hashable, make: Callable[[_Symbols], SX], sensor: Any = None) -> GraphFunction:
         """A function of the equations, made once; beside its sensor, so that its address stays its."""

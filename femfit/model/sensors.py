@@ -145,19 +145,10 @@ def predict_sensor(
         Across the circuits, as of :func:`femfit.model.dynamics.state_derivative`; it reaches pickup coils alone. What
         holds the currents where None.
     """
-    volts = _holding(model, state) if voltage is None else voltage
-    return evaluated(model, model.equations.reading(sensor), state, volts, time=time)[..., 0]
-
-
-def reading_slope(model: ActuatorModel, sensor: AnySensor, state: FloatArray) -> FloatArray:
-    """Gradient of :func:`predict_sensor` by the state, (..., n), the voltages held."""
-    return evaluated(model, model.equations.reading(sensor, slope=True), state, _holding(model, state))
-
-
-def _holding(model: ActuatorModel, state: FloatArray) -> FloatArray:
-    """Voltages that hold the currents of states, (..., circuits), or (...) of one circuit."""
-    holding = model.resistances_ohm * model.currents_of(state)
-    return holding[..., 0] if len(model.circuits) == 1 else holding
+    if voltage is None:
+        holding = model.resistances_ohm * model.currents_of(state)
+        voltage = holding[..., 0] if len(model.circuits) == 1 else holding
+    return evaluated(model, model.equations.reading(sensor), state, voltage, time=time)[..., 0]
 
 
 WHOLE = 1e-6
