@@ -45,10 +45,12 @@ class _Medium:
     """A material's law, with its remanence; sigma where it is solid, and sigma b^2 / 12 where it is of sheets."""
 
     def __init__(self, material: Material) -> None:
-        self._curve, self._reluctivity, self._remanence = None, 0.0, np.zeros(2)
+        self._curve, self._reluctivity, self._coercive = None, 0.0, (0.0, 0.0)
         if isinstance(material, LinearMaterial):
             self._reluctivity = material.reluctivity
-            self._remanence = material.remanence_T * np.array(material.direction)
+            r, z = material.direction
+            strength = material.reluctivity * material.remanence_T
+            self._coercive = strength * r, strength * z
         else:
             self._curve = BHCurve(material.flux_density_T, material.field_A_per_m)
         sigma, sheet = material.conductivity_S_per_m, material.lamination_m
@@ -60,9 +62,10 @@ class _Medium:
             size = np.hypot(*b)
             h, u = self._curve.reluctivity(size) * b, self._curve.energy_density(size)
         else:
-            r, z = self._reluctivity * self._remanence
-            h = np.stack([self._reluctivity * b[0] - r, self._reluctivity * b[1] - z])
-            u = 0.5 * (b[0] * (h[0] - r) + b[1] * (h[1] - z))
+            h, (r, z) = self._reluctivity * b, self._coercive
+            u = 0.5 * (b[0] * h[0] + b[1] * h[1])
+            if r or z:
+                h, u = np.stack([h[0] - r, h[1] - z]), u - r * b[0] - z * b[1]
         if not s:
             return h, u, 0.0
         h, u = h + s * self._sheets * b, u + 0.5 * s * self._sheets * (b * b).sum(axis=0)
