@@ -126,6 +126,18 @@ class Memory:
     recall: Callable[[FloatArray, BoolArray, Nominal], Mapping[str, FloatArray]] | None = None
 
 
+def current_lag(
+    name: str, amplitude: str, spread: float, lag_time: Callable[[Nominal, Parameters], Expression]
+) -> Memory:
+    """The current less its mean over a lag's time in s, over the largest: its rate, for what knows no voltage."""
+
+    def rate(states: States, i: Expression, conditions: Conditions, p: Parameters) -> States:
+        change = conditions.current_rate_A_s / conditions.nominal.peak_current_A
+        return {name: change - states[name] / lag_time(conditions.nominal, p)}
+
+    return Memory((name,), (amplitude,), spread, lambda d, i, conditions, p: {name: 0.0 * i}, rate)
+
+
 Setting = Callable[[Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
 Coenergy = Callable[[Expression, Expression, Expression], Expression]
 """W'(d, i, h) in J, with h a test current in a coil of unit area-turns at the Hall element: dW'/dh is the field."""
@@ -163,6 +175,8 @@ _ACTS_ON = {
     "mass": "motion",
     "ends": "motion",
     "hall_point": "sensor",
+    "impedance": "magnetics",
+    "eddy": "magnetics",
     "readings": "sensor",
 }
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like, warmth
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States, in_channel
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, current_lag, in_channel
 
 
 def _warmed(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
@@ -69,43 +69,37 @@ def _drifted(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Condit
     return volts + ramps + p["settling_V"] * settled[0] + p["run_settling_V"] * settled[1]
 
 
-def _amplitude(name: str, largest: float, description: str, words: str) -> EffectParameter:
-    return EffectParameter(
-        name,
-        bounds=(-100.0 * largest, 100.0 * largest),
-        plausible=(-largest, largest),
-        description=description,
-        words=words,
-    )
-
-
 HALL_DRIFT = Effect(
     name="hall_drift",
     symptom="The Hall voltage wanders with time, whatever the distance and current.",
     parameters=(
-        _amplitude(
+        EffectParameter(
             "ramp_V",
-            0.2,
-            "Drift over 1000 readings (or seconds) of the campaign.",
-            "the Hall voltage drifts by {signed} in 1000 readings or seconds of the campaign",
+            bounds=(-20.0, 20.0),
+            plausible=(-0.2, 0.2),
+            description="Drift over 1000 readings (or seconds) of the campaign.",
+            words="the Hall voltage drifts by {signed} in 1000 readings or seconds of the campaign",
         ),
-        _amplitude(
+        EffectParameter(
             "run_ramp_V",
-            0.2,
-            "Drift over 1000 readings (or seconds) of a run, zero at its start.",
-            "the Hall voltage drifts by {signed} in 1000 readings or seconds of each run",
+            bounds=(-20.0, 20.0),
+            plausible=(-0.2, 0.2),
+            description="Drift over 1000 readings (or seconds) of a run, zero at its start.",
+            words="the Hall voltage drifts by {signed} in 1000 readings or seconds of each run",
         ),
-        _amplitude(
+        EffectParameter(
             "settling_V",
-            0.1,
-            "Final drift of a warm-up that begins with the campaign.",
-            "the Hall voltage settles by {signed} from the start of the campaign",
+            bounds=(-10.0, 10.0),
+            plausible=(-0.1, 0.1),
+            description="Final drift of a warm-up that begins with the campaign.",
+            words="the Hall voltage settles by {signed} from the start of the campaign",
         ),
-        _amplitude(
+        EffectParameter(
             "run_settling_V",
-            0.1,
-            "Final drift of a warm-up that begins with each run.",
-            "the Hall voltage settles by {signed} from the start of each run",
+            bounds=(-10.0, 10.0),
+            plausible=(-0.1, 0.1),
+            description="Final drift of a warm-up that begins with each run.",
+            words="the Hall voltage settles by {signed} from the start of each run",
         ),
         EffectParameter(
             "settling_time",
@@ -186,15 +180,6 @@ def _picked_up(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Cond
     return volts + p["pickup_V"] * i / nominal.peak_current_A + p["induced_V_s"] * rate
 
 
-def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
-    """The current less its mean over about one sample: the current's rate, for what knows no voltage."""
-    nominal = conditions.nominal
-    return {
-        "pickup_lag": conditions.current_rate_A_s / nominal.peak_current_A
-        - states["pickup_lag"] / nominal.sample_time_s
-    }
-
-
 HALL_COIL_PICKUP = Effect(
     name="hall_coil_pickup",
     symptom="The Hall voltage has a further part in step with the current; force and flux linkage are right.",
@@ -220,12 +205,6 @@ HALL_COIL_PICKUP = Effect(
     "each sign.",
     reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 (coupling) and 3 (common ground)",
     readings=in_channel("hall_V", _picked_up),
-    memory=Memory(
-        names=("pickup_lag",),
-        amplitudes=("induced_V_s",),
-        spread=0.01,
-        steady_state=lambda d, i, conditions, p: {"pickup_lag": 0.0 * i},
-        rate=_rate,
-    ),
+    memory=current_lag("pickup_lag", "induced_V_s", 0.01, lambda nominal, p: nominal.sample_time_s),
     calibrations=(Calibration({"pickup_V": 2e-3}, 20.0),),
 )

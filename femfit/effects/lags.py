@@ -36,6 +36,7 @@ from femfit.effects.effect import (
     Memory,
     Parameters,
     States,
+    current_lag,
     effect_of,
     in_channel,
 )
@@ -65,27 +66,20 @@ EDDY_CURRENT_LAG = Effect(
     name="eddy_current_lag",
     symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
     parameters=(
-        *(
-            EffectParameter(
-                f"{mode}_share",
-                # The winding's own leakage, here at least a twentieth, keeps the current from jumping
-                bounds=(0.0, 0.95),
-                plausible=(0.0, 0.5),
-                description=description,
-                words=words,
-            )
-            for mode, description, words in (
-                (
-                    "ring",
-                    "Part of the flux that one closed path around it delays.",
-                    "one closed path delays {size} of the flux",
-                ),
-                (
-                    "diffusion",
-                    "Part that the next mode of diffusion delays, nine times as fast.",
-                    "{size} of it follow nine times as fast",
-                ),
-            )
+        # The winding's own leakage, here at least a twentieth, keeps the current from jumping
+        EffectParameter(
+            "ring_share",
+            bounds=(0.0, 0.95),
+            plausible=(0.0, 0.5),
+            description="Part of the flux that one closed path around it delays.",
+            words="one closed path delays {size} of the flux",
+        ),
+        EffectParameter(
+            "diffusion_share",
+            bounds=(0.0, 0.95),
+            plausible=(0.0, 0.5),
+            description="Part that the next mode of diffusion delays, nine times as fast.",
+            words="{size} of it follow nine times as fast",
         ),
         EffectParameter(
             name="time_s",
@@ -123,12 +117,6 @@ def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Paramet
     return d - delay * like(conditions.velocity_m_s, d), i - late
 
 
-def _rate_of_sensor_delay(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
-    change = conditions.current_rate_A_s / conditions.nominal.peak_current_A
-    lag_time = np.maximum(p["delay_s"], conditions.nominal.sample_time_s)
-    return {"delay_lag": change - states["delay_lag"] / lag_time}
-
-
 SENSOR_DELAY = effect_of(
     name="sensor_delay",
     symptom="The Hall voltage follows distance and current late; at rest it is right.",
@@ -144,12 +132,8 @@ SENSOR_DELAY = effect_of(
     "clock.",
     reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3 (delays)",
     hall_point=_hall_point,
-    memory=Memory(
-        names=("delay_lag",),
-        amplitudes=("delay_s",),
-        spread=0.02,
-        steady_state=lambda d, i, conditions, p: {"delay_lag": 0.0 * i},
-        rate=_rate_of_sensor_delay,
+    memory=current_lag(
+        "delay_lag", "delay_s", 0.02, lambda nominal, p: np.maximum(p["delay_s"], nominal.sample_time_s)
     ),
     read=(5e-5, 40.0),
 )

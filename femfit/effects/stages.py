@@ -1,6 +1,6 @@
 """Applies effects stage by stage: the one place that knows the order in which they act."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.graph import Expression, of_variable
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Coenergy, CoenergyChange, FieldPoint
 
 _STEPS = 6
@@ -23,7 +23,21 @@ def true_setting(
 
     Of arrays, or of expressions with currents (n,).
     """
-    for setting, added in _acting(effects, "setting"):
+    return _at_another(effects, "setting", distance, currents, conditions)
+
+
+def hall_point(
+    effects: Iterable[AddedEffect], distance: Expression, currents: Expression, conditions: Conditions
+) -> tuple[Any, Any]:
+    """Distance and currents that a Hall reading belongs to, of earlier where it is late: as of :func:`true_setting`."""
+    return _at_another(effects, "hall_point", distance, currents, conditions)
+
+
+def _at_another(
+    effects: Iterable[AddedEffect], stage: str, distance: Expression, currents: Expression, conditions: Conditions
+) -> tuple[Any, Any]:
+    """Distance and currents that a stage has in place of these; of the first current where it is of no circuit."""
+    for setting, added in _acting(effects, stage):
         of = added.effect.of
         symbolic = isinstance(currents, SX)
         columns = ca.vertsplit(currents) if symbolic else list(np.moveaxis(currents, -1, 0))
@@ -106,19 +120,12 @@ def circuit_of(
     return resistance, voltage
 
 
-def moving_mass(effects: Iterable[AddedEffect], mass: float) -> float:
-    """The mass that really moves."""
-    return float(_changed_by(effects, "mass", mass))
+def changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *others: Any) -> Any:
+    """What the functions that effects give for a stage make of a value, one after the other.
 
-
-def stops_of(effects: Iterable[AddedEffect], ends: tuple[float, float], nominal: Nominal) -> tuple[float, float]:
-    """Where the body is really stopped."""
-    near, far = _changed_by(effects, "ends", ends, nominal)
-    return near, far
-
-
-def _changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *others: Any) -> Any:
-    """What the functions that effects give for a stage make of a value, one after the other."""
+    Of ``mass`` in kg; of ``ends`` (near, far) in m, with the nominal facts; of ``readings`` by channel what sensors
+    record of true ones, with distance, current and conditions.
+    """
     for act, added in _acting(effects, stage):
         value = act(value, *others, added.parameters)
     return value
@@ -129,23 +136,3 @@ def _acting(effects: Iterable[AddedEffect], stage: str) -> Iterator[tuple[Callab
     for added in effects:
         if (act := getattr(added.effect, stage)) is not None:
             yield act, added
-
-
-def hall_point(
-    effects: Iterable[AddedEffect], distance: Expression, current: Expression, conditions: Conditions
-) -> tuple[Expression, Expression]:
-    """Distance and current that a Hall reading belongs to: of earlier, where it is late."""
-    for act, added in _acting(effects, "hall_point"):
-        distance, current = act(distance, current, conditions, added.parameters)
-    return distance, current
-
-
-def recorded(
-    effects: Iterable[AddedEffect],
-    readings: Mapping[str, Expression],
-    distance: Expression,
-    current: Expression,
-    conditions: Conditions,
-) -> dict[str, Expression]:
-    """What the sensors record of true readings."""
-    return dict(_changed_by(effects, "readings", readings, distance, current, conditions))

@@ -36,7 +36,7 @@ from femfit.estimate.noise import (
 from femfit.estimate.process import FilterProcess, Output
 from femfit.estimate.process_graph import process_graph
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import is_plain
+from femfit.model.drive import commands_currents
 from femfit.model.hall import HallSensor
 from femfit.model.sensors import HALL, reading_of, readings_span, sensor_named, sensors_of
 
@@ -100,7 +100,7 @@ def levitation_process(
         model,
         graph.biases,
         graph.samples,
-        driven=commanded and not is_plain(model.circuits),
+        driven=commanded and bool(model.diodes or commands_currents(model).any()),
         outputs=outputs,
         process_covariance=block_diag(covariance, np.diag(np.concatenate([*added, np.zeros(0)]))),
         lower=lower,

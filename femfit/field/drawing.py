@@ -20,7 +20,16 @@ from femfit.core.errors import FieldSolverError
 from femfit.device.outlines import Corner, flattened, reversed_outline
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.field.harmonic import LAYER_FACTOR, skin_layers
-from femfit.field.layout import COINCIDENT, Layout, coil_region, fixed_parts, layer_outlines, polygon, singular_corners
+from femfit.field.layout import (
+    COINCIDENT,
+    Layout,
+    bulges_of,
+    fixed_parts,
+    layer_outlines,
+    parts_of,
+    polygon,
+    singular_corners,
+)
 from femfit.field.tolerance import SolverSettings
 
 EDGE_LENGTH = 2.0
@@ -107,12 +116,10 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
 
 def _mark_skins(shape: Any, actuator: Actuator, layout: Layout, settings: SolverSettings) -> int:
     """Mark the surfaces of what conducts; into how many layers the elements at them are to be split."""
-    parts = [(f"fixed:{region.name}", region) for region in actuator.fixed]
-    parts += [(f"moving:{region.name}", region) for region in actuator.moving.regions]
-    frequency = settings.skin_frequency_Hz
     layers = {
-        name: skin_layers(part, _largest_element(part, layout, settings), frequency) if frequency else 0
-        for name, part in parts
+        name: skin_layers(part, _largest_element(part, layout, settings), settings.skin_frequency_Hz)
+        for name, part in parts_of(actuator).items()
+        if isinstance(part, Region)
     }
     for face in shape.faces:
         if layers.get(face.name):
@@ -146,33 +153,29 @@ def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon], longest
 
 def _parts(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings, *, moves: bool) -> list[Face]:
     """Faces of the regions and coils that move, or of those that stand still."""
-    prefix, regions = ("moving", actuator.moving.regions) if moves else ("fixed", actuator.fixed)
-    shift, faces = distance if moves else 0.0, []
-    for region, singular in zip(regions, singular_corners(regions), strict=True):
-        extent = _extent(region)
-        face = _face(region.vertices_m, region.bulges, shift)
-        face.faces.name = f"{prefix}:{region.name}"
-        face.faces.maxh = _largest_element(region, layout, settings)
-        corners = np.array(region.vertices_m)[singular] + np.array([0.0, shift])
-        for vertex in face.vertices:
-            if np.any(np.hypot(*(corners - np.array([vertex.p.x, vertex.p.y])).T) < COINCIDENT):
-                vertex.maxh = settings.corner_fraction * extent
+    prefix, shift = ("moving", distance) if moves else ("fixed", 0.0)
+    parts, faces = {name: part for name, part in parts_of(actuator).items() if name.startswith(prefix)}, []
+    singular = iter(singular_corners([part for part in parts.values() if isinstance(part, Region)]))
+    for name, part in parts.items():
+        face = _face(part.vertices_m, bulges_of(part), shift)
+        face.faces.name, face.faces.maxh = name, _largest_element(part, layout, settings)
         faces.append(face)
-    for coil in actuator.coils:
-        if coil.moves == moves:
-            face = _face(coil.vertices_m, (), shift)
-            face.faces.name, face.faces.maxh = coil_region(coil), settings.region_fraction * _extent(coil)
-            faces.append(face)
+        if isinstance(part, Region):
+            corners = np.array(part.vertices_m)[next(singular)] + np.array([0.0, shift])
+            for vertex in face.vertices:
+                if np.any(np.hypot(*(corners - np.array([vertex.p.x, vertex.p.y])).T) < COINCIDENT):
+                    vertex.maxh = settings.corner_fraction * _extent(part)
     return faces
 
 
-def _largest_element(region: Region, layout: Layout, settings: SolverSettings) -> float:
+def _largest_element(part: Region | Coil, layout: Layout, settings: SolverSettings) -> float:
     """In m; a thin straight conductor without magnetism has long elements, since its field is smooth along it."""
-    size, material = settings.region_fraction * _extent(region), region.material
-    magnetic = material.remanence_T or abs(material.relative_permeability - 1.0) > NOT_MAGNETIC
-    if magnetic or region.bulges or not material.conductivity_S_per_m:
+    size = settings.region_fraction * _extent(part)
+    if isinstance(part, Coil) or part.bulges or not part.material.conductivity_S_per_m:
         return size
-    r0, z0, r1, z1 = polygon(region).bounds
+    if part.material.remanence_T or abs(part.material.relative_permeability - 1.0) > NOT_MAGNETIC:
+        return size
+    r0, z0, r1, z1 = polygon(part).bounds
     return max(size, min(THIN * layout.radius, settings.region_fraction * float(max(r1 - r0, z1 - z0))))
 
 

@@ -17,11 +17,11 @@ A. Ruhe, Linear Algebra Appl. 58 (1984) 391: rational Krylov spaces, whose real 
 """
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from ngsolve import H1, GridFunction, InnerProduct, SetNumThreads
+from ngsolve import H1, GridFunction, SetNumThreads
 from numpy.typing import NDArray
 
 from femfit.core.numerics import ComplexArray, FloatArray
@@ -29,10 +29,10 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.eddy_sweep import principal
 from femfit.field.harmonic import ConductorPoints, FieldArray, HarmonicSystem
+from femfit.field.linear_system import SourceFields
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.nonlinear_system import BiasedSystem, static_system
-from femfit.field.point_rows import Coefficients
-from femfit.field.signature_rows import ImpedanceSignatures
+from femfit.field.nonlinear_system import static_system
+from femfit.field.signature_rows import impedance_slopes
 from femfit.field.sweep_task import MeshGroup, Patterns
 from femfit.field.weak_form import function_of, hall_field
 from femfit.tables.eddy_table import Transfers
@@ -49,14 +49,17 @@ class EddyProbe:
     ) -> None:
         self._actuator, self._hall, self._moving, self.distance = actuator, actuator.hall, moving, distance
         self._static = static_system(moving, actuator, order)
-        points = None
-        if isinstance(self._static, BiasedSystem):
-            self._static.bias, points = np.array(bias), self._static.points
+        self._static.bias, points = np.array(bias), self._static.points
         self._real, self._harmonic = (
             HarmonicSystem(moving, actuator, order, real=real, points=points) for real in (True, False)
         )
-        self._beside = range(1 if points is not None else len(self._static.total))  # what small currents pull on
-        self._motion = self._moved(MOTION_STEP * moving.layout.clearance)
+        self._beside = slice(None if points is None else 1)  # what small currents pull on
+        step, states = MOTION_STEP * moving.layout.clearance, []
+        for moved in (distance - step, distance + step):
+            with moving.at(moved):
+                states.append(self._static.state())
+        # dw/dd of each source at rest, at places that move with their parts; shape (m, unknowns)
+        self._motion = (states[1] - states[0]) / (2.0 * step)
         self.points = ConductorPoints(self._static.space, actuator, moving.reference)
 
     def transfers(self, frequencies: FloatArray) -> tuple[Transfers, FieldArray]:
@@ -72,9 +75,10 @@ class EddyProbe:
         return Transfers(frequencies, flux, force, None if self._hall is None else hall), np.array(fields)
 
     def slopes(self, numbers: Sequence[DrawnNumber], frequencies: FloatArray, fields: FieldArray) -> ComplexArray:
-        """What numbers of the drawing change of the inductances, as :meth:`ImpedanceSignatures.at` has it."""
-        signatures = ImpedanceSignatures(self._actuator, numbers, self._moving, self.points.space)
-        return signatures.at(self.distance, frequencies, fields)
+        """What numbers of the drawing change of the inductances, as of :func:`impedance_slopes`."""
+        return impedance_slopes(
+            self._actuator, numbers, self._moving, self.points.space, self.distance, frequencies, fields
+        )
 
     def patterns(self, fields: FieldArray, shifts: FloatArray, places: ConductorPoints, tolerance: float) -> FloatArray:
         """Rows (k, n) of induced currents at the points of another mesh.
@@ -105,17 +109,9 @@ class EddyProbe:
         """
         return self.points.products(self.points.rows(self._motion))
 
-    def _moved(self, step: float) -> FloatArray:
-        """dw/dd of each source at rest, at places that move with their parts; shape (m, unknowns)."""
-        states = []
-        for distance in (self.distance - step, self.distance + step):
-            with self._moving.at(distance):
-                states.append(self._static.state())
-        return self._static.changes(states, 2.0 * step)
-
     def _responses(self, s: complex, fields: FieldArray) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
-        system, hall = self._static, self._hall
+        system, hall, beside = self._static, self._hall, self._beside
         source_fields = [GridFunction(system.space) for _ in fields]
         forces, halls, induced_loads = [], [], []
         for field in fields:  # -s M w of the moving part
@@ -127,7 +123,8 @@ class EddyProbe:
             if component is np.real:
                 loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
             system.find_own(totals, loads, source_fields)
-            forces.append([self._force_beside(source, totals, source_fields) for source in self._beside])
+            pull = system.layer_force.between(system.total[beside], totals)
+            forces.append(2.0 * (pull - system.layer_force.between(system.own[beside], source_fields)))
             halls.append([0.0 if hall is None else hall_field(hall, system.mesh, total) for total in totals])
         forces_of_fields, field_at_hall = (
             np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls)
@@ -135,54 +132,6 @@ class EddyProbe:
         force = np.zeros((len(system.total), len(fields)), dtype=np.complex128)
         force[: len(forces_of_fields)] = forces_of_fields
         return system.loads[1:] @ fields.T, force, field_at_hall
-
-    def _force_beside(self, source: int, totals: list[GridFunction], source_fields: list[GridFunction]) -> list[float]:
-        """What fields add to the force beside a source at rest."""
-        system = self._static
-        total, alone = (system.layer_force.image(functions[source]) for functions in (system.total, system.own))
-        return [
-            2.0 * float(InnerProduct(total, a.vec) - InnerProduct(alone, b.vec))
-            for a, b in zip(totals, source_fields, strict=True)
-        ]
-
-
-class PatternFields:
-    """Patterns of the rows (q, points) of :class:`ConductorPoints` of a mesh."""
-
-    def __init__(self, actuator: Actuator, moving: MovingMesh, order: int, rows: FloatArray) -> None:
-        self.moving, self.rows = moving, rows
-        self._points = ConductorPoints(H1(moving.mesh, order=order), actuator, moving.reference)
-
-    @cached_property
-    def _fields(self) -> FloatArray:
-        return self._points.fields(self.rows)
-
-    def at(self, points: ConductorPoints) -> FloatArray:
-        """The rows at the points of this mesh or of another one."""
-        if points.space.mesh is self.moving.mesh:
-            return self.rows
-        return points.rows_of(self._fields, self._points.space, self.moving.reference)
-
-
-class EddyActuator:
-    """An actuator on a mesh, with patterns."""
-
-    def __init__(self, actuator: Actuator, moving: MovingMesh, patterns: PatternFields, order: int) -> None:
-        self._moving = moving
-
-        def loads(space: H1) -> tuple[FloatArray, FloatArray]:
-            points = ConductorPoints(space, actuator, moving.reference)
-            rows = patterns.at(points)
-            return points.loads(rows), points.loads(rows, moving=True)
-
-        self._system = static_system(moving, actuator, order, loads)
-
-    def forms(self, distance: float, bias: Sequence[float] = ()) -> Coefficients:
-        """Forms in the sources 1, i_1 .. i_n, e_1 .. e_q at a distance of the mesh's group, about a bias in A."""
-        if isinstance(self._system, BiasedSystem):
-            self._system.bias = np.array(bias)
-        with self._moving.at(distance):
-            return self._system.evaluate()
 
 
 @lru_cache(maxsize=2)
@@ -200,12 +149,21 @@ def conductor_points(mesh: MeshGroup) -> ConductorPoints:
 
 
 @lru_cache(maxsize=1)
-def _pattern_fields(patterns: Patterns) -> PatternFields:
-    mesh = patterns.mesh
-    return PatternFields(mesh.actuator, moving_mesh(mesh), mesh.settings.order, patterns.rows)
+def _pattern_fields(patterns: Patterns) -> FloatArray:
+    """The fields (q, unknowns) of patterns on the mesh that they were found on."""
+    return conductor_points(patterns.mesh).fields(patterns.rows)
 
 
 @lru_cache(maxsize=1)
-def eddy_actuator(mesh: MeshGroup, patterns: Patterns) -> EddyActuator:
-    """The actuator on the mesh of a group, with patterns."""
-    return EddyActuator(mesh.actuator, moving_mesh(mesh), _pattern_fields(patterns), mesh.settings.order)
+def system_with_patterns(mesh: MeshGroup, patterns: Patterns) -> SourceFields:
+    """The system of fields at rest on the mesh of a group, with the sources 1, i_1 .. i_n, e_1 .. e_q."""
+    moving = moving_mesh(mesh)
+
+    def loads(space: H1) -> tuple[FloatArray, FloatArray]:
+        points, rows = ConductorPoints(space, mesh.actuator, moving.reference), patterns.rows
+        if mesh != patterns.mesh:
+            of_patterns = conductor_points(patterns.mesh)
+            rows = points.rows_of(_pattern_fields(patterns), of_patterns.space, of_patterns.distance)
+        return points.loads(rows), points.loads(rows, moving=True)
+
+    return static_system(moving, mesh.actuator, mesh.settings.order, loads)

@@ -145,16 +145,14 @@ class _Plan:
         meshes = {d: MeshGroup(actuator, layout, settings, group) for group in groups for d in group}
         probes = tuple(distances[k] for k in evenly_spread(len(distances), PROBES))
         between = [d for d in distances if d not in probes]
+        beyond = _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)
         return cls(
             meshes,
             meshes[probes[len(probes) // 2]],
             probes,
             tuple(between[k] for k in evenly_spread(len(between), CHECKS)),
             _decades(low, high, MOST_FREQUENCIES),
-            tuple(
-                2.0 * math.pi * frequency
-                for frequency in _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)
-            ),
+            tuple(2.0 * math.pi * frequency for frequency in beyond),
             biases,
         )
 
@@ -197,11 +195,7 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
         settings = plan.meshes[d], plan.reference, d, plan.frequencies
         tasks.append(ProbeTask(*settings, shifts, coarse, numbers, plan.biases.get(d, ())))
     results: dict[float, dict[str, Any]] = {}
-
-    def record(task: ProbeTask, result: dict[str, Any]) -> None:
-        results[task.distance] = result
-
-    solve(tasks, record)
+    solve(tasks, lambda task, result: results.update({task.distance: result}))
     solved = {task.distance: results[task.distance] for task in tasks if results[task.distance]["status"] == "ok"}
     made = [result for result in solved.values() if "rows" in result]
     if not made:

@@ -22,7 +22,6 @@ A. Kameari, IEEE Trans. Magn. 29 (1993) 1466: nodal forces; S. McFee, J. P. Webb
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,9 +30,10 @@ from ngsolve import H1, Grad, GridFunction, InnerProduct, LinearForm, VectorH1, 
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.parts import Actuator, Coil, Material
+from femfit.device.materials import BHCurve
+from femfit.device.parts import Actuator, Coil, LinearMaterial, Material
 from femfit.field.layout import coil_region
-from femfit.field.moving_mesh import FieldPoints, Law, PlacedPoints, flux_density_of, in_air, law_of
+from femfit.field.moving_mesh import FieldPoints, MovingMesh, PlacedPoints
 from femfit.field.outline_motion import OutlineMotion
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, materials
 
@@ -41,68 +41,85 @@ BESIDE = 1e-7
 """Numerical: how far beside an edge, in m, its two sides are looked at."""
 
 
-@dataclass(frozen=True)
 class _Medium:
-    """A material's law, with sigma where it is solid, and sigma b^2 / 12 where it is of sheets."""
+    """A material's law, with its remanence; sigma where it is solid, and sigma b^2 / 12 where it is of sheets."""
 
-    law: Law
-    solid: float = 0.0
-    sheets: float = 0.0
-
-    @classmethod
-    def of(cls, material: Material) -> "_Medium":
-        """The medium of a material."""
+    def __init__(self, material: Material) -> None:
+        self._curve, self._reluctivity, self._coercive = None, 0.0, (0.0, 0.0)
+        if isinstance(material, LinearMaterial):
+            self._reluctivity = material.reluctivity
+            r, z = material.direction
+            strength = material.reluctivity * material.remanence_T
+            self._coercive = strength * r, strength * z
+        else:
+            self._curve = BHCurve(material.flux_density_T, material.field_A_per_m)
         sigma, sheet = material.conductivity_S_per_m, material.lamination_m
-        return cls(law_of(material), 0.0 if sheet else sigma, sigma * sheet**2 / 12.0)
+        self._solid, self._sheets = 0.0 if sheet else sigma, sigma * sheet**2 / 12.0
 
     def respond(self, b: FloatArray, rw: FloatArray, s: complex) -> tuple[Any, Any, Any]:
-        """H, u and what ring currents add to it, at s, where B is b and r w is rw."""
-        h, u = self.law(b)
+        """H in A/m, u in J/m^3 and what ring currents add to it, at s, where B is b (2, ..) and r w is rw."""
+        if self._curve is not None:
+            size = np.hypot(*b)
+            h, u = self._curve.reluctivity(size) * b, self._curve.energy_density(size)
+        else:
+            h, (r, z) = self._reluctivity * b, self._coercive
+            u = 0.5 * (b[0] * h[0] + b[1] * h[1])
+            if r or z:
+                h, u = np.stack([h[0] - r, h[1] - z]), u - r * b[0] - z * b[1]
         if not s:
             return h, u, 0.0
-        return h + s * self.sheets * b, u + 0.5 * s * self.sheets * (b * b).sum(axis=0), 0.5 * s * self.solid * rw**2
+        h, u = h + s * self._sheets * b, u + 0.5 * s * self._sheets * (b * b).sum(axis=0)
+        return h, u, 0.5 * s * self._solid * rw**2
 
 
-_AIR = _Medium(in_air)
+_AIR = _Medium(LinearMaterial("air", 1.0))
+"""Of all places that no material fills."""
+
+_Media = list[tuple[IntArray, _Medium]]
+"""Places with the medium that fills them."""
+
+
+def _responses(media: _Media, b: FloatArray, rw: FloatArray, s: complex) -> tuple[Any, Any, Any]:
+    """As :meth:`_Medium.respond`, at places of which some lie in air."""
+    h, u, _ = _AIR.respond(b, rw, 0.0)
+    rings = np.zeros_like(rw)
+    for places, medium in media:
+        h[:, places], u[places], rings[places] = medium.respond(b[:, places], rw[places], s)
+    return h, u, rings
 
 
 class ExplicitSlopes:
-    """dG/dp for the numbers of a drawing, on one mesh made with the moving part at a reference distance in m.
+    """dG/dp for the numbers of a drawing, on one mesh.
 
     Parameters
     ----------
-    share : array, shape (vertices,)
-        Part of a stretch along z that each vertex makes.
     still : array, shape (vertices,)
         Vertices that do not move with any number.
     """
 
     def __init__(
-        self,
-        space: H1,
-        actuator: Actuator,
-        reference: float,
-        numbers: Sequence[DrawnNumber],
-        share: FloatArray,
-        still: BoolArray,
+        self, space: H1, actuator: Actuator, moving: MovingMesh, numbers: Sequence[DrawnNumber], still: BoolArray
     ) -> None:
+        share = moving.vertex_share
         self.points, self._space, self._numbers = FieldPoints(space, share), space, numbers
-        motion = OutlineMotion(space.mesh, actuator, reference, numbers)
+        motion = OutlineMotion(space.mesh, actuator, moving.reference, numbers)
         velocities = motion.velocities(still)
         self._velocities = velocities.reshape(len(numbers), -1)
         self._loads = self._coil_slopes(motion, velocities)
         self._named = materials(actuator)
-        self._media = [(self.points.of_region(name), _Medium.of(material)) for name, material in self._named.items()]
+        self._media = [(self.points.of_region(name), _Medium(material)) for name, material in self._named.items()]
         self._changes: list[list[tuple[IntArray, _Medium, _Medium]]] = []
         for number in numbers:
             larger, smaller = materials(number.larger), materials(number.smaller)
             changed = [name for name in self._named if larger[name] != smaller[name]]
             self._changes.append(
-                [(self.points.of_region(name), _Medium.of(larger[name]), _Medium.of(smaller[name])) for name in changed]
+                [(self.points.of_region(name), _Medium(larger[name]), _Medium(smaller[name])) for name in changed]
             )
-        self._left = motion.remainder(velocities)
+        left = self._left = motion.remainder(velocities)
         self._sides = [
-            PlacedPoints(space, self._left.points + sign * BESIDE * self._left.normals, share) for sign in (-1.0, 1.0)
+            PlacedPoints(space, left.points + sign * BESIDE * left.normals, left.points[:, 0], share)
+            for sign in (-1.0, 1.0)
+            if len(left.points)
         ]
         self._side_media, self._differs = self._media_of_sides()
 
@@ -118,14 +135,9 @@ class ExplicitSlopes:
         """
         points, (count, edge) = self.points, (3 * len(self.points.weight), 3 * len(self._left.points))
         parts = np.split(samples, [count, count + edge, count + 2 * edge])
-        w, w_r, w_z = points.split(parts[0])
-        shear, b = (values[:, None] for values in points.stretched(stretch))
+        shear, b, w, w_r, w_z, density = points.seen(parts[0], stretch)
         r = points.radius[:, None]
-        w_r, w_z = w_r - shear * w_z, w_z / b
-        density = flux_density_of(r, w, w_r, w_z)
-        (field, u), rings = in_air(density), np.zeros_like(w)
-        for places, medium in self._media:
-            field[:, places], u[places], rings[places] = medium.respond(density[:, places], (r * w)[places], s)
+        field, u, rings = _responses(self._media, density, r * w, s)
         h_r, h_z = field * r
         weight = 2.0 * math.pi * points.weight[:, None] * b
         values, u = h_z * w_r - h_r * w_z + u + 3.0 * rings, r * (u + rings)  # the rings' r^3 has the slope 3 r^2
@@ -144,7 +156,7 @@ class ExplicitSlopes:
 
     def largest_in_parts(self, samples: FloatArray) -> float:
         """The largest slope of w in a part with a material, or anywhere where there is none."""
-        _, w_r, w_z = self.points.split(samples[: 3 * len(self.points.weight)])
+        _, w_r, w_z = samples[: 3 * len(self.points.weight)].reshape(3, len(self.points.weight), -1)
         indices = np.concatenate([indices for indices, _ in self._media]) if self._media else slice(None)
         return float(max(np.abs(w_r[indices]).max(), np.abs(w_z[indices]).max()))
 
@@ -161,7 +173,7 @@ class ExplicitSlopes:
             plain = LinearForm(2.0 * math.pi * coil.sign * x**2 * v * over).Assemble().vec.FV().NumPy()
             divergence = v * (2.0 * x * coil_field[0] + x**2 * (Grad(coil_field)[0, 0] + Grad(coil_field)[1, 1]))
             slope = LinearForm(density * (divergence + x**2 * InnerProduct(coil_field - passing, grad(v))) * over)
-            motions = zip(motion.of_coil(place), velocities, self._numbers, strict=True)
+            motions = zip(motion.of_coil(coil_region(coil)), velocities, self._numbers, strict=True)
             for k, (of_coil, of_mesh, number) in enumerate(motions):
                 coil_field.vec.FV().NumPy()[:], passing.vec.FV().NumPy()[:] = of_coil.ravel(), of_mesh.ravel()
                 larger, smaller = (_density(device.coils[place]) for device in (number.larger, number.smaller))
@@ -170,39 +182,33 @@ class ExplicitSlopes:
                 result[k, circuits.index(coil.circuit)] += change
         return result
 
-    def _media_of_sides(self) -> tuple[list[list[tuple[IntArray, _Medium]]], BoolArray]:
+    def _media_of_sides(self) -> tuple[list[_Media], BoolArray]:
         """The media inside and outside of edges with a remainder, and where the two sides differ."""
-        names = list(self._named)
-        number = self._space.mesh.MaterialCF({name: float(k) for k, name in enumerate(names)}, default=-1.0)
-        inside = np.array([names.index(name) for name in self._left.inside], dtype=np.int64)
+        if not self._sides:
+            return [], np.zeros(0, dtype=np.bool_)
+        filled = list(self._named.values())
+        number = self._space.mesh.MaterialCF({name: float(k) for k, name in enumerate(self._named)}, default=-1.0)
+        inside = np.array([list(self._named).index(name) for name in self._left.inside])
         outside = self._sides[1].numbers_of(number).round().astype(np.int64)
         media = [
-            [
-                (np.flatnonzero(side == k), _Medium.of(self._named[names[k]]) if k >= 0 else _AIR)
-                for k in np.unique(side)
-            ]
+            [(np.flatnonzero(side == k), medium) for k, (_, medium) in enumerate(self._media)]
             for side in (inside, outside)
         ]
-        differs = [
-            j < 0 or self._named[names[j]] != self._named[names[k]] for j, k in zip(outside, inside, strict=True)
-        ]
+        differs = [j < 0 or filled[j] != filled[k] for j, k in zip(outside, inside, strict=True)]
         return media, np.array(differs, dtype=np.bool_)
 
     def _along_edges(self, inside: Any, outside: Any, stretch: float, s: complex) -> Any:
         if not self._differs.any():
             return 0.0
-        media_inside, rows = self._left, []
-        radius = media_inside.points[:, :1]
+        rows = []
         for side, values, media in zip(self._sides, (inside, outside), self._side_media, strict=True):
-            b, rw = side.flux_density(values, media_inside.points[:, 0], stretch), radius * values[: len(radius)]
-            (h, u), rings = in_air(b), np.zeros_like(rw)
-            for places, medium in media:
-                h[:, places], u[places], rings[places] = medium.respond(b[:, places], rw[places], s)
-            r, z = media_inside.normals.T[..., None]
+            _, _, w, _, _, b = side.seen(values, stretch)
+            h, u, rings = _responses(media, b, side.radius[:, None] * w, s)
+            r, z = self._left.normals.T[..., None]
             rows.append((r * b[1] - z * b[0], r * h[1] - z * h[0], u + rings))
         (b_in, h_in, u_in), (b_out, h_out, u_out) = rows
         jump = 0.5 * (h_in + h_out) * (b_in - b_out) - (u_in - u_out)
-        return np.asarray(media_inside.weights @ (jump * self._differs[:, None]))
+        return np.asarray(self._left.weights @ (jump * self._differs[:, None]))
 
 
 def _density(coil: Coil) -> float:

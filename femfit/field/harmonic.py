@@ -152,22 +152,22 @@ class ConductorPoints:
 
     def __init__(self, space: H1, actuator: Actuator, distance: float) -> None:
         self.space, self.distance = space, distance
-        self._named = conductors(actuator)
-        self._points = QuadraturePoints(space.mesh, space.globalorder + 1, "|".join(self._named))
-        self.moving = self._sampled({"moving:.*": 1.0}) > 0.5
-        self.sheets = self._sampled({n: float(m.lamination_m > 0.0) for n, m in self._named.items()}) > 0.5
-        thickness = {n: m.lamination_m / math.sqrt(12.0) or 1.0 for n, m in self._named.items()}
-        self.factor = self._sampled(
-            {n: thickness[n] * math.sqrt(m.conductivity_S_per_m) for n, m in self._named.items()}
-        )
+        named = conductors(actuator)
+        self._points = QuadraturePoints(space.mesh, space.globalorder + 1, "|".join(named))
+        parts = space.mesh.MaterialCF({name: float(k) for k, name in enumerate(named)}, default=0.0)
+        of_part, filling = self._points.values(parts).round().astype(np.int64), list(named.values())
+        sheet = np.array([material.lamination_m for material in filling])
+        conductivity = np.array([material.conductivity_S_per_m for material in filling])
+        self.moving = np.array([name.startswith("moving") for name in named], dtype=np.bool_)[of_part]
+        self.sheets = (sheet > 0.0)[of_part]
+        self.factor = (np.where(sheet > 0.0, sheet / math.sqrt(12.0), 1.0) * np.sqrt(conductivity))[of_part]
         r, z = self._points.values(ng.x), self._points.values(ng.y)
         self.places = np.column_stack([r, z - distance * self.moving])
         weight = 2.0 * math.pi * r * self._points.weight
         self.weight = np.concatenate([weight, weight[self.sheets]])
-        places = {
-            name: float(k) for k, name in enumerate(dict.fromkeys(material.name for material in self._named.values()))
-        }
-        of_material = self._sampled({n: places[m.name] for n, m in self._named.items()}).round().astype(np.int64)
+        names = [material.name for material in filling]
+        places = list(dict.fromkeys(names))
+        of_material = np.array([places.index(name) for name in names], dtype=np.int64)[of_part]
         self.material_rows = np.concatenate([of_material, of_material[self.sheets]])  # Which of the materials
         self.moving_rows = np.concatenate([self.moving, self.moving[self.sheets]])
         self._map = self._rows_map()
@@ -206,9 +206,6 @@ class ConductorPoints:
         result = np.zeros((len(rows), self.space.ndof))
         result[:, inside] = splu(mass[inside][:, inside]).solve(self.loads(rows).T[inside]).T
         return result
-
-    def _sampled(self, of_regions: dict[str, float]) -> FloatArray:
-        return self._points.values(self.space.mesh.MaterialCF(of_regions, default=0.0))
 
     def _rows_map(self) -> Any:
         w, factor, sheets = self.space.TrialFunction(), sparse.diags(self.factor), self.sheets

@@ -28,9 +28,21 @@ COINCIDENT = 1e-9
 """Points closer than this, in m, are one."""
 
 
+def parts_of(actuator: Actuator) -> dict[str, Region | Coil]:
+    """All parts by the names of their regions in the mesh: the fixed ones, the moving ones, then the coils."""
+    parts: dict[str, Region | Coil] = {f"fixed:{region.name}": region for region in actuator.fixed}
+    parts |= {f"moving:{region.name}": region for region in actuator.moving.regions}
+    return parts | {coil_region(coil): coil for coil in actuator.coils}
+
+
+def bulges_of(shape: Region | Coil) -> tuple[float, ...]:
+    """Of the part's edges, as in :mod:`femfit.device.outlines`; empty where all are straight."""
+    return shape.bulges if isinstance(shape, Region) else ()
+
+
 def part_corners(shape: Region | Coil) -> tuple[tuple[float, float], ...]:
     """Corners of the part in m, with chords for its arcs."""
-    return tuple(flattened(shape.vertices_m, shape.bulges if isinstance(shape, Region) else ()))
+    return tuple(flattened(shape.vertices_m, bulges_of(shape)))
 
 
 def polygon(shape: Region | Coil) -> shapely.Polygon:
@@ -40,12 +52,12 @@ def polygon(shape: Region | Coil) -> shapely.Polygon:
 
 def moving_parts(actuator: Actuator) -> list[Region | Coil]:
     """Regions and coils of the moving part."""
-    return [*actuator.moving.regions, *(coil for coil in actuator.coils if coil.moves)]
+    return [part for name, part in parts_of(actuator).items() if name.startswith("moving")]
 
 
 def fixed_parts(actuator: Actuator) -> list[Region | Coil]:
     """Regions and coils that stand still."""
-    return [*actuator.fixed, *(coil for coil in actuator.coils if not coil.moves)]
+    return [part for name, part in parts_of(actuator).items() if name.startswith("fixed")]
 
 
 def singular_corners(regions: Sequence[Region]) -> list[BoolArray]:

@@ -5,6 +5,7 @@ exactly u + v: u of M, frozen, and of the moving coils' currents in free space, 
 :mod:`femfit.field.nonlinear_point`). All are linear in the sources (1, i_1 .. i_n).
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,13 +16,13 @@ from ngsolve import H1, BilinearForm, GridFunction, dx
 from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.parts import Actuator
 from femfit.field.layout import AIR
+from femfit.field.material_points import MaterialPoints
 from femfit.field.newton import inner
 from femfit.field.point_rows import Coefficients
 from femfit.field.weak_form import (
     LayerForce,
     hall_field,
     linear_materials,
-    quadratic,
     reluctivity,
     source_loads,
     stiffness,
@@ -34,15 +35,19 @@ PatternLoads = Callable[[H1], tuple[FloatArray, FloatArray]]
 """Right-hand sides of patterns of induced currents, and of what of them moves; shape (patterns, unknowns) each."""
 
 
-class SourceFields:
+class SourceFields(ABC):
     """Right-hand sides and fields of all sources on one space: the magnets, 1 A in each circuit, and patterns.
 
     ``loads`` and ``own_loads``, of what of them moves, have the shape (m, unknowns); ``total`` and ``own`` have one
-    function a source.
+    function a source. Where parts saturate, ``bias`` has the circuits' currents in A about which the fields are small,
+    and ``points`` the material's points, with the incremental permeability of the state that was last solved.
     """
+
+    points: MaterialPoints | None = None
 
     def __init__(self, space: H1, actuator: Actuator, g: GridFunction, patterns: PatternLoads | None) -> None:
         self.mesh, self.space, self._hall = space.mesh, space, actuator.hall
+        self.bias = np.zeros(len(actuator.circuits))
         self.loads, self.own_loads = (source_loads(space, actuator, moving=moving) for moving in (False, True))
         if patterns is not None:
             induced, induced_moving = patterns(space)
@@ -51,12 +56,27 @@ class SourceFields:
         self.total, self.own = (tuple(GridFunction(space) for _ in self.loads) for _ in range(2))
         self.layer_force = LayerForce(space, g)
 
-    def coefficients(self) -> Coefficients:
-        """Force, flux linkages, co-energy and Hall field of the fields as they are."""
+    @abstractmethod
+    def state(self) -> FloatArray:
+        """Fields of all sources at rest on the mesh as it is now stretched, shape (m, unknowns); small ones as 0."""
+
+    @abstractmethod
+    def solve(self) -> None:
+        """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
+
+    @abstractmethod
+    def find_own(
+        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, alone: Sequence[GridFunction]
+    ) -> None:
+        """Overwrite by the fields of the moving part alone, of its currents' loads and of what fields magnetise."""
+
+    def evaluate(self) -> Coefficients:
+        """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
+        self.solve()
         hall = self._hall
         linked = inner_products(self.loads, self.total)
         return Coefficients(
-            force=quadratic(self.layer_force, self.total) - quadratic(self.layer_force, self.own),
+            force=self.layer_force.of_sum(self.total) - self.layer_force.of_sum(self.own),
             flux_linkage=linked[1:],
             coenergy=0.5 * linked[0, 0],
             hall=None if hall is None else np.array([hall_field(hall, self.mesh, total) for total in self.total]),
@@ -99,19 +119,10 @@ class LinearSystem(SourceFields):
             function.vec.FV().NumPy()[:] = self._free_inverse.solve(load) if load.any() else 0.0
 
     def state(self) -> FloatArray:
-        """The fields of all sources on the mesh as it is now stretched, shape (m, unknowns)."""
+        """As of all sources, shape (m, unknowns)."""
         self._air.Assemble()
         self._inverse.renew((self._air, *self._solid))
         return self.respond(np.zeros(0), self.loads)
-
-    def changes(self, states: Sequence[FloatArray], step: float) -> FloatArray:
-        """The derivative of the sources' fields, from two states a step apart."""
-        return np.asarray((states[1] - states[0]) / step)
-
-    def evaluate(self) -> Coefficients:
-        """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
-        self.solve()
-        return self.coefficients()
 
     def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:  # noqa: ARG002  nothing depends on it
         """What loads (k, unknowns) change of any state of the mesh as it was last solved, in the same shape."""

@@ -81,8 +81,7 @@ class MaterialPoints:
         b = flux_density(space.TrialFunction())
         self._to_flux_density = self._points.map_of(space, b[0], b[1])
         self._to_load = self._to_flux_density.T.tocsr()
-        self._curves: list[tuple[IntArray, BHCurve]] = []
-        self._ends: list[tuple[IntArray, float]] = []
+        self._curves: list[tuple[IntArray, BHCurve, float]] = []  # With the last point's flux density
         self._reluctivity = np.zeros(len(self.weight))
         self.coercive_field = np.zeros((2, len(self.weight)))
         for name, material in named.items():
@@ -92,8 +91,8 @@ class MaterialPoints:
                 coercive = material.reluctivity * material.remanence_T * np.array(material.direction)  # nu B_r
                 self.coercive_field[:, points] = coercive[:, None]
             else:
-                self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
-                self._ends.append((points, material.flux_density_T[-1]))
+                curve = BHCurve(material.flux_density_T, material.field_A_per_m)
+                self._curves.append((points, curve, material.flux_density_T[-1]))
         self.moving = self._named_points("moving:.*")
         self._tensor = tuple(GridFunction(self._points.space) for _ in range(3))
         self.tangent_form = self.tangent_on(space)
@@ -107,7 +106,7 @@ class MaterialPoints:
         size = np.hypot(*b)
         reluctivity = self._reluctivity.copy()
         density = 0.5 * reluctivity * size**2
-        for points, curve in self._curves:
+        for points, curve, _ in self._curves:
             reluctivity[points] = curve.reluctivity(size[points])
             density[points] = curve.energy_density(size[points])
         return reluctivity * b, inner(self.weight, density)
@@ -124,7 +123,7 @@ class MaterialPoints:
         size = np.hypot(*b)
         return any(
             self.weight[points] @ (size[points] > last) > BEYOND_SHARE * self.weight[points].sum()
-            for points, last in self._ends
+            for points, _, last in self._curves
         )
 
     def load(self, h: FloatArray) -> FloatArray:
@@ -135,7 +134,7 @@ class MaterialPoints:
         """The tensor nu_d at B of shape (2, points)."""
         size = np.hypot(*b)
         along, across = self._reluctivity.copy(), self._reluctivity.copy()
-        for points, curve in self._curves:
+        for points, curve, _ in self._curves:
             along[points] = curve.differential_reluctivity(size[points])
             across[points] = curve.reluctivity(size[points])
         r, z = b / np.maximum(size, TINY_FLUX_DENSITY)

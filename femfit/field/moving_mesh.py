@@ -14,18 +14,17 @@ with a = s dg/dr and b = 1 + s dg/dz
 so that a field needs no evaluation anew where the mesh is stretched.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
 from ngsolve import H1, GridFunction, grad
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
-from femfit.device.materials import BHCurve
-from femfit.device.parts import Actuator, LinearMaterial, Material
+from femfit.device.parts import Actuator
 from femfit.field.drawing import build_mesh
 from femfit.field.layout import Layout, layer_outlines, layout_of_group
 from femfit.field.material_points import QuadraturePoints
@@ -59,10 +58,18 @@ class MovingMesh:
         The stretch's own, or all of it within the mover's layer: neither moves an element at a corner of either part,
         where the energy of each part's own field is in error.
         """
-        share = self.mover_weight
-        if self.layout.stretchable:
-            share = stretch_share(self.mesh, self.layout, self._layer_heights)
-        return np.array(share.vec.FV().NumPy()[: self.mesh.nv])
+        return np.array(self._share.vec.FV().NumPy()[: self.mesh.nv])
+
+    @cached_property
+    def _share(self) -> ng.GridFunction:
+        """The share as a function on the mesh as it was made: 1 at the moving part, 0 at the fixed ones."""
+        if not self.layout.stretchable:
+            return self.mover_weight
+        (low, high), far, top = self._layer_heights, FADE * self.layout.radius, self.layout.fixed_top
+        points = np.array([vertex.point for vertex in self.mesh.vertices])
+        along = np.interp(points[:, 1], [top + STILL * (low - top), low, high, far], [0.0, 1.0, 1.0, 0.0])
+        across = np.interp(points[:, 0], [1.5 * self.layout.radius, far], [1.0, 0.0])
+        return function_of(H1(self.mesh, order=1), along * across)
 
     def move_to(self, distance: float) -> None:
         """Stretch to a distance; ``mesh.UnsetDeformation`` undoes it.
@@ -81,12 +88,11 @@ class MovingMesh:
         shift = distance - self.reference
         if not shift:
             return points
-        share = stretch_share(self.mesh, self.layout, self._layer_heights)
         radius, height = points[:, 0], points[:, 1]
         low, high = height - max(shift, 0.0), height - min(shift, 0.0)
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            above = middle + shift * share(self.mesh(radius, middle))[:, 0] > height
+            above = middle + shift * self._share(self.mesh(radius, middle))[:, 0] > height
             low, high = np.where(above, low, middle), np.where(above, middle, high)
         return np.column_stack([radius, 0.5 * (low + high)])
 
@@ -100,57 +106,47 @@ class MovingMesh:
             self.mesh.UnsetDeformation()
 
 
-def stretch_share(mesh: ng.Mesh, layout: Layout, layer_heights: tuple[float, float]) -> ng.GridFunction:
-    """Share of the moving part's shift that each place of the mesh makes: 1 at the part, 0 at the fixed ones."""
-    low, high = layer_heights
-    far = FADE * layout.radius
-    still = layout.fixed_top + STILL * (low - layout.fixed_top)
-    points = np.array([vertex.point for vertex in mesh.vertices])
-    along = np.interp(points[:, 1], [still, low, high, far], [0.0, 1.0, 1.0, 0.0])
-    across = np.interp(points[:, 0], [1.5 * layout.radius, far], [1.0, 0.0])
-    return function_of(H1(mesh, order=1), along * across)
+class StretchedPoints:
+    """Points of a mesh as it was made, with the slopes of the vertices' share in a stretch along z."""
+
+    def __init__(self, radius: FloatArray, slopes: FloatArray) -> None:
+        self.radius, self._slopes = radius, slopes
+
+    def seen(self, fields: FloatArray, stretch: float) -> tuple[FloatArray, ...]:
+        """(a / b, b, w, dw/dr, dw/dz, B) of fields (3 points, k) on the mesh as it was made, under a stretch in m.
+
+        Each is of shape (points, k), a and b (points, 1), and (B_r, B_z) in T (2, points, k).
+        """
+        w, w_r, w_z = fields.reshape(3, -1, fields.shape[1])
+        b = 1.0 + stretch * self._slopes[1][:, None]
+        shear = stretch * self._slopes[0][:, None] / b
+        w_r, w_z, r = w_r - shear * w_z, w_z / b, self.radius[:, None]
+        return shear, b, w, w_r, w_z, np.stack([-r * w_z, 2.0 * w + r * w_r])
 
 
-Law: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""B (2, ..) in T -> H (2, ..) in A/m, and the integral of H dB in J/m^3, both with the remanence's part."""
-
-
-class FieldPoints:
-    """Points of a mesh as it was made, the maps to them, and the vertices' hat functions there."""
+class FieldPoints(StretchedPoints):
+    """The quadrature points of a whole mesh, the maps to them, and the vertices' hat functions there."""
 
     def __init__(self, space: H1, share: FloatArray) -> None:
         mesh = space.mesh
         points, names = QuadraturePoints(mesh, space.globalorder), mesh.GetMaterials()
         self.weight = points.weight
-        self.radius = points.integrals(ng.x) / self.weight
         self._map, hats = (
             points.map_of(unknowns, w, *grad(w))
             for unknowns, w in ((of, of.TrialFunction()) for of in (space, H1(mesh, order=1)))
         )
         self._transposed, self._hats = self._map.T.tocsr(), hats.T.tocsr()
         numbers = points.integrals(mesh.MaterialCF({name: float(k) for k, name in enumerate(names)})) / self.weight
-        self.region: tuple[str, ...] = tuple(names)
-        self._region = numbers.round().astype(np.int64)
-        _, in_r, in_z = self.split(share @ self._hats)
-        self._stretch = in_r, in_z
+        self._regions = np.array(names)[numbers.round().astype(np.int64)]
+        super().__init__(points.integrals(ng.x) / self.weight, (share @ self._hats).reshape(3, -1)[1:])
 
     def of_region(self, name: str) -> IntArray:
         """The points of a region."""
-        return np.flatnonzero(np.isin(self._region, [k for k, region in enumerate(self.region) if region == name]))
+        return np.flatnonzero(self._regions == name)
 
     def fields(self, states: FloatArray) -> FloatArray:
         """(w, dw/dr, dw/dz), one after the other, of states of shape (unknowns, k); shape (3 points, k)."""
         return np.asarray(self._map @ states)
-
-    def split(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The three of :meth:`fields`."""
-        count = len(self.weight)
-        return values[:count], values[count : 2 * count], values[2 * count :]
-
-    def stretched(self, stretch: float) -> tuple[FloatArray, FloatArray]:
-        """(a / b, b) at the points."""
-        b = 1.0 + stretch * self._stretch[1]
-        return stretch * self._stretch[0] / b, b
 
     def nodal(self, values: FloatArray, in_r: FloatArray, in_z: FloatArray) -> FloatArray:
         """Sums over the points, each of shape (points, k), of values phi + in_r dphi/dr + in_z dphi/dz.
@@ -164,74 +160,32 @@ class FieldPoints:
 
         Where the stretch is a shift it does not change, so that differences between stretches are those of the air.
         """
-        w, w_r, w_z = self.split(fields)
-        shear, b = (values[:, None] for values in self.stretched(stretch))
+        shear, b, *_, (b_r, b_z) = self.seen(fields, stretch)
         r, weight = self.radius[:, None], 2.0 * np.pi / MU_0 * (self.weight * self.radius)[:, None] * b
-        b_r, b_z = flux_density_of(r, w, w_r - shear * w_z, w_z / b)
         along_r = weight * r * b_z
         return np.asarray(
             self._transposed @ np.concatenate([2.0 * weight * b_z, along_r, -weight * r * b_r / b - shear * along_r])
         )
 
 
-class PlacedPoints:
-    """(w, dw/dr, dw/dz) at some places of a mesh as it was made, for a few states."""
+class PlacedPoints(StretchedPoints):
+    """Some places of a mesh, one at least, for a few states; B there counts with radii that may be others."""
 
-    def __init__(self, space: H1, points: FloatArray, share: FloatArray) -> None:
-        self._function, mesh = GridFunction(space), space.mesh
-        self._places = mesh(points[:, 0], points[:, 1]) if len(points) else None
+    def __init__(self, space: H1, points: FloatArray, radius: FloatArray, share: FloatArray) -> None:
+        self._function = GridFunction(space)
+        self._places = space.mesh(points[:, 0], points[:, 1])
         self._density = ng.CF((self._function, *grad(self._function)))
-        weight = function_of(H1(mesh, order=1), share)
-        slopes = np.array(grad(weight)(self._places)) if len(points) else np.zeros((0, 2))
-        self._stretch = slopes[:, 0], slopes[:, 1]
+        weight = function_of(H1(space.mesh, order=1), share)
+        super().__init__(radius, np.array(grad(weight)(self._places)).T)
 
     def numbers_of(self, function: Any) -> FloatArray:
         """Values of a function at the places."""
-        return np.zeros(0) if self._places is None else np.array(function(self._places)).ravel()
+        return np.array(function(self._places)).ravel()
 
     def fields(self, states: FloatArray) -> FloatArray:
         """As :meth:`FieldPoints.fields`."""
-        if self._places is None:
-            return np.zeros((0, states.shape[1]))
         columns = []
         for state in states.T:
             self._function.vec.FV().NumPy()[:] = state
             columns.append(np.array(self._density(self._places)).T.ravel())
         return np.stack(columns, axis=1)
-
-    def flux_density(self, fields: FloatArray, radius: FloatArray, stretch: float) -> FloatArray:
-        """(B_r, B_z) of fields at the places; shape (2, n, k)."""
-        w, w_r, w_z = fields.reshape(3, -1, fields.shape[1])
-        shear, b = (stretch * slope[:, None] for slope in self._stretch)
-        b = 1.0 + b
-        return flux_density_of(radius[:, None], w, w_r - shear / b * w_z, w_z / b)
-
-
-def flux_density_of(radius: FloatArray, w: FloatArray, w_r: FloatArray, w_z: FloatArray) -> FloatArray:
-    """(B_r, B_z) in T, shape (2, ..)."""
-    return np.stack([-radius * w_z, 2.0 * w + radius * w_r])
-
-
-def law_of(material: Material) -> Law:
-    """The law of a material."""
-    if isinstance(material, LinearMaterial):
-        nu, (r, z) = material.reluctivity, (material.remanence_T * component for component in material.direction)
-
-        def linear(b: FloatArray) -> tuple[FloatArray, FloatArray]:
-            h = nu * np.stack([b[0] - r, b[1] - z])
-            return h, 0.5 * (b[0] * (h[0] - nu * r) + b[1] * (h[1] - nu * z))
-
-        return linear
-    curve = BHCurve(material.flux_density_T, material.field_A_per_m)
-
-    def saturating(b: FloatArray) -> tuple[FloatArray, FloatArray]:
-        size = np.hypot(*b)
-        return curve.reluctivity(size) * b, curve.energy_density(size)
-
-    return saturating
-
-
-def in_air(b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The law of air."""
-    h = b / MU_0
-    return h, 0.5 * (b[0] * h[0] + b[1] * h[1])

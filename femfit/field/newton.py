@@ -113,9 +113,15 @@ def minimise(
         if residual <= tolerance:
             return NewtonResult(state + correction, len(history), residual, True, tuple(history))
         shortest = 1.0 if residual < RESOLVED or not fresh else SHORTEST_STEP
-        before = here.gradient
-        step, trial, there = _search(problem, currents, state, here, correction, shortest, SUFFICIENT * decrease)
-        stale = residual >= RESOLVED and there.energy > here.energy - SUFFICIENT * step * decrease
+        before, step = here.gradient, 1.0
+        while True:  # the first step of 1, 1/2, 1/4 ... that lowers the energy enough, or the shortest one
+            trial = state + step * correction
+            there = problem.evaluate(trial, currents)
+            enough = there.energy <= here.energy - SUFFICIENT * step * decrease
+            if enough or step <= shortest:
+                break
+            step *= 0.5
+        stale = residual >= RESOLVED and not enough
         if stale and not fresh:
             history.pop()  # a renewed derivative from here is better than a short step by one that misleads
             continue
@@ -154,25 +160,6 @@ def _steps_left(before: float, residual: float, tolerance: float) -> float:
     if residual <= tolerance:
         return 0.0
     return math.log(tolerance / residual) / math.log(residual / before) if residual < before else math.inf
-
-
-def _search(
-    problem: "NonlinearSystem",
-    currents: FloatArray,
-    state: FloatArray,
-    here: Expansion,
-    correction: FloatArray,
-    least: float,
-    decrease: float,
-) -> tuple[float, FloatArray, Expansion]:
-    """The first step of 1, 1/2, 1/4 ... that lowers the energy enough, or the least one; and where it leads."""
-    step = 1.0
-    while True:
-        trial = state + step * correction
-        there = problem.evaluate(trial, currents)
-        if step <= least or there.energy <= here.energy - step * decrease:
-            return step, trial, there
-        step *= 0.5
 
 
 States: TypeAlias = dict[tuple[float, ...], FloatArray]

@@ -17,89 +17,53 @@ F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighte
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from ngsolve import ConvertOperator, GridFunction
+from ngsolve import GridFunction
 
 from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import FloatArray
+from femfit.core.sweep_columns import flux_columns, inductance_columns, pickup_column
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.parts import Actuator
-from femfit.field.layout import Layout
-from femfit.field.material_points import csr
-from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import NewtonResult, States, along_currents
-from femfit.field.nonlinear_system import NonlinearSystem
+from femfit.field.nonlinear_system import FIRST_ORDER, NonlinearSystem, at_orders
 from femfit.field.point_rows import (
+    BEYOND_CURVE,
     NO_CONVERGENCE,
     CurrentsLike,
-    NonlinearPoint,
     PointSolution,
     current_points,
     swept_currents,
     table_rows,
 )
-from femfit.field.problem import PickupCoils
-from femfit.field.signature_rows import SignatureRows
+from femfit.field.problem import MeshedActuator
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import LayerForce, hall_field
-
-FIRST_ORDER = 2
-"""Polynomial order at which the way along the currents is found: a tenth of what an iteration costs at order 5."""
+from femfit.field.weak_form import LayerForce, function_of, hall_field
 
 
-class NonlinearActuator:
-    """One mesh of an actuator with saturating parts, to be stretched over a group of distances.
+class NonlinearActuator(MeshedActuator):
+    """An actuator with saturating parts, solved point by point."""
 
-    The group's distances are in m, ascending; with ``estimate`` each point is also solved one order lower, for the
-    force's error.
-    """
-
-    def __init__(
-        self,
-        actuator: Actuator,
-        group: tuple[float, ...],
-        layout: Layout,
-        settings: SolverSettings,
-        *,
-        estimate: bool = True,
-    ) -> None:
-        self.actuator, self.layout = actuator, layout
+    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
         self._tolerance = settings.newton_tolerance
-        self._hall = actuator.hall
-        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
-        self._moving = MovingMesh(actuator, group, layout, settings)
-        self.mesh = self._moving.mesh
-        self._pickups = PickupCoils(actuator, self._moving)
         below = settings.order - 1
-        orders = sorted({min(FIRST_ORDER, below), below} if estimate else {min(FIRST_ORDER, below)})
-        self._systems = [NonlinearSystem(self._moving, actuator, order) for order in (*orders, settings.order)]
+        orders = min(FIRST_ORDER, below), settings.order, *([below] if estimate else [])
+        self._systems, self._raise_order = at_orders(self._moving, self._actuator, *orders)
         self.coarse, self.fine = self._systems[-2:]
-        self.unknowns = int(self.fine.space.ndof)  # of the finer of the two orders
-        self._raise_order = [
-            csr(ConvertOperator(low.space, high.space), low.space.ndof) for low, high in pairwise(self._systems)
-        ]
         g = self._moving.mover_weight
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
-        self._total, self._own = GridFunction(self.fine.space), GridFunction(self.fine.space)
-        self._signatures: SignatureRows | None = None
         self._solved: dict[float, dict[tuple[float, ...], PointSolution]] = {}  # of the distance last solved
         self._references: States = {}
-        if len(group) > 1:
+        if len(self._group) > 1:
             self._systems[0].move()
-            swept = current_points(swept_currents(actuator.sweep), len(self._circuits))
+            swept = current_points(swept_currents(self._actuator.sweep), len(self._circuits))
             self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
+        return int(self.fine.space.ndof)
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table, one value a point; one without convergence has its ``status`` and no field."""
-        points = current_points(currents, len(self._circuits))
-        return table_rows(self.solve(distance, points), points, self._circuits)
-
-    def solve(self, distance: float, currents: CurrentsLike) -> list[NonlinearPoint]:
-        """Solve all points of the currents at a distance."""
         points = current_points(currents, len(self._circuits))
         with self._moving.at(distance):
             results, bases, pending = [], self._references, points
@@ -115,66 +79,69 @@ class NonlinearActuator:
                 finest[key] = result
                 if result.converged:
                     solutions[key] = evaluate(np.array(key), result.state, coarse[key])
-        self._solved = {distance: solutions}
-        solved = []
+        self._solved, unsolved = {distance: solutions}, PointSolution({"status": NO_CONVERGENCE}, np.nan, np.empty(0))
+        rows, coarse_forces = [], []
         for key in map(tuple, points):  # from the lowest order to the one at which a point ended
             ended = [of_order[key] for of_order in (*results, finest) if key in of_order]
-            iterations, status = sum(order.iterations for order in ended), "ok" if key in solutions else NO_CONVERGENCE
-            solved.append(NonlinearPoint(iterations, ended[-1].residual, status, solutions.get(key)))
-        return solved
+            iterations, solution = sum(order.iterations for order in ended), solutions.get(key, unsolved)
+            newton = {"newton_iterations": iterations, "newton_residual": ended[-1].residual}
+            rows.append(newton | solution.columns)
+            coarse_forces.append(solution.coarse_force)
+        return table_rows(rows, np.array(coarse_forces), points)
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
         """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
         points = current_points(currents, len(self._circuits))
-        results = self._solved.get(distance, {})
-        if not all(tuple(point) in results for point in points):
-            self.solve(distance, points)
-            results = self._solved[distance]
-        if self._signatures is None:
-            self._signatures = SignatureRows(self.actuator, numbers, self._moving, self.fine.space, self.fine.circuits)
+        results, slopes = self._solutions(distance, points), self._slopes(numbers, self.fine.space, self.fine.circuits)
         solved = np.array([tuple(point) in results for point in points])
         states = np.array([results[tuple(point)].state for point in points[solved]]).reshape(-1, self.unknowns)
-        rows = self._signatures.of_states(distance, points[solved], states, self.fine.respond)
+        rows = slopes.of_states(distance, points[solved], states, self.fine.respond)
         result = np.full((len(points), *rows.shape[1:]), np.nan)
         result[solved] = rows
         return result
 
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
         """The field w and the force in N at a point, with the mesh left stretched to it."""
-        (point,) = current_points(currents, len(self._circuits))
-        solution = self._solved.get(distance, {}).get(tuple(point))
+        points = current_points(currents, len(self._circuits))
+        solution = self._solutions(distance, points).get(tuple(points[0]))
         if solution is None:
-            (solved,) = self.solve(distance, currents)
-            solution = solved.solution
-            if solution is None:
-                amperes = ", ".join(f"{i:g}" for i in point)
-                raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {solved.status}.")
+            amperes = ", ".join(f"{i:g}" for i in points[0])
+            raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {NO_CONVERGENCE}.")
         self._moving.move_to(distance)
-        return self.fine.function(solution.state), solution.force
+        return function_of(self.fine.space, solution.state), solution.columns["force_N"]
+
+    def _solutions(self, distance: float, points: FloatArray) -> Mapping[tuple[float, ...], PointSolution]:
+        """The solutions at a distance, with those of points (n, circuits) where their iteration converged."""
+        if not all(tuple(point) in self._solved.get(distance, {}) for point in points):
+            self.rows(distance, points)
+        return self._solved[distance]
 
     def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
-        linked = self._pickups.at(distance)
+        linked, hall = self._pickups.at(distance), self._actuator.hall
+
+        def force(system: NonlinearSystem, layer: LayerForce, state: FloatArray, currents: FloatArray) -> float:
+            alone = function_of(system.space, system.own_state(state, currents))
+            total = function_of(system.space, state)
+            return float(layer.of_sum([total]).item() - layer.of_sum([alone]).item())
 
         def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> PointSolution:
-            total, own = self._total, self._own
-            total.vec.FV().NumPy()[:], own.vec.FV().NumPy()[:] = fine, self.fine.own_state(fine, currents)
-            coarse_force = None
+            total, coarse_force = function_of(self.fine.space, fine), np.nan
             if self._coarse_layer is not None:  # the force of a state one order lower is asked for
-                vectors = coarse, self.coarse.own_state(coarse, currents)
-                of_all, of_mover = (self._coarse_layer.between(w, w) for w in map(self.coarse.function, vectors))
-                coarse_force = of_all - of_mover
-            return PointSolution(
-                force=self._layer.between(total, total) - self._layer.between(own, own),
-                coarse_force=coarse_force,
-                flux_linkage=self.fine.flux_linkage(fine),
-                inductance=self.fine.inductance(fine),
-                coenergy=-self.fine.evaluate(fine, currents).energy,
-                hall=None if self._hall is None else hall_field(self._hall, self.mesh, total),
-                beyond_curve=self.fine.beyond_curve(fine),
-                state=fine,
-                pickup=linked(total),
-            )
+                coarse_force = force(self.coarse, self._coarse_layer, coarse, currents)
+            inductance = self.fine.inductance(fine)
+            columns = {
+                "status": "ok",
+                "force_N": force(self.fine, self._layer, fine, currents),
+                **dict(zip(flux_columns(self._circuits), self.fine.flux_linkage(fine).tolist(), strict=True)),
+                **{name: float(inductance[place]) for name, place in inductance_columns(self._circuits).items()},
+                "coenergy_J": -self.fine.evaluate(fine, currents).energy,
+                BEYOND_CURVE: self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
+                **{pickup_column(name): flux_linkage for name, flux_linkage in linked(total).items()},
+            }
+            if hall is not None:
+                columns["hall_T"] = hall_field(hall, self.mesh, total)
+            return PointSolution(columns, coarse_force, fine)
 
         return evaluate
 

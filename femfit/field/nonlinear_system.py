@@ -13,6 +13,8 @@ field with the state's, F = F_0 + 2 dF. What is of second order in small current
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -108,14 +110,6 @@ class NonlinearSystem:
             self._free_ready = True
         return self._free_inverse.solve(load)
 
-    def beyond_curve(self, state: FloatArray) -> bool:
-        """Whether a B-H curve had to be extrapolated (:meth:`MaterialPoints.beyond_curve`)."""
-        return self.points.beyond_curve(self._flux_density(state))
-
-    def function(self, state: FloatArray) -> GridFunction:
-        """A state as a function on the mesh."""
-        return function_of(self.space, state)
-
     def _flux_density(self, state: FloatArray) -> FloatArray:
         """At the parts' points; that of the last state is kept, which is asked for again and again."""
         if state is not self._last_state:
@@ -124,59 +118,54 @@ class NonlinearSystem:
 
 
 FIRST_ORDER = 2
-"""Polynomial order at which the state is found first."""
+"""Polynomial order at which a state is found first: a tenth of what an iteration costs at order 5."""
+
+
+def at_orders(moving: MovingMesh, actuator: Actuator, *orders: int) -> tuple[list[NonlinearSystem], list[Any]]:
+    """Systems of ascending polynomial orders, and the maps of the states of each but the last to the next one's."""
+    systems = [NonlinearSystem(moving, actuator, order) for order in sorted(set(orders))]
+    return systems, [csr(ConvertOperator(low.space, high.space), low.space.ndof) for low, high in pairwise(systems)]
 
 
 def static_system(
     moving: MovingMesh, actuator: Actuator, order: int, patterns: PatternLoads | None = None
-) -> "LinearSystem | BiasedSystem":
+) -> SourceFields:
     """The system of an actuator's fields at rest, exact or small about the bias."""
     return (BiasedSystem if actuator.saturates else LinearSystem)(moving, actuator, order, patterns)
 
 
 class BiasedSystem(SourceFields):
-    """The system of the module's head, used like a :class:`LinearSystem`; ``bias`` has the circuits' currents in A."""
+    """The system of the module's head; the force has entries in its first row and column alone."""
 
     def __init__(
         self, moving: MovingMesh, actuator: Actuator, order: int, patterns: PatternLoads | None = None
     ) -> None:
-        self.bias = np.zeros(len(actuator.circuits))
-        self._levels = [NonlinearSystem(moving, actuator, degree) for degree in dict.fromkeys((FIRST_ORDER, order))]
-        self._raise_order = csr(
-            ConvertOperator(self._levels[0].space, self._levels[-1].space), self._levels[0].space.ndof
-        )
+        self._levels, self._raise_order = at_orders(moving, actuator, FIRST_ORDER, order)
         super().__init__(self._levels[-1].space, actuator, moving.mover_weight, patterns)
+        self.points = self._levels[-1].points
 
-    @property
-    def points(self) -> MaterialPoints:
-        """The material's points, with the incremental permeability of the state that was last solved."""
-        return self._levels[-1].points
+    def state(self) -> FloatArray:
+        """The state at the bias, shape (m, unknowns)."""
+        return np.array([self._state(self.bias), *np.zeros_like(self.loads[1:])])
 
-    def state(self, currents: FloatArray | None = None) -> FloatArray:
-        """The unknowns of the static state on the mesh as it is now stretched, at the bias or at other currents."""
-        currents = self.bias if currents is None else currents
-        start = np.zeros(self._levels[0].space.ndof)
-        for level in self._levels:
+    def _state(self, currents: FloatArray) -> FloatArray:
+        """The unknowns of the static state on the mesh as it is now stretched, at currents in A."""
+        state = np.zeros(self._levels[0].space.ndof)
+        for k, level in enumerate(self._levels):
             level.move()
-            result = minimise(level, currents, start)
+            result = minimise(level, currents, self._raise_order[k - 1] @ state if k else state)
             if not result.converged:
                 amperes = ", ".join(f"{current:g}" for current in currents)
                 raise FieldSolverError(
                     f"the state at {amperes} A did not converge: Newton's iteration left a residual of "
                     f"{result.residual:.1e}. Check the B-H curve for kinks, or give another solver.eddy_bias_A"
                 )
-            start = self._raise_order @ result.state if level is not self._levels[-1] else result.state
-        return start
-
-    def changes(self, states: Sequence[FloatArray], step: float) -> FloatArray:
-        """The derivative of the sources' fields, from two states a step apart: the first one's, and zeros."""
-        result = np.zeros((len(self.loads), self.space.ndof))
-        result[0] = (states[1] - states[0]) / step
-        return result
+            state = result.state
+        return state
 
     def solve(self) -> None:
         """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
-        state = self.state()
+        state = self._state(self.bias)
         fine = self._levels[-1]
         fine.renew(state)
         self._tensor = fine.points.tensor(fine.points.flux_density(state))
@@ -197,9 +186,8 @@ class BiasedSystem(SourceFields):
             function.vec.FV().NumPy()[:] = fine.solve_free(fine.points.load(induced * fine.points.moving) + load)
 
     def evaluate(self) -> Coefficients:
-        """As :meth:`LinearSystem.evaluate`; the force has entries in its first row and column alone."""
-        rest = self._levels[-1].function(self.state(np.zeros_like(self.bias)))
-        self.solve()
-        result = self.coefficients()
+        """With the flux linkages at rest, without any current."""
+        rest = function_of(self.space, self._state(np.zeros_like(self.bias)))
+        result = super().evaluate()
         result.force[1:, 1:] = 0.0
         return replace(result, rest=inner_products(self.loads[1:], [rest])[:, 0])

@@ -14,7 +14,7 @@ Introduction to Shape Optimization, Springer 1992, section 2.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import ngsolve as ng
@@ -26,7 +26,7 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.outlines import arc_circle
 from femfit.device.parts import Actuator, Coil, Region
-from femfit.field.layout import coil_region
+from femfit.field.layout import bulges_of, parts_of
 from femfit.field.material_points import csr
 from femfit.field.weak_form import materials
 
@@ -34,6 +34,9 @@ ON_EDGE = 1e-9
 """In m: a vertex of the mesh that is nearer to an edge of the drawing lies on it."""
 
 NODES = 4  # of Gauss along an edge of the mesh, for what a displacement of first order leaves
+
+STEP = 1e-6
+"""Numerical: of an edge's way, to either side, for its direction."""
 
 LEFT_OVER = 1e-6
 """Of a number's largest velocity: less than this along an edge is rounding."""
@@ -43,7 +46,7 @@ LEFT_OVER = 1e-6
 class EdgePoints:
     """Points on a part's edge of the drawing, by the fraction of its way from corner to corner."""
 
-    part: tuple[str, int]  # Which outline (``fixed``, ``moving`` or ``coils``) and which of its parts
+    part: str  # Name of its region
     edge: int
     vertices: IntArray  # Of the mesh, in order along the edge
     fractions: FloatArray
@@ -69,7 +72,14 @@ class OutlineMotion:
         u, v = space.TnT()
         self._stiffness = csr(BilinearForm(grad(u) * grad(v) * dx).Assemble().mat, space.ndof)
         self._outer = _vertices_of(mesh.Boundaries("outer"), mesh)
-        self._edges = [edge for location in _magnetic(actuator) for edge in self._on_edges(location)]
+        self._parts = parts_of(actuator)
+        self._drawn = [(parts_of(number.larger), parts_of(number.smaller)) for number in numbers]
+        magnetic = [
+            name
+            for name, material in materials(actuator).items()
+            if material.relative_permeability != 1.0 or material.remanence_T or material.conductivity_S_per_m
+        ]
+        self._edges = [edge for name in magnetic for edge in self._on_edges(name)]
 
     def velocities(self, still: BoolArray) -> FloatArray:
         """Of the vertices, in m per unit, shape (numbers, 2, vertices), with some of them held."""
@@ -88,12 +98,11 @@ class OutlineMotion:
             [self._extended(velocities[:, 0], fixed | axis), self._extended(velocities[:, 1], fixed)], axis=1
         )
 
-    def of_coil(self, place: int) -> FloatArray:
+    def of_coil(self, region: str) -> FloatArray:
         """A coil's own motion, of the vertices in its section, as :meth:`velocities`; zero elsewhere."""
-        edges = self._on_edges(("coils", place))
         velocities = np.zeros((len(self.numbers), 2, len(self._points)))
-        free = _vertices_of(self.mesh.Materials(coil_region(self.actuator.coils[place])), self.mesh)
-        for edge in edges:
+        free = _vertices_of(self.mesh.Materials(region), self.mesh)
+        for edge in self._on_edges(region):
             velocities[:, :, edge.vertices] = self._edge_velocities(edge, edge.fractions)
             free[edge.vertices] = False
         return np.stack([self._extended(velocities[:, k], ~free) for k in range(2)], axis=1)
@@ -104,10 +113,8 @@ class OutlineMotion:
         x, gauss = 0.5 * (1.0 + x), 0.5 * gauss
         largest = np.abs(velocities).max(axis=(1, 2), initial=0.0)[:, None]
         edges_seen, rows = set[tuple[int, int]](), list[tuple[FloatArray, FloatArray, str, FloatArray]]()
-        names = list(materials(self.actuator))  # of the fixed regions, then of the moving ones
         for edge in self._edges:
-            body, place = edge.part
-            where, name = self._line(edge), names[place + (len(self.actuator.fixed) if body == "moving" else 0)]
+            line = self._line(edge.part, edge.edge)
             for k in range(len(edge.vertices) - 1):
                 ends = edge.vertices[k : k + 2]
                 pair = (int(ends.min()), int(ends.max()))
@@ -115,7 +122,8 @@ class OutlineMotion:
                     continue
                 edges_seen.add(pair)
                 t = edge.fractions[k] + x * (edge.fractions[k + 1] - edge.fractions[k])
-                points, tangents = where(t)
+                points, high, low = (_edge_at(*line, t + step) for step in (0.0, STEP, -STEP))
+                tangents = (high - low) / (2.0 * STEP)
                 length = np.hypot(*tangents) * (edge.fractions[k + 1] - edge.fractions[k])
                 normals = np.array([tangents[1], -tangents[0]]) / np.hypot(*tangents)
                 true = self._edge_velocities(edge, t)
@@ -123,7 +131,7 @@ class OutlineMotion:
                 remainder = np.einsum("pcn,cn->pn", true - by_vertices, normals)
                 if np.any(np.abs(remainder) > LEFT_OVER * largest):
                     weights = remainder * gauss * length * 2.0 * math.pi * points[0]
-                    rows.append((points, normals, name, weights))
+                    rows.append((points, normals, edge.part, weights))
         if not rows:
             return EdgeRemainder(np.zeros((0, 2)), np.zeros((0, 2)), (), np.zeros((len(self.numbers), 0)))
         return EdgeRemainder(
@@ -133,45 +141,29 @@ class OutlineMotion:
             np.concatenate([row[3] for row in rows], axis=1),
         )
 
-    def _on_edges(self, location: tuple[str, int]) -> list[EdgePoints]:
+    def _on_edges(self, part: str) -> list[EdgePoints]:
         """The mesh's vertices on every edge of a part."""
         edges = []
-        for edge in range(len(_outline(self.actuator, location).vertices_m)):
-            start, stop, bulge = _edge(_outline(self.actuator, location), edge, self._shift(location))
-            fractions, away = _projected(self._points, start, stop, bulge)
+        for edge in range(len(self._parts[part].vertices_m)):
+            fractions, away = _projected(self._points, *self._line(part, edge))
             near = np.flatnonzero((away < ON_EDGE) & (fractions > -1e-9) & (fractions < 1.0 + 1e-9))
             order = near[np.argsort(fractions[near])]
-            edges.append(EdgePoints(location, edge, order, fractions[order]))
+            edges.append(EdgePoints(part, edge, order, fractions[order]))
         return edges
 
-    def _shift(self, location: tuple[str, int]) -> float:
-        kind, place = location
-        moves = kind == "moving" or (kind == "coils" and self.actuator.coils[place].moves)
-        return self._reference if moves else 0.0
+    def _line(self, part: str, edge: int) -> tuple[FloatArray, FloatArray, float]:
+        """Ends and bulge of an edge on the mesh as it was made."""
+        return _edge(self._parts[part], edge, self._reference if part.startswith("moving") else 0.0)
 
     def _edge_velocities(self, edge: EdgePoints, fractions: FloatArray) -> FloatArray:
         """Of points of an edge at fractions, in m per unit, shape (numbers, 2, points)."""
         result = np.zeros((len(self.numbers), 2, len(fractions)))
-        drawn = _outline(self.actuator, edge.part)
-        for k, number in enumerate(self.numbers):
-            larger, smaller = (_outline(device, edge.part) for device in (number.larger, number.smaller))
-            if larger.vertices_m is drawn.vertices_m or larger.vertices_m == smaller.vertices_m:
-                continue
-            ends = (_edge_at(*_edge(shape, edge.edge, 0.0), fractions) for shape in (larger, smaller))
-            high, low = ends
-            result[k] = (high - low) / (2.0 * number.step)
+        for k, (number, devices) in enumerate(zip(self.numbers, self._drawn, strict=True)):
+            larger, smaller = (parts[edge.part] for parts in devices)
+            if larger.vertices_m != smaller.vertices_m:
+                high, low = (_edge_at(*_edge(shape, edge.edge, 0.0), fractions) for shape in (larger, smaller))
+                result[k] = (high - low) / (2.0 * number.step)
         return result
-
-    def _line(self, edge: EdgePoints) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-        """Points (2, n) and derivatives by the fraction, of fractions."""
-        start, stop, bulge = _edge(_outline(self.actuator, edge.part), edge.edge, self._shift(edge.part))
-
-        def where(t: FloatArray) -> tuple[FloatArray, FloatArray]:
-            step = 1e-6
-            slope = (_edge_at(start, stop, bulge, t + step) - _edge_at(start, stop, bulge, t - step)) / (2.0 * step)
-            return _edge_at(start, stop, bulge, t), slope
-
-        return where
 
     def _extended(self, values: FloatArray, fixed: BoolArray) -> FloatArray:
         """Harmonic between the fixed vertices; shape (numbers, vertices)."""
@@ -184,29 +176,8 @@ class OutlineMotion:
         return held
 
 
-def _magnetic(actuator: Actuator) -> list[tuple[str, int]]:
-    """The parts whose material differs from air's; those that conduct, too."""
-    return [
-        (body, place)
-        for body, regions in (("fixed", actuator.fixed), ("moving", actuator.moving.regions))
-        for place, region in enumerate(regions)
-        if region.material.relative_permeability != 1.0
-        or region.material.remanence_T
-        or region.material.conductivity_S_per_m
-    ]
-
-
-def _outline(actuator: Actuator, location: tuple[str, int]) -> Region | Coil:
-    kind, place = location
-    parts: Sequence[Region | Coil] = (
-        actuator.coils if kind == "coils" else actuator.fixed if kind == "fixed" else actuator.moving.regions
-    )
-    return parts[place]
-
-
 def _edge(shape: Region | Coil, edge: int, shift: float) -> tuple[FloatArray, FloatArray, float]:
-    corners = shape.vertices_m
-    bulges = shape.bulges if isinstance(shape, Region) else ()
+    corners, bulges = shape.vertices_m, bulges_of(shape)
     start, stop = (np.array(corners[k % len(corners)]) + np.array([0.0, shift]) for k in (edge, edge + 1))
     return start, stop, bulges[edge] if bulges else 0.0
 

@@ -99,18 +99,12 @@ class Coefficients:
     coenergy: float  # W_0
     hall: FloatArray | None  # Shape (m,)
     rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class DistanceSolution(Coefficients):
-    """One distance of a linear actuator, with what tells the error of its force."""
-
     # Change of the force from one polynomial order lower, where that was solved; shape (m, m)
-    force_change: FloatArray | None
+    force_change: FloatArray | None = None
     pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by the coils' names; shape (m,) each
 
 
-def superpose(sources: FloatArray, solution: DistanceSolution, circuits: Sequence[str]) -> dict[str, FloatArray]:
+def superpose(sources: FloatArray, solution: Coefficients, circuits: Sequence[str]) -> dict[str, FloatArray]:
     """Table columns at sources of shape (points, 1 + circuits).
 
     The terms of the change between the orders add in magnitude, so that no cancellation flatters the error, which is
@@ -138,88 +132,26 @@ def _form(sources: FloatArray, matrix: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class PointSolution:
-    """One point of the currents at one distance, in SI units.
+    """One point of the currents at one distance where parts saturate."""
 
-    Parameters
-    ----------
-    force, coarse_force : float
-        On the moving part, and one order lower where that was solved.
-    flux_linkage : array, shape (circuits,)
-    inductance : array, shape (circuits, circuits)
-    beyond_curve : bool
-        Whether a B-H curve had to be extrapolated.
-    state : array, shape (unknowns,)
-        Of the finer order.
-    pickup : mapping of str to float
-        Flux linkages of the pickup coils.
+    columns: dict[str, Any]  # Of the sweep table
+    coarse_force: float  # One order lower, in N; NaN where that was not solved
+    state: FloatArray  # Of the finer order, shape (unknowns,)
+
+
+def table_rows(rows: Sequence[Mapping[str, Any]], coarse_force: FloatArray, currents: FloatArray) -> dict[str, Any]:
+    """Columns of the sweep table, one value a point, of what each point has; without convergence it has no field.
+
+    The force's error is absent where its change from one order lower is unknown. At single currents that change passes
+    through zero, so it counts at least with its mean relative to the force; and where the coil cancels the magnet's
+    force, relative to that of the weakest current.
     """
-
-    force: float
-    coarse_force: float | None
-    flux_linkage: FloatArray
-    inductance: FloatArray
-    coenergy: float
-    hall: float | None
-    beyond_curve: bool
-    state: FloatArray
-    pickup: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class NonlinearPoint:
-    """How a point was solved; it has no solution where the iteration did not converge."""
-
-    iterations: int
-    residual: float
-    status: str
-    solution: PointSolution | None
-
-
-def table_rows(points: Sequence[NonlinearPoint], currents: FloatArray, circuits: Sequence[str]) -> dict[str, list[Any]]:
-    """Columns of the sweep table, one value a point; one that did not converge has its ``status`` and no field.
-
-    The error is absent where the force's change between the orders is unknown.
-    """
-    rows = [_columns(point, circuits) for point in points]
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
-    solutions = [point.solution for point in points]
-    if any(solution is not None and solution.coarse_force is not None for solution in solutions):
-        columns["force_error_N"] = _force_errors(solutions, weakest(currents))
+    if np.isfinite(coarse_force).any():
+        force = np.array(columns["force_N"])
+        change, size = np.abs(force - coarse_force), np.abs(force)
+        share = np.nansum(change) / (np.nansum(size) or np.inf)
+        least = share * np.fmax(size, size[weakest(currents)])
+        columns["force_error_N"] = (ERROR_SAFETY * np.fmax(change, least)).tolist()
     return columns
-
-
-def _force_errors(solutions: Sequence[PointSolution | None], weakest_point: int) -> list[float]:
-    """Estimated discretisation errors in N.
-
-    At single currents the change passes through zero, so it counts at least with its mean relative to the force; and
-    where the coil cancels the magnet's force, relative to that of the weakest current.
-    """
-    unsolved = np.nan, np.nan
-    pairs = [unsolved if solution is None else (solution.force, solution.coarse_force) for solution in solutions]
-    force, coarse = np.array(pairs, dtype=np.float64).T
-    change, size = np.abs(force - coarse), np.abs(force)
-    share = np.nansum(change) / (np.nansum(size) or np.inf)
-    least = share * np.fmax(size, size[weakest_point])
-    errors: list[float] = (ERROR_SAFETY * np.fmax(change, least)).tolist()
-    return errors
-
-
-def _columns(point: NonlinearPoint, circuits: Sequence[str]) -> dict[str, Any]:
-    columns = {
-        "newton_iterations": point.iterations,
-        "newton_residual": point.residual,
-        "status": point.status,
-    }
-    solution = point.solution
-    if solution is None:
-        return columns
-    columns |= {
-        "force_N": solution.force,
-        **dict(zip(flux_columns(circuits), solution.flux_linkage.tolist(), strict=True)),
-        **{name: float(solution.inductance[place]) for name, place in inductance_columns(circuits).items()},
-        "coenergy_J": solution.coenergy,
-        BEYOND_CURVE: solution.beyond_curve,
-    }
-    columns |= {pickup_column(name): linked for name, linked in solution.pickup.items()}
-    return columns if solution.hall is None else columns | {"hall_T": solution.hall}

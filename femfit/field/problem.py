@@ -11,7 +11,9 @@ it changes nothing, so the mesh knows nothing of it, and it may share its sectio
 heights of its corners; in each strip the nodes of Gauss lie along z, and along r between edges.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -29,8 +31,8 @@ from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.point_rows import (
+    Coefficients,
     CurrentsLike,
-    DistanceSolution,
     current_points,
     sources,
     superpose,
@@ -42,9 +44,9 @@ from femfit.field.tolerance import (
     LevelChoice,
     SolverSettings,
     ToleranceProblem,
-    at_level,
     check_currents,
     meet_tolerance,
+    refinement_levels,
 )
 
 NODES = 6
@@ -85,33 +87,35 @@ class PickupCoils:
 
 def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
     """Nodes (n, 2) and weights (n,) for integrals over the inside of a polygon; the weights sum to its area."""
-    outline = np.array(corners)
-    starts, stops = outline, np.roll(outline, -1, axis=0)
-    x, w = np.polynomial.legendre.leggauss(NODES)
-    heights = np.unique(outline[:, 1])
+    starts = np.array(corners)
+    stops, heights = np.roll(starts, -1, axis=0), np.unique(starts[:, 1])
     points: list[FloatArray] = []
     weights: list[FloatArray] = []
     for low, high in pairwise(heights):
-        cuts = np.linspace(low, high, max(1, int(np.ceil(STRIPS * (high - low) / np.ptp(heights)))) + 1)
-        for bottom, top in pairwise(cuts):
-            half = 0.5 * (top - bottom)
-            for z, share in zip(0.5 * (bottom + top) + half * x, w, strict=True):
-                crosses = (starts[:, 1] > z) != (stops[:, 1] > z)
-                a, b = starts[crosses], stops[crosses]
-                edges = np.sort(a[:, 0] + (z - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]))
-                for near, far in zip(edges[::2], edges[1::2], strict=True):
-                    ends = np.linspace(near, far, STRIPS + 1)
-                    quarter = 0.5 * np.diff(ends)[:, None]
-                    r = (0.5 * (ends[1:] + ends[:-1])[:, None] + quarter * x).ravel()
-                    points.append(np.column_stack([r, np.full_like(r, z)]))
-                    weights.append(half * share * (quarter * w).ravel())
+        strips = max(1, int(np.ceil(STRIPS * (high - low) / np.ptp(heights))))
+        for z, along in zip(*_in_cells(low, high, strips), strict=True):
+            crosses = (starts[:, 1] > z) != (stops[:, 1] > z)
+            a, b = starts[crosses], stops[crosses]
+            edges = np.sort(a[:, 0] + (z - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]))
+            for near, far in zip(edges[::2], edges[1::2], strict=True):
+                r, across = _in_cells(near, far, STRIPS)
+                points.append(np.column_stack([r, np.full_like(r, z)]))
+                weights.append(along * across)
     return np.concatenate(points), np.concatenate(weights)
 
 
-class LinearActuator:
-    """One mesh of an actuator with linear materials, to be stretched over a group of distances.
+def _in_cells(low: float, high: float, cells: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes of Gauss and their weights between two ends, in cells of equal width."""
+    x, w = np.polynomial.legendre.leggauss(NODES)
+    ends = np.linspace(low, high, cells + 1)
+    half = 0.5 * np.diff(ends)[:, None]
+    return (0.5 * (ends[1:] + ends[:-1])[:, None] + half * x).ravel(), (half * w).ravel()
 
-    The group's distances are in m, ascending; with ``estimate`` each is also solved one order lower, for the force's
+
+class MeshedActuator(ABC):
+    """One mesh of an actuator, to be stretched over a group of distances.
+
+    The group's distances are in m, ascending; with ``estimate`` the force is also solved one order lower, for its
     error.
     """
 
@@ -124,30 +128,44 @@ class LinearActuator:
         *,
         estimate: bool = True,
     ) -> None:
-        self.actuator = actuator
+        self._actuator, self._group = actuator, group
         self._circuits = tuple(circuit.name for circuit in actuator.circuits)
-        self.layout = layout
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
         self._pickups = PickupCoils(actuator, self._moving)
-        self._system = LinearSystem(self._moving, actuator, settings.order)
-        self.unknowns = int(self._system.space.ndof)  # of the finer of the two orders
-        self._lower = LinearSystem(self._moving, actuator, settings.order - 1) if estimate else None
         self._signatures: SignatureRows | None = None
-        self._solved: float | None = None  # distance that the fields are of
+        self.unknowns = self._discretise(settings, estimate=estimate)
 
-    def solve(self, distance: float) -> DistanceSolution:
+    @abstractmethod
+    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
+        """Make the systems on the mesh; the number of unknowns of the finest one."""
+
+    def _slopes(self, numbers: Sequence[DrawnNumber], space: ng.H1, loads: FloatArray) -> SignatureRows:
+        """The signatures of numbers, made when they are first asked for."""
+        if self._signatures is None:
+            self._signatures = SignatureRows(self._actuator, numbers, self._moving, space, loads)
+        return self._signatures
+
+
+class LinearActuator(MeshedActuator):
+    """An actuator with linear materials, of which a distance is solved for all currents at once."""
+
+    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
+        self._system = LinearSystem(self._moving, self._actuator, settings.order)
+        self._lower = LinearSystem(self._moving, self._actuator, settings.order - 1) if estimate else None
+        self._solved: float | None = None  # distance that the fields are of
+        return int(self._system.space.ndof)
+
+    def solve(self, distance: float) -> Coefficients:
         """Solve at a distance."""
         with self._moving.at(distance):
             fine = self._system.evaluate()
             linked = [*map(self._pickups.at(distance), self._system.total)]
             lower = None if self._lower is None else self._lower.evaluate()
         self._solved = distance
-        return DistanceSolution(
-            **vars(fine),
-            force_change=None if lower is None else fine.force - lower.force,
-            pickup={name: np.array([links[name] for links in linked]) for name in linked[0]},
-        )
+        change = None if lower is None else fine.force - lower.force
+        pickup = {name: np.array([links[name] for links in linked]) for name in linked[0]}
+        return replace(fine, force_change=change, pickup=pickup)
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a point of the currents."""
@@ -164,11 +182,10 @@ class LinearActuator:
         if self._solved != distance:
             self.solve(distance)
         system = self._system
-        if self._signatures is None:
-            self._signatures = SignatureRows(self.actuator, numbers, self._moving, system.space, system.loads[1:])
         totals = np.stack([total.vec.FV().NumPy() for total in system.total])
         points = current_points(currents, len(self._circuits))
-        return self._signatures.of_sources(distance, points, totals, system.respond)
+        slopes = self._slopes(numbers, system.space, system.loads[1:])
+        return slopes.of_sources(distance, points, totals, system.respond)
 
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
         """The field w and the force in N at a point, with the mesh left stretched to it."""
@@ -182,9 +199,9 @@ class LinearActuator:
 
 
 if TYPE_CHECKING:
-    from femfit.field.nonlinear_point import NonlinearActuator
+    from femfit.field.tolerance import LevelProblem
 
-    FieldProblem: TypeAlias = LinearActuator | NonlinearActuator | ToleranceProblem
+    FieldProblem: TypeAlias = LevelProblem | ToleranceProblem
 
 
 def prepare(
@@ -204,19 +221,17 @@ def prepare(
         not saturate are solved for all of them at once.
     """
     saturates = actuator.saturates
-
-    def build(of: SolverSettings, *, estimate: bool) -> "LinearActuator | NonlinearActuator":
-        if not saturates:
-            return LinearActuator(actuator, group, layout, of, estimate=estimate)
+    kind: Callable[..., LevelProblem] = LinearActuator
+    if saturates:
         from femfit.field.nonlinear_point import NonlinearActuator  # noqa: PLC0415  loads interpolation and sparse matrices
 
-        return NonlinearActuator(actuator, group, layout, of, estimate=estimate)
-
+        kind = NonlinearActuator
     if settings.tolerance is None:
-        return build(settings, estimate=True)
-    level = partial(build, estimate=False)
+        return kind(actuator, group, layout, settings)
+    level = partial(kind, actuator, group, layout, estimate=False)
     if choice is not None:
-        return at_level(level, choice, settings)
+        chosen = refinement_levels(settings)[choice.level]
+        return ToleranceProblem(level(chosen), chosen, choice)
     circuits = len(actuator.circuits)
     swept = current_points(swept_currents(actuator.sweep), circuits)
     ends = check_currents(swept) if saturates else swept

@@ -53,7 +53,6 @@ class SignatureRows:
     ) -> None:
         mesh = moving.mesh
         self._moving, self._loads = moving, loads
-        self._share = moving.vertex_share
         self._hall, still = np.zeros((0, space.ndof)), np.zeros(mesh.nv, np.bool_)
         self._hall_moves = np.zeros((len(numbers), space.ndof))
         if actuator.hall is not None:
@@ -62,7 +61,7 @@ class SignatureRows:
             still[[vertex.nr for vertex in element.vertices]] = True
             for k, number in enumerate(numbers):
                 self._hall_moves[k] = _hall_motion(number, space)
-        self._slopes = ExplicitSlopes(space, actuator, moving.reference, numbers, self._share, still)
+        self._slopes = ExplicitSlopes(space, actuator, moving, numbers, still)
         self._step = STEP * moving.layout.clearance
         most = max(abs(i) for axis in (actuator.sweep.currents_A, *actuator.sweep.further_A) for i in axis)
         self._size = STEP * (most or 1.0)  # in A, of differences along the currents
@@ -166,46 +165,37 @@ def _hall_motion(number: DrawnNumber, space: H1) -> FloatArray:
     return np.asarray((ends[0] - ends[1]) / (2.0 * scale * 2.0 * number.step))
 
 
-class ImpedanceSignatures:
-    """Slopes of the inductances on one mesh and space; nothing saturates."""
+def impedance_slopes(
+    actuator: Actuator,
+    numbers: Sequence[DrawnNumber],
+    moving: MovingMesh,
+    space: H1,
+    distance: float,
+    frequencies: FloatArray,
+    fields: FieldArray,
+) -> ComplexArray:
+    """Slopes of the inductances per unit of each number in H, shape (numbers, f, n, n); nothing saturates.
 
-    def __init__(self, actuator: Actuator, numbers: Sequence[DrawnNumber], moving: MovingMesh, space: H1) -> None:
-        plain = [
-            replace(number, larger=_unmagnetised(number.larger), smaller=_unmagnetised(number.smaller))
-            for number in numbers
-        ]
-        held = np.zeros(moving.mesh.nv, dtype=np.bool_)
-        self._moving = moving
-        self._slopes = ExplicitSlopes(
-            space, _unmagnetised(actuator), moving.reference, plain, moving.vertex_share, held
-        )
-
-    def at(self, distance: float, frequencies: FloatArray, fields: FieldArray) -> ComplexArray:
-        """Slopes per unit of each number in H, shape (numbers, f, n, n), from fields (f, n, unknowns) of 1 A each.
-
-        The mesh is as it was made, not stretched to the distance.
-        """
-        stretch = distance - self._moving.reference
-        return np.stack(
-            [
-                self._of(2j * np.pi * frequency, stretch, field)
-                for frequency, field in zip(frequencies, fields, strict=True)
-            ],
-            axis=1,
-        )
-
-    def _of(self, s: complex, stretch: float, fields: FieldArray) -> ComplexArray:
-        samples = self._slopes.sample(fields.real.T) + 1j * self._slopes.sample(fields.imag.T)
-        count = len(fields)
-        first, second = np.triu_indices(count, 1)
-        unit = np.eye(count)
-        factors = np.concatenate([unit, unit[first] + unit[second]])
-        doubled = 2.0 * self._slopes.evaluate(samples @ factors.T, factors, stretch, s).T
-        result = np.zeros((len(doubled), count, count), dtype=np.complex128)
-        result[:, range(count), range(count)] = doubled[:, :count]
+    From fields (f, n, unknowns) of 1 A each. The mesh is as it was made, not stretched to the distance.
+    """
+    plain = [
+        replace(number, larger=_unmagnetised(number.larger), smaller=_unmagnetised(number.smaller))
+        for number in numbers
+    ]
+    held, count = np.zeros(moving.mesh.nv, dtype=np.bool_), fields.shape[1]
+    slopes = ExplicitSlopes(space, _unmagnetised(actuator), moving, plain, held)
+    first, second = np.triu_indices(count, 1)
+    unit = np.eye(count)
+    factors = np.concatenate([unit, unit[first] + unit[second]])
+    result = np.zeros((len(numbers), len(frequencies), count, count), dtype=np.complex128)
+    for k, field in enumerate(fields):
+        samples = slopes.sample(field.real.T) + 1j * slopes.sample(field.imag.T)
+        s = 2j * np.pi * frequencies[k]
+        doubled = 2.0 * slopes.evaluate(samples @ factors.T, factors, distance - moving.reference, s).T
+        result[:, k, range(count), range(count)] = doubled[:, :count]
         mutual = 0.5 * (doubled[:, count:] - doubled[:, first] - doubled[:, second])
-        result[:, first, second] = result[:, second, first] = mutual
-        return result
+        result[:, k, first, second] = result[:, k, second, first] = mutual
+    return result
 
 
 def _unmagnetised(actuator: Actuator) -> Actuator:

@@ -144,13 +144,8 @@ def run_sweep(
         beyond = [columns["beyond_bh_curve"] for columns in tables if "beyond_bh_curve" in columns]
         if beyond:  # the actuator saturates
             manifest |= {"points_beyond_bh_curve": sum(map(sum, beyond))}
-        table = SweepTable(
-            rows,
-            manifest,
-            signatures_of(sweep, solved, at_rest) if at_rest else None,
-            eddy,
-            slopes,
-        )
+        drawn_slopes = signatures_of(sweep, solved, at_rest) if at_rest else None
+        table = SweepTable(rows, manifest, drawn_slopes, eddy, slopes)
         _write(table, sweep.actuator, directory, journal)
     return table
 
@@ -193,7 +188,7 @@ def _at_levels(tasks: Sequence[DistanceTask], journal: Journal, record: Done[Dis
         if not task.mesh.shares_level:
             ready.append(task)
             continue
-        first = journal.finished[task.first.key]
+        first = journal.finished[replace(task, distance=task.mesh.distances[0]).key]
         if AGAIN in first:
             record(task, first)
         else:

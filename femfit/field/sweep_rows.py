@@ -13,7 +13,7 @@ from femfit.core.text import counted
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import PickupCoil
 from femfit.device.load import sweep_manifest_entry
-from femfit.device.parts import SweepAxes
+from femfit.device.parts import Actuator, SweepAxes
 from femfit.device.rewrite import VariantSweep
 from femfit.field.point_rows import NO_CONVERGENCE, swept_currents
 from femfit.field.tolerance import scale
@@ -67,19 +67,15 @@ def signatures_of(
     actuator, points = sweep.actuator, swept_currents(sweep.actuator.sweep)
     circuits = [circuit.name for circuit in actuator.circuits]
     slopes = ["force_N", *flux_columns(circuits), *(["hall_T"] if actuator.hall is not None else [])]
-    keys = [number.facts.key for number in numbers]
-    frames = []
+    columns = ["number", *current_columns(circuits), "distance_m", *slopes]
+    keys, frames = [number.facts.key for number in numbers], []
     for distance in actuator.sweep.distances_m:
         signatures = results[1, distance].get("signatures")
         if signatures is not None:
             values = np.array(signatures, dtype=np.float64).swapaxes(0, 1).reshape(-1, len(slopes))
-            frames.append(
-                pd.DataFrame({"number": np.repeat(keys, len(points)), "distance_m": distance})
-                .assign(**dict(zip(current_columns(circuits), np.tile(points.T, len(keys)), strict=True)))
-                .assign(**dict(zip(slopes, values.T, strict=True)))
-            )
-    columns = ["number", *current_columns(circuits), "distance_m", *slopes]
-    rows = pd.concat(frames, ignore_index=True)[columns] if frames else pd.DataFrame(columns=columns)
+            settings = np.repeat(keys, len(points)), *np.tile(points.T, len(keys)), np.full(len(values), distance)
+            frames.append(pd.DataFrame(dict(zip(columns, (*settings, *values.T), strict=True))))
+    rows = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=columns)
     order = pd.Categorical(rows["number"], keys, ordered=True)
     rows = rows.assign(number=order).sort_values(
         ["number", *columns[1 : -len(slopes)]], kind="stable", ignore_index=True
@@ -96,11 +92,16 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
         JSON-ready; ``inputs`` is the whole actuator, and ``variants`` has what each variant's model needs beside its
         rows.
     """
+
+    def described(actuator: Actuator | None) -> dict[str, Any]:
+        if actuator is None:
+            return {"actuator": None, "inputs": None}
+        return {"actuator": sweep_manifest_entry(actuator), "inputs": asdict(actuator)}
+
     manifest = {
         "kind": "sweep",
         "name": sweep.actuator.name,
-        "actuator": sweep_manifest_entry(sweep.actuator),
-        "inputs": asdict(sweep.actuator),
+        **described(sweep.actuator),
         "settings": configuration["settings"],
         "versions": configuration["versions"],
         "configuration_hash": configuration["hash"],
@@ -108,12 +109,7 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
     if not sweep.columns:
         return manifest
     variants = [
-        {
-            VARIANT: number,
-            **dict(zip(sweep.columns, variant.values, strict=True)),
-            "actuator": None if variant.actuator is None else sweep_manifest_entry(variant.actuator),
-            "inputs": None if variant.actuator is None else asdict(variant.actuator),
-        }
+        {VARIANT: number, **dict(zip(sweep.columns, variant.values, strict=True)), **described(variant.actuator)}
         for number, variant in enumerate(sweep.variants, 1)
     ]
     return manifest | {"parameters": list(sweep.columns), "variants": variants}

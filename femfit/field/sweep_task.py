@@ -124,11 +124,6 @@ class DistanceTask:
         return f"{self.variant}: {self.distance!r}"
 
     @property
-    def first(self) -> "DistanceTask":
-        """The task of the group's first distance."""
-        return replace(self, distance=self.mesh.distances[0])
-
-    @property
     def chooses(self) -> bool:
         """Whether it searches for its group's level."""
         return self.mesh.shares_level and self.distance == self.mesh.distances[0]
@@ -250,11 +245,6 @@ class ProbeTask:
     numbers: tuple[DrawnNumber, ...] = ()
     bias: tuple[float, ...] = ()  # In A; where parts saturate
 
-    @property
-    def key(self) -> str:
-        """Name among the tasks."""
-        return f"probe {self.distance!r}"
-
     def result(self) -> dict[str, Any]:
         """Solve; nothing of it is written to the journal."""
         from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only
@@ -294,6 +284,9 @@ class FormsTask:
         """Solve on the group's mesh."""
         from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only
 
-        forms = eddy_probe.eddy_actuator(self.mesh, self.patterns).forms(self.distance, self.bias)
+        system = eddy_probe.system_with_patterns(self.mesh, self.patterns)
+        system.bias = np.array(self.bias)
+        with eddy_probe.moving_mesh(self.mesh).at(self.distance):
+            forms = system.evaluate()
         arrays = {name: getattr(forms, name) for name in ("force", "flux_linkage", "hall", "rest")}
         return {name: None if array is None else array.tolist() for name, array in arrays.items()}

@@ -172,14 +172,6 @@ def meet_tolerance(
     return ToleranceProblem(chosen.problem, levels[chosen.level], choice, None if shared else chosen)
 
 
-def at_level(
-    build: "Callable[[SolverSettings], LevelProblem]", choice: LevelChoice, settings: SolverSettings
-) -> ToleranceProblem:
-    """What :func:`meet_tolerance` gave, without the search."""
-    level = refinement_levels(settings)[choice.level]
-    return ToleranceProblem(build(level), level, choice)
-
-
 def shares_checks(group: tuple[float, ...]) -> bool:
     """Whether a group's level is chosen by checks at some of its distances, for all of them."""
     return len(group) > OWN_MESH_LIMIT

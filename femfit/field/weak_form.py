@@ -36,8 +36,8 @@ from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm
 
 from femfit.core.numerics import MU_0, BoolArray, FloatArray
 from femfit.device.electrics import HallElement
-from femfit.device.parts import Actuator, Coil, LinearMaterial, Material
-from femfit.field.layout import FIXED, MOVING, coil_region
+from femfit.device.parts import Actuator, LinearMaterial, Material, Region
+from femfit.field.layout import FIXED, MOVING, coil_region, parts_of
 
 LAYER = "layer"
 """The region of the mesh's own layer round the moving part, which touches no corner."""
@@ -67,8 +67,7 @@ def hall_field(hall: HallElement, mesh: Mesh, w: GridFunction) -> float:
 
 def materials(actuator: Actuator) -> dict[str, Material]:
     """Material of each of the mesh's region names that is not air."""
-    named = {f"fixed:{region.name}": region.material for region in actuator.fixed}
-    return named | {f"moving:{region.name}": region.material for region in actuator.moving.regions}
+    return {name: part.material for name, part in parts_of(actuator).items() if isinstance(part, Region)}
 
 
 def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
@@ -99,32 +98,20 @@ def source_loads(space: H1, actuator: Actuator, *, moving: bool = False) -> Floa
     array, shape (1 + circuits, unknowns)
         The product of a circuit's row with a solution is that solution's flux linkage.
     """
-    loads = [_magnet_load(space, actuator, "moving:" if moving else "")]
-    coils = [(coil, _coil_load(space, coil)) for coil in actuator.coils if coil.moves or not moving]
-    for circuit in actuator.circuits:
-        signed = [coil.sign * load for coil, load in coils if coil.circuit == circuit.name]
-        loads.append(np.sum(signed, axis=0) if signed else np.zeros(space.ndof))
-    return np.array(loads)
-
-
-def _magnet_load(space: H1, actuator: Actuator, prefix: str) -> FloatArray:
-    v = space.TestFunction()
-    form = LinearForm(space)
-    for name, material in materials(actuator).items():
-        if material.remanence_T and isinstance(material, LinearMaterial) and name.startswith(prefix):
+    v, r = space.TestFunction(), ng.x
+    forms = [LinearForm(space) for _ in range(1 + len(actuator.circuits))]
+    for name, material in linear_materials(actuator).items():
+        if material.remanence_T and (name.startswith("moving:") or not moving):
             source = material.reluctivity * material.remanence_T
             along = InnerProduct(CF(material.direction), flux_density(v))
-            form += source * along * 2.0 * math.pi * ng.x * dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
-    return np.array(form.Assemble().vec.FV().NumPy())
-
-
-def _coil_load(space: H1, coil: Coil) -> FloatArray:
-    v = space.TestFunction()
-    r = ng.x
-    density = coil.turns / shapely.Polygon(coil.vertices_m).area
-    form = LinearForm(space)
-    form += density * r * v * 2.0 * math.pi * r * dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
-    return np.array(form.Assemble().vec.FV().NumPy())
+            forms[0] += source * along * 2.0 * math.pi * r * dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
+    coils = [coil for coil in actuator.coils if coil.moves or not moving]
+    for place, circuit in enumerate(actuator.circuits, 1):
+        for coil in (coil for coil in coils if coil.circuit == circuit.name):
+            density = coil.sign * coil.turns / shapely.Polygon(coil.vertices_m).area
+            over = dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
+            forms[place] += density * r * v * 2.0 * math.pi * r * over
+    return np.array([form.Assemble().vec.FV().NumPy() for form in forms])
 
 
 def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
@@ -173,23 +160,16 @@ class LayerForce:
         form += stress_density(flux_density(w), flux_density(v), grad(g)) * region
         self._form = form.Assemble()
 
-    def between(self, first: GridFunction, second: GridFunction) -> float:
-        """The bilinear force of two solutions w in N: that of their sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
-        return float(InnerProduct(first.vec, self.image(second)))
+    def between(self, first: Sequence[GridFunction], second: Sequence[GridFunction]) -> FloatArray:
+        """The bilinear force of solutions w with others in N: that of a sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
+        result = np.zeros((len(first), len(second)))
+        for k, function in enumerate(second):
+            image = function.vec.CreateVector()
+            image.data = self._form.mat * function.vec
+            result[:, k] = [InnerProduct(other.vec, image) for other in first]
+        return result
 
-    def image(self, function: GridFunction) -> Any:
-        """The vector whose product with a solution is its bilinear force with this one."""
-        image = function.vec.CreateVector()
-        image.data = self._form.mat * function.vec
-        return image
-
-
-def quadratic(form: LayerForce, functions: Sequence[GridFunction]) -> FloatArray:
-    """The force of a sum of solutions as a quadratic form in their factors: symmetric, in N."""
-    count = len(functions)
-    matrix = np.zeros((count, count))
-    for j in range(count):
-        image = form.image(functions[j])
-        for k in range(j + 1):
-            matrix[j, k] = matrix[k, j] = InnerProduct(functions[k].vec, image)
-    return matrix
+    def of_sum(self, functions: Sequence[GridFunction]) -> FloatArray:
+        """The force of a sum of solutions as a quadratic form in their factors: symmetric, in N."""
+        whole = self.between(functions, functions)
+        return np.asarray(0.5 * (whole + whole.T))

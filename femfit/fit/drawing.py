@@ -27,7 +27,7 @@ from femfit.fit.sensed_field import HallFit
 from femfit.model.bspline import basis_matrix
 from femfit.model.carried import FieldTerm
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
-from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_currents import EddyCurrents, Patterns
 from femfit.model.impedance import CUBIC, impedance_change, induced_impedance
 from femfit.model.magnetics import CoenergySpline, Magnetics
 from femfit.tables.signatures import ImpedanceSlopes, Signatures
@@ -157,9 +157,9 @@ def with_impedances(
 
 def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArray, eddy: EddyCurrents) -> ComplexArray:
     """The share g at distances and frequencies, shape (d, f, n, n)."""
-    at_each = np.broadcast_to(distance[:, None], (len(distance), len(frequency)))
-    alone, share = inductance[:, None], np.ones_like(at_each, dtype=np.complex128)
-    induced = induced_impedance(alone, 2j * np.pi * frequency, share, eddy.patterns(at_each))
+    (forms,) = eddy.forms(np.broadcast_to(distance[:, None], (len(distance), len(frequency))))
+    alone, patterns = inductance[:, None], Patterns(forms.coupling, forms.inductance, eddy.resistances_ohm)
+    induced = induced_impedance(alone, 2j * np.pi * frequency, 1.0, patterns)
     return np.asarray(induced @ np.linalg.inv(alone) / (2j * np.pi * frequency[:, None, None]))
 
 

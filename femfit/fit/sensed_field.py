@@ -36,7 +36,7 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows, rms
-from femfit.model.bspline import LINE, TensorSpline
+from femfit.model.bspline import TensorSpline
 from femfit.model.hall import CurrentAxis, HallSpline, SensedField
 from femfit.tables.sweep_table import SweepTable, current_names
 
@@ -180,7 +180,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     sensed = SensedRows(rows.distance, rows.circuit_currents, hall)
     basis, coefficients, held_out = _fitted(sensed, trials, HALL_TARGET, "The field at the Hall element")
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
-    field = HallSpline(basis.coordinate, TensorSpline(basis.u_knots, knots, basis.u_degree, degree, coefficients, LINE))
+    field = HallSpline(basis.coordinate, TensorSpline(basis.u_knots, knots, basis.u_degree, degree, coefficients))
     residual = field.field(rows.distance, rows.circuit_currents) - hall
     _, _, slope = field.derivatives(rows.distance, rows.circuit_currents)
     ends = np.array([rows.distances[-1], rows.distances[0]])

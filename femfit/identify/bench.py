@@ -27,6 +27,7 @@ from femfit.identify.series.observations import series_observations
 from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.at_rest import Point
 from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
 from femfit.model.with_effects import nominal_of
 from femfit.tables.header import parts_of
@@ -82,7 +83,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
     prediction = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
     stacked = prediction.stacked
-    slope, curvature, *by_current = stacked(setting_slopes(model, d, i, conditions, channels)).T
+    slope, curvature, *by_current = stacked(setting_slopes(Point(model, d, i, conditions, model.effects), channels)).T
     own_misfit, declared = model_tolerance(model), dict(table.declared_noise)
     tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels} | dict(
         weighing.tolerance
@@ -129,9 +130,9 @@ class _BenchPrediction:
     weight: Mapping[str, FloatArray]  # Of impedances, of every row
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
-        own, setting = self.model.effects, (self.model, self.distance_m, self.current_A, self.conditions)
-        places = [(len(own) + k, name) for k, name in parameters]
-        return self.stacked(readings_by(*setting, (*own, *effects), places, tuple(self.rows)))
+        at = Point(self.model, self.distance_m, self.current_A, self.conditions, (*self.model.effects, *effects))
+        places = [(len(self.model.effects) + k, name) for k, name in parameters]
+        return self.stacked(readings_by(at, places, tuple(self.rows)))
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the rows (k, N) as columns (M, k), channel after channel."""

@@ -27,7 +27,7 @@ from femfit.model.impedance import impedances_at
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics, Windings
 from femfit.model.sample_step import SampleStep
 from femfit.model.several_magnetics import FORMULA, NETWORK, CoenergyMatrix, CoenergyTensor, NetworkMagnetics
-from femfit.model.validity import ActuatorKind, FiledBox, Misfit, ProcessNoise, ValidityBox
+from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
 
 Part = TypeVar("Part")
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -92,7 +92,7 @@ class ActuatorModel(Printed):
     magnetics: Magnetics = limited(
         metadata={"kinds": (CoenergySpline, CoenergyMatrix, CoenergyTensor, NetworkMagnetics, LawMagnetics)}
     )
-    validity: ValidityBox = limited(metadata={"form": FiledBox})
+    validity: ValidityBox
     circuits: tuple[Circuit, ...] = ()
     motion: Mechanics | None = None
     sensor: HallSensor | None = None

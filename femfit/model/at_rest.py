@@ -18,6 +18,7 @@ from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy
+from femfit.model.magnetics import AXES, MagneticState, derivatives_of
 from femfit.model.with_effects import coenergy_of
 
 if TYPE_CHECKING:
@@ -29,13 +30,16 @@ SETS = 128
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """What an expression at a point is written in: distance, currents (n,), conditions and parameters as symbols."""
+    """Where a model under effects is asked: N points of arrays, or the symbols that an expression at one is written in.
 
-    model: "ActuatorModel"  # Without effects
-    distance: SX
-    currents: SX
+    Distances have the shape (N,), currents (N, n); those of an expression are one, and (n,).
+    """
+
+    model: "ActuatorModel"  # Its base counts
+    distance: Expression
+    currents: Expression
     conditions: Conditions
-    effects: tuple[AddedEffect, ...]
+    effects: Sequence[AddedEffect]  # In place of the model's own
 
     def parameters(self, names: Sequence[tuple[int, str]]) -> SX:
         """Some parameters, each by the number of its effect and its name."""
@@ -54,110 +58,70 @@ class Point:
     def magnetic(self, *, slopes: bool) -> dict[str, SX]:
         """Force, flux linkages and field at the Hall element; on demand motional constants, and inductances (n n,)."""
         coenergy = changed_coenergy(coenergy_of(self.model), self.effects, self.conditions)
-        n = self.currents.numel()
+        names = "force", "flux_linkage", *(("motional_constant", "inductance") if slopes else ())
 
         def derived(x: SX) -> SX:
             d, i = x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:])
-            value = SX(coenergy(d, i, 0.0))
-            linkage = ca.gradient(value, i)
-            parts = [-ca.gradient(value, d), linkage, slope(lambda h: coenergy(d, i, h), 0.0)]
-            if slopes:
-                parts += [-ca.jacobian(linkage, d), ca.vec(ca.jacobian(linkage, i))]
-            return ca.vertcat(*(ca.densify(part) for part in parts))
+            parts = derivatives_of(names, SX(coenergy(d, i, 0.0)), d, i)
+            return ca.vertcat(*parts.values(), ca.densify(slope(lambda h: coenergy(d, i, h), 0.0)))
 
         found = of_variable(derived, ca.vertcat(self.distance, self.currents))
-        sizes = {"force": 1, "flux_linkage": n, "hall_T": 1}
-        if slopes:
-            sizes |= {"motional_constant": n, "inductance": n * n}
-        return dict(zip(sizes, ca.vertsplit(found, [0, *accumulate(sizes.values())]), strict=True))
+        ends = accumulate((self.currents.numel() ** AXES[name] for name in names), initial=0)
+        return dict(zip((*names, "hall_T"), ca.vertsplit(found, [*ends, found.numel()]), strict=True))
 
 
-def at_points(
-    model: "ActuatorModel",
-    what: Hashable,
-    expressions: Callable[[Point], Mapping[str, SX]],
-    distance: FloatArray,
-    currents: FloatArray,
-    effects: Sequence[AddedEffect],
-    conditions: Conditions,
-) -> dict[str, FloatArray]:
-    """Expressions (entries,) by name at distances (N,) and currents (N, n), each of shape (entries, N).
+def at_points(what: Hashable, expressions: Callable[[Point], Mapping[str, SX]], at: Point) -> dict[str, FloatArray]:
+    """Expressions (entries,) by name at N points, each of shape (entries, N).
 
     Parameters
     ----------
     what : hashable
         What tells the expressions from others of the same model.
-    effects : sequence of AddedEffect
-        In place of the model's own.
     """
-    known, numbers = model.without_effects.resting, conditions.numbers
-    key = what, tuple(id(added.effect) for added in effects), tuple(numbers), conditions.running
+    known, numbers = at.model.without_effects.resting, at.conditions.numbers
+    key = what, tuple(id(added.effect) for added in at.effects), tuple(numbers), at.conditions.running
     entry = known.get(key)
     if entry is None:  # beside the effects themselves, so that their addresses stay theirs
-        entry = tuple(effects), *_function(model, expressions, currents.shape[1], effects, conditions)
+        entry = tuple(at.effects), *_function(expressions, at)
         while len(known) >= SETS:
             known.pop(next(iter(known)), None)
         known[key] = entry
-    given = np.empty((len(numbers), len(distance)))
+    given = np.empty((len(numbers), len(at.distance)))
     for row, value in zip(given, numbers.values(), strict=True):
         row[:] = value
-    sizes = [added.parameters[p.name] for added in effects for p in added.effect.parameters]
+    sizes = [added.parameters[p.name] for added in at.effects for p in added.effect.parameters]
     _, names, ends, function = entry
-    values = function(np.concatenate([distance[None], currents.T]), given, np.array(sizes, dtype=np.float64))
+    values = function(np.concatenate([at.distance[None], at.currents.T]), given, np.array(sizes, dtype=np.float64))
     return dict(zip(names, np.split(values, ends), strict=True))
 
 
 def _function(
-    model: "ActuatorModel",
-    expressions: Callable[[Point], Mapping[str, SX]],
-    n: int,
-    effects: Sequence[AddedEffect],
-    conditions: Conditions,
+    expressions: Callable[[Point], Mapping[str, SX]], at: Point
 ) -> tuple[list[str], list[int], GraphFunction]:
     """Names of the expressions, where each but the last ends, and ((d, currents), conditions, parameters) -> all."""
     with building():
-        d, i, numbers = SX.sym("d"), SX.sym("i", n), conditions.numbers
+        d, i, numbers = SX.sym("d"), SX.sym("i", at.currents.shape[1]), at.conditions.numbers
         given, sizes = SX.sym("given", len(numbers)), SX(0, 1)
         symbols = []
-        for added in effects:
+        for added in at.effects:
             own = SX.sym(added.effect.name, len(added.effect.parameters))
             named = zip((p.name for p in added.effect.parameters), ca.vertsplit(own), strict=True)
             symbols.append(replace(added, parameters=dict(named)))
             sizes = ca.vertcat(sizes, own)
-        at = conditions.with_numbers(dict(zip(numbers, ca.vertsplit(given), strict=True)))
-        found = expressions(Point(model.without_effects, d, i, at, tuple(symbols)))
+        conditions = at.conditions.with_numbers(dict(zip(numbers, ca.vertsplit(given), strict=True)))
+        found = expressions(Point(at.model.without_effects, d, i, conditions, tuple(symbols)))
         ends = list(accumulate(value.numel() for value in found.values()))[:-1]
         output = ca.vertcat(*(ca.densify(ca.vec(value)) for value in found.values()))
         return list(found), ends, GraphFunction([ca.vertcat(d, i), given, sizes], output)
 
 
-@dataclass(frozen=True, eq=False)
-class AtRest:
-    """What a model shows of points at rest, N of n currents."""
-
-    force: FloatArray  # In N, shape (N,)
-    flux_linkage: FloatArray  # In Wb, shape (N, n)
-    hall_T: FloatArray  # Field at the Hall element, shape (N,); 0 without one
-    motional_constant: FloatArray  # In N/A, shape (N, n)
-    inductance: FloatArray  # In H, shape (N, n, n)
-
-
-def at_rest(
-    model: "ActuatorModel",
-    distance: FloatArray,
-    currents: FloatArray,
-    effects: Sequence[AddedEffect],
-    conditions: Conditions,
-) -> AtRest:
-    """What effects in place of a model's own make of it at distances (N,) and currents (N, n).
-
-    Where the conditions lack an effect's states, these are as on a slow sweep.
-    """
+def at_rest(at: Point) -> MagneticState:
+    """What effects make of a model at N points, without dF/dd; states that conditions lack are as on a slow sweep."""
 
     def magnetic(point: Point) -> dict[str, SX]:
         return point.resting(point.distance, point.currents).magnetic(slopes=True)
 
-    acting, n = tuple(added for added in effects if added.effect.coenergy is not None), currents.shape[1]
-    values = at_points(model, "at rest", magnetic, distance, currents, acting, conditions)
-    shapes = {"force": (), "flux_linkage": (n,), "hall_T": (), "motional_constant": (n,), "inductance": (n, n)}
-    return AtRest(**{name: values[name].T.reshape(len(distance), *shape) for name, shape in shapes.items()})
+    acting, points = tuple(added for added in at.effects if added.effect.coenergy is not None), at.currents.shape
+    values = at_points("at rest", magnetic, replace(at, effects=acting))
+    shapes = {name: (points[0], *points[1:] * AXES.get(name, 0)) for name in values}
+    return MagneticState(**{name: part.T.reshape(shapes[name]) for name, part in values.items()})

@@ -72,11 +72,10 @@ class TensorSpline:
     coefficients: FloatArray = field(
         metadata={"shape": lambda s: (functions(s.x_knots, s.x_degree), functions(s.y_knots, s.y_degree))}
     )
-    beyond: int = field(default=PARABOLA, metadata={"key": None})  # Degree of what continues it in y
 
-    def expression(self, x: Expression, y: Expression) -> SX:
-        """The value of an expression's x and y."""
-        axes = (self.x_knots, self.x_degree), (self.y_knots, self.y_degree, self.beyond)
+    def expression(self, x: Expression, y: Expression, beyond: int = PARABOLA) -> SX:
+        """The value of an expression's x and y, continued in y by a polynomial of the degree ``beyond``."""
+        axes = (self.x_knots, self.x_degree), (self.y_knots, self.y_degree, beyond)
         return spline_at(self, axes, self.coefficients[..., None], x, y)[0]
 
 

@@ -10,17 +10,18 @@ from data then adds no force beyond their distances, nor a flux linkage that gro
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from casadi import SX
+from scipy.interpolate import BSpline
 
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import AddedEffect, Coenergy, Effect, EffectParameter, FieldPoint, Parameters
-from femfit.model.bspline import CellTable, basis_matrix, cells_of, functions
+from femfit.model.bspline import functions, spline_at
 from femfit.model.hall import HallSpline
 from femfit.model.impedance import ImpedanceChange
 from femfit.model.magnetics import CoenergySpline
@@ -61,10 +62,9 @@ class Curve:
         """Values at points of any shape, or of an expression."""
         inside = np.clip(x, self.knots[0], self.knots[-1])
         if isinstance(x, SX):
-            table = CellTable([cells_of(self.knots, self.degree)], self.coefficients[:, None])
-            return p[self.parameter] * table.at(inside)[0]
-        values = basis_matrix(np.ravel(inside), self.knots, self.degree) @ self.coefficients
-        return np.asarray(p[self.parameter] * values.reshape(np.shape(x)))
+            axes = [(self.knots, self.degree)]
+            return p[self.parameter] * spline_at(self, axes, self.coefficients[:, None], inside)[0]
+        return np.asarray(p[self.parameter] * BSpline(self.knots, self.coefficients, self.degree)(inside))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,21 +107,16 @@ class Carried:
     notes: Mapping[str, str] = field(default_factory=dict, metadata={"omit": True})
     gap_m: float = field(default=0.0, metadata={"key": None})
 
-    @property
-    def parameters(self) -> dict[str, str]:
-        """Names of the parameters that it goes with, by their key paths in a file."""
+    def unknown(self, parameters: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """Faults of a file: parameters that an effect of these does not have."""
         holders: dict[str, Any] = {f"magnetics[{k}]": term for k, term in enumerate(self.magnetics or ())}
         for group in ("setting", "readings", "branches"):
             holders |= {f"{group}.{name}": curve for name, curve in getattr(self, group).items()}
         holders |= {name: getattr(self, name) for name in ("resistance", "impedance", "conductivity")}
         holders["brake.against"] = self.brake and self.brake.against
-        return {f"{path}.parameter": one.parameter for path, one in holders.items() if one is not None}
-
-    def unknown(self, parameters: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """Faults of a file: parameters that an effect of these does not have."""
-        for path, name in self.parameters.items():
-            if name not in parameters:
-                yield path, f"one of the effect's ({', '.join(sorted(parameters))})"
+        for path, holder in holders.items():
+            if holder is not None and holder.parameter not in parameters:
+                yield f"{path}.parameter", f"one of the effect's ({', '.join(sorted(parameters))})"
 
     def coenergy_stage(self, inner: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
         """The changed co-energy."""
@@ -189,22 +184,13 @@ def carried_effect(
     reference: str = "",
 ) -> Effect:
     """The effect that acts as its data say."""
-    coenergy = carried.magnetics is not None
-    acts = {
-        "magnetics": coenergy or carried.impedance or carried.conductivity,
-        "bench": carried.setting,
-        "sensors": carried.readings or carried.branches,
-        "force": carried.brake,
-    }
     return Effect(
         name=name,
         symptom=symptom,
-        acts_on=tuple(what for what, stage in acts.items() if stage),
         parameters=tuple(parameters),
-        needs=(),
         experiment=experiment,
         reference=reference,
-        coenergy=carried.coenergy_stage if coenergy else None,
+        coenergy=carried.coenergy_stage if carried.magnetics is not None else None,
         setting=carried.setting_stage if carried.setting else None,
         readings=carried.readings_stage if carried.readings or carried.branches else None,
         force=carried.force_stage if carried.brake else None,
@@ -231,8 +217,7 @@ class FiledCarried:
 
     def effect(self, name: str) -> Effect:
         """The effect itself."""
-        texts = {"experiment": self.experiment, "reference": self.reference}
-        return carried_effect(name, self.symptom, self.parameters, self.carried, **texts)
+        return carried_effect(name, **vars(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,9 +234,7 @@ class FiledEffect:
         """An effect as the file has it."""
         effect, carried = added.effect, None
         if isinstance(effect.carried, Carried):
-            carried = FiledCarried(
-                effect.symptom, effect.experiment, effect.reference, effect.parameters, effect.carried
-            )
+            carried = FiledCarried(**{f.name: getattr(effect, f.name) for f in fields(FiledCarried)})
         return cls(effect.name, added.parameters, added.ci95, carried)
 
 

@@ -68,30 +68,22 @@ def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX,
         rate = driving / inductance
         first, second, third = shares(step * resistances / inductance)
         return first * rate, second * rate, third * rate
-    totals = SX.zeros(m, k), SX.zeros(m, k), SX.zeros(m, k)
-    own, right = step * resistances, [[Complex(x, SX(0.0)) for x in row] for row in _rows(driving)]
+    totals, right = [SX.zeros(m, k), SX.zeros(m, k), SX.zeros(m, k)], complex_array(driving)
     for pole, residue in POLES.items():
-        matrix = [
-            [Complex(own[i, j] + pole.real * inductance[i, j], pole.imag * inductance[i, j]) for j in range(m)]
-            for i in range(m)
-        ]
+        matrix = complex_array(step * resistances + pole.real * inductance, pole.imag * inductance)
         factors = _factored(matrix)
-        parts = [*(x for row in factors for x in row), *(x for row in _solved(factors, right) for x in row)]
+        parts = [x for row in (*factors, *_solved(factors, right)) for x in row]
         numbers = settled(ca.vertcat(*(part for x in parts for part in (x.real, x.imag))))
         known = iter([Complex(numbers[2 * n], numbers[2 * n + 1]) for n in range(len(parts))])
         factors = [[next(known) for _ in row] for row in factors]
-        found = [[next(known) for _ in row] for row in right]
-        missing = [
-            [_less(b, matrix[i], [line[j] for line in found]) for j, b in enumerate(row)] for i, row in enumerate(right)
-        ]
-        more = _solved(factors, missing)
-        for order, total in enumerate(totals, start=1):
-            weight = -2.0 * residue / pole**order
-            for i in range(m):
-                for j in range(k):
-                    total[i, j] += weight.real * (found[i][j].real + more[i][j].real)
-                    total[i, j] -= weight.imag * (found[i][j].imag + more[i][j].imag)
-    return totals
+        found = np.array([[next(known) for _ in row] for row in right], dtype=object)
+        found = found + np.array(_solved(factors, right - matrix @ found), dtype=object)
+        real = ca.reshape(ca.vertcat(*(x.real for x in found.T.flat)), m, k)
+        imag = ca.reshape(ca.vertcat(*(x.imag for x in found.T.flat)), m, k)
+        for n in range(3):
+            weight = -2.0 * residue / pole ** (n + 1)
+            totals[n] += weight.real * real - weight.imag * imag
+    return totals[0], totals[1], totals[2]
 
 
 def shares(z: SX) -> tuple[SX, SX, SX]:
@@ -110,15 +102,9 @@ def _rows(matrix: SX) -> list[list[Any]]:
     return [ca.horzsplit(row) for row in ca.vertsplit(matrix)]
 
 
-def _less(right: "Complex", row: list["Complex"], column: list["Complex"]) -> "Complex":
-    for a, b in zip(row, column, strict=True):
-        right = right - a * b
-    return right
-
-
-def _factored(matrix: list[list[Any]]) -> list[list[Any]]:
+def _factored(matrix: Any) -> list[list[Any]]:
     """U of a symmetric A = U^T D^-1 U with D the diagonal of U: from each row's diagonal on, without exchanges."""
-    rows = [row[k:] for k, row in enumerate(matrix)]
+    rows = [list(row[k:]) for k, row in enumerate(matrix)]
     for k, row in enumerate(rows):
         for j in range(1, len(row)):
             factor = row[j] / row[0]
@@ -126,7 +112,7 @@ def _factored(matrix: list[list[Any]]) -> list[list[Any]]:
     return rows
 
 
-def _solved(factors: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]:
+def _solved(factors: list[list[Any]], right: Any) -> list[list[Any]]:
     """A^-1 B from the factors of A."""
     right = [list(row) for row in right]
     for k, row in enumerate(factors):
@@ -188,7 +174,7 @@ def complex_array(matrix: SX, imag: SX | None = None) -> ComplexExpressions:
 
 def solved(matrix: ComplexExpressions, right: ComplexExpressions) -> ComplexExpressions:
     """A^-1 B of small complex matrices, A symmetric with pivots that do not vanish."""
-    return np.array(_solved(_factored([list(row) for row in matrix]), [list(row) for row in right]), dtype=object)
+    return np.array(_solved(_factored(matrix), right), dtype=object)
 
 
 DEGREE = 8
@@ -249,14 +235,12 @@ class ResponseTable:
         row = row_of(self._table, [self._borders], [d])
         x, polynomial_of = (d - row[0]) * row[1], polynomial((DEGREE + 1,))
         entries = [polynomial_of(coefficients, x) for coefficients in ca.vertsplit(row[2:], DEGREE + 1)]
-        size = len(entries) // 3
-        matrices = []
-        for first in (0, size, 2 * size):
-            matrix = SX.zeros(self._count, self._count)
-            for value, j, k in zip(entries[first : first + size], *np.triu_indices(self._count), strict=True):
-                matrix[int(j), int(k)] = matrix[int(k), int(j)] = value
-            matrices.append(matrix)
-        return matrices
+        size, below = (
+            len(entries) // 3,
+            ca.Sparsity.lower(self._count),
+        )  # column by column, as the entries are row by row
+        parts = (SX(below, ca.vertcat(*entries[first : first + size])) for first in (0, size, 2 * size))
+        return [ca.densify(ca.tril2symm(part)) for part in parts]
 
 
 def _ends(inductance: Callable[[FloatArray], FloatArray], domain: tuple[float, float]) -> tuple[float, float]:

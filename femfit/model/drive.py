@@ -113,11 +113,6 @@ def voltage_limits(circuits: tuple[Circuit, ...]) -> FloatArray:
     return np.array([(one.voltage_min_V, one.voltage_max_V) for one in circuits]).T
 
 
-def is_plain(circuits: tuple[Circuit, ...]) -> bool:
-    """Whether every winding sees the command itself, as behind a bridge."""
-    return all(circuit.drive.kind == "voltage" and circuit.drive.diode_V is None for circuit in circuits)
-
-
 def circuit_terms(
     model: "ActuatorModel", distance: FloatArray, currents: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

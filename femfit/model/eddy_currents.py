@@ -48,9 +48,8 @@ class EddyError:
     frequency_max_Hz: float
     impedance: float | None = limited(default=None, metadata={"lower": 0.0})  # None where there is no circuit
     force: float | None = limited(default=None, metadata={"lower": 0.0})  # Of the force for each ampere
-    hall: float | None = limited(
-        default=None, metadata={"lower": 0.0}
-    )  # Of the Hall element's field for each ampere; None where there is none
+    # Of the Hall element's field for each ampere; None where there is none
+    hall: float | None = limited(default=None, metadata={"lower": 0.0})
     # Where iron saturates: largest error of the static inductance and of dF/di at the currents about which the patterns
     # were solved, most of which are between the sweep's, over the largest of these
     static_inductance: float | None = limited(default=None, metadata={"lower": 0.0})
@@ -98,7 +97,7 @@ class EddyForms:
 
 @dataclass(frozen=True, eq=False)
 class Patterns:
-    """What an impedance takes of the patterns at distances: arrays, or arrays of complex expressions."""
+    """What an impedance takes of the patterns, at distances as arrays, or at one as arrays of complex expressions."""
 
     coupling: Any  # C, shape (..., n, r)
     inductance: Any  # Q in H, shape (..., r, r)
@@ -172,11 +171,8 @@ class EddyCurrents:
             found.append(EddyForms(coupling, linkage, inductance[..., self._places], hall))
         return found
 
-    def patterns(self, distance: Any) -> Patterns:
-        """What an impedance takes at distances (...), or at that of an expression."""
-        if not isinstance(distance, SX):
-            (at,) = self.forms(distance)
-            return Patterns(at.coupling, at.inductance, self.resistances_ohm)
+    def patterns(self, distance: SX) -> Patterns:
+        """What an impedance takes at the distance of an expression."""
         coupling, _, _, inductance = self._entries(distance)
         own = complex_array(inductance)[:, 0][self._places]
         return Patterns(complex_array(coupling), own, complex_array(SX(self.resistances_ohm))[:, 0])

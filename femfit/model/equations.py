@@ -145,21 +145,18 @@ class Equations:
 
     def reading(self, sensor: AnySensor) -> GraphFunction:
         """What a sensor reads."""
-        return self._function(("reading", id(sensor)), lambda at: self._reading(sensor, at), sensor)
 
-    def reading_slope(self, sensor: AnySensor) -> GraphFunction:
-        """Gradient of :meth:`reading` by the state."""
-        key = "reading slope", id(sensor)
-        return self._function(key, lambda at: ca.gradient(self._reading(sensor, at), at.state), sensor)
+        def made(at: _Symbols) -> SX:
+            return reading_expression(self, sensor, at.state, at.voltage, at.time)
 
-    def _reading(self, sensor: AnySensor, at: _Symbols) -> SX:
-        return reading_expression(self, sensor, at.state, at.voltage, at.time)
+        return self._function(("reading", id(sensor)), made, sensor)
 
     def _function(self, key: Hashable, make: Callable[[_Symbols], SX], sensor: Any = None) -> GraphFunction:
         """A function of the equations, made once; beside its sensor, so that its address stays its."""
         if key not in self._known:
             with building():
-                at = self._symbols
+                symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
+                at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
                 self._known[key] = sensor, GraphFunction(at.inputs, make(at))
         function: GraphFunction = self._known[key][1]
         return function
@@ -168,17 +165,12 @@ class Equations:
     def linear(self) -> bool:
         """Whether there are eddy currents, and the inductances of all windings depend on the distance alone."""
         model = self.model
-        if model.eddy is None or self.memories:
+        if model.eddy is None or model.memories:
             return False
         with building():
             d, w = SX.sym("d"), SX.sym("w", model.windings.count)
             inductance = ca.hessian(self.coenergy({})(d, w), w)[0]
             return GraphFunction([d, w], ca.vec(inductance)).leaves_out(w)
-
-    @property
-    def memories(self) -> bool:
-        """Whether effects bring states of their own."""
-        return bool(self.model.memories)
 
     def _responses(self, length: float) -> ResponseTable:
         key = "responses", length
@@ -213,14 +205,6 @@ class Equations:
         """
         of_one_length = length if self.linear and not isinstance(length, SX) else None
         return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **options)
-
-    @cached_property
-    def _symbols(self) -> _Symbols:
-        at = (SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)))
-        return _Symbols(*at, *(SX.sym(name) for name in ("step", "time", "free")))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Equations, (self.model,)
 
     def parts(self, state: SX) -> tuple[SX, SX, SX, dict[str, SX]]:
         """Distance, velocity, currents of all windings, and states of effects by name."""

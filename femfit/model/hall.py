@@ -23,8 +23,7 @@ and free of the steps that a driver's voltage makes at the samples. A current of
 The sensors of a model beside the Hall element.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as limited
 from typing import Literal, TypeAlias
 
@@ -36,7 +35,7 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
 from femfit.model.bspline import FLAT, LINE, DistanceCoordinate, TensorSpline, nested_shape, spline_at
-from femfit.model.magnetics import OfCurrents, Part, current_of, value_of
+from femfit.model.magnetics import OfCurrents, current_of
 
 
 class HallField(OfCurrents):
@@ -44,16 +43,12 @@ class HallField(OfCurrents):
 
     def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """B_z in T, of shape (...)."""
-        return self.derived(value_of, distance, currents)[0]
+        return self.derived(distance, currents, "value")[0]
 
     def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """B_z in T and dB_z/dd in T/m, both (...), and dB_z/di_k in T/A, of shape (..., n)."""
-        value, in_distance, in_currents = self.derived(_gradients, distance, currents)
+        value, in_distance, in_currents = self.derived(distance, currents, "value", "slope", "flux_linkage")
         return value, in_distance, in_currents
-
-
-def _gradients(field: SX, distance: SX, currents: SX) -> list[Part]:
-    return [(field, 0), (ca.gradient(field, distance), 0), (ca.gradient(field, currents), 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +57,11 @@ class HallSpline(HallField):
 
     coordinate: DistanceCoordinate = limited(metadata=FLAT)
     # In (u, i), in T; a polynomial in the current is a spline with one cell
-    spline: TensorSpline = limited(metadata={"flat": True, "given": {"beyond": LINE}})
+    spline: TensorSpline = limited(metadata=FLAT)
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """B_z of an expression's distance and current."""
-        return self.spline.expression(self.coordinate.of(distance), current_of(currents))
+        return self.spline.expression(self.coordinate.of(distance), current_of(currents), LINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +94,6 @@ class SensedField(HallField):
         axes = [(self.u_knots, self.u_degree), *((own.knots_A, own.degree) for own in self.currents)]
         at = self.coordinate.of(distance), *ca.vertsplit(currents)[:n]
         return spline_at(self, axes, self.coefficients[..., None], *at)[0]
-
-    def scaled(self, magnets: float, currents: Sequence[float]) -> "SensedField":
-        """The field with magnets and currents scaled: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in both."""
-        scales = [one / magnets for one in currents]
-        along = zip(self.currents, scales, strict=False)  # or of no current
-        axes = tuple(replace(one, knots_A=one.knots_A / s) for one, s in along)
-        return replace(self, currents=axes, coefficients=magnets * self.coefficients)
 
 
 # What a field's metadata say of a model file: see femfit.model.json_section.
@@ -143,7 +131,7 @@ class HallSensor:
 class PickupSensor(Sensor):
     """The winding, whose flux linkage stands in Wb; its reading in V."""
 
-    flux: SensedField
+    flux: HallField = limited(metadata={"kinds": (SensedField,)})
     kind: Literal["pickup_coil"] = "pickup_coil"
 
 

@@ -14,7 +14,7 @@ spline of its own times ln(1 + a)^2 / 2 adds the second.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import casadi as ca
 import numpy as np
@@ -24,7 +24,8 @@ from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Parameters
-from femfit.model.bspline import FLAT, CellTable, DistanceCoordinate, basis_matrix, cells_of, functions
+from femfit.model.at_rest import Point
+from femfit.model.bspline import FLAT, DistanceCoordinate, basis_matrix, functions, spline_at
 from femfit.model.decay import Complex, ComplexExpressions, complex_array, solved
 from femfit.model.eddy_currents import Patterns
 from femfit.model.with_effects import patterns_with_sources
@@ -96,25 +97,17 @@ def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
     return found
 
 
-def impedance_expression(
-    base: "ActuatorModel",
-    effects: Sequence[AddedEffect],
-    conditions: Any,
-    distance: SX,
-    currents: SX,
-    inductance: SX,
-    s: Complex,
-    resistances_ohm: Sequence[Any],
-) -> ComplexExpressions:
-    """Z in ohm, (n, n), of L (n, n) about a bias, as effects change a base model."""
-    share, patterns = following_share(effects, s), patterns_with_sources(base, effects, distance)
+def impedance_expression(at: Point, inductance: SX, s: Complex, resistances_ohm: Sequence[Any]) -> ComplexExpressions:
+    """Z in ohm, (n, n), of L (n, n) about a bias, at an expression's point."""
+    share = following_share(at.effects, s)
+    patterns = patterns_with_sources(at.model, at.effects, at.distance)
     z = induced_impedance(complex_array(inductance), s, share, patterns)
-    for one in effects:
-        if one.effect.impedance is not None:
-            first, frequency = currents[0] if currents.numel() else SX(0.0), s.imag / (2.0 * np.pi)
-            further = one.effect.impedance(distance, first, frequency, conditions, one.parameters)
+    for added in at.effects:
+        if added.effect.impedance is not None:
+            first, frequency = at.currents[0] if at.currents.numel() else SX(0.0), s.imag / (2.0 * np.pi)
+            further = added.effect.impedance(at.distance, first, frequency, at.conditions, added.parameters)
             z = z + further.reshape(z.shape)
-    series = [one.inductance_H for one in base.circuits] or [0.0] * len(z)
+    series = [circuit.inductance_H for circuit in at.model.circuits] or [0.0] * len(z)
     beside = [s * henry + ohm for henry, ohm in zip(series, resistances_ohm, strict=True)]
     return np.asarray(z + np.diag(np.array(beside, dtype=object)))
 
@@ -128,9 +121,9 @@ def impedances_at(
         with building():
             d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
             inductance = ca.hessian(SX(model.magnetics.expression(d, i)), i)[0]
-            setting = model.without_effects, model.effects, model.conditions, d, i
+            at = Point(model.without_effects, d, i, cast("Conditions", model.conditions), model.effects)
             s, ohms = Complex(SX(0.0), 2.0 * np.pi * f), model.resistances_ohm.tolist()
-            entries = impedance_expression(*setting, inductance, s, ohms).ravel()
+            entries = impedance_expression(at, inductance, s, ohms).ravel()
             parts = [*(x.real for x in entries), *(x.imag for x in entries)]
             model.resting[impedances_at] = GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
     points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
@@ -197,8 +190,8 @@ class ImpedanceChange:
         size = np.log1p(p[self.parameter]) if self.share else p[self.parameter]
         bend = np.zeros((2, *self.real_H.shape)) if self.bend_H is None else self.bend_H
         parts = [x.reshape(*self.real_H.shape[:3], -1) for x in (self.real_H, self.imaginary_H, *bend)]
-        axes = [cells_of(axis.knots, axis.degree) for axis in self.axes]
-        entries = ca.vertcat(*CellTable(axes, np.concatenate(parts, axis=-1)).at(*inside))
+        axes = [(axis.knots, axis.degree) for axis in self.axes]
+        entries = ca.vertcat(*spline_at(self, axes, np.concatenate(parts, axis=-1), *inside))
         real, imag, *bends = ca.vertsplit(entries, parts[0].shape[-1])
         real, imag = (
             size * straight + 0.5 * size**2 * bent for straight, bent in zip((real, imag), bends, strict=True)

@@ -131,7 +131,9 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
 def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
     filed = read_record(ActuatorModel, {key: data[key] for key in data if key != "schema"}, source)
     box, circuits, motion, eddy = filed.validity, filed.circuit_names, filed.motion, filed.eddy
-    base = replace(filed, validity=box.value(winding=bool(circuits)), effects=())  # type: ignore[attr-defined]
+    if not circuits and not box.current_limits_A.any():  # zeros of no winding
+        box = replace(box, current_limits_A=box.current_limits_A[:0])
+    base = replace(filed, validity=box, effects=())
 
     def refused(path: str, needed: str) -> ModelFileError:
         return refusal(source, path, needed, member_at(data, path))

@@ -4,8 +4,8 @@ The metadata of a field are
 
 ============================  ========================================================================================
 ``key``                       the member's name where it is not the field's; None of a field that no file has
-``flat``, ``given``           the members of this record stand beside the others; what of it no file has
-``form``                      the record that stands for it in a file, with ``of`` and ``value``
+``flat``                      the members of this record stand beside the others
+``form``                      the record that stands for it in a file, with ``of``, and where it is flat ``value``
 ``kinds``                     the classes of which it is one, told by their ``kind`` or by a key of their own
 ``omit``, ``required``        not written where it is as usual; never absent though there is a default
 ``positive``, ``lower`` ...   limits of a number, with ``upper`` and ``within``
@@ -100,21 +100,21 @@ def _keys(kind: Any) -> frozenset[str]:
     keys: set[str] = set()
     for f in fields(kind):
         if f.metadata.get("flat"):
-            keys |= _keys(f.metadata.get("form", _hints(kind)[f.name])).difference(f.metadata.get("given", ()))
+            keys |= _keys(f.metadata.get("form", _hints(kind)[f.name]))
         else:
             keys.add(_key(f) or "")
     return frozenset(keys - {""})
 
 
-def _built(kind: Any, data: Mapping[str, Any], path: str, given: Mapping[str, Any] | None = None) -> Any:
+def _built(kind: Any, data: Mapping[str, Any], path: str) -> Any:
     """A record of an object's members, beside which others may stand."""
-    values = dict(given or {})
+    values: dict[str, Any] = {}
     for f in fields(kind):
         hint, limits, key = _hints(kind)[f.name], f.metadata, _key(f)
-        if f.name in values or key is None:
+        if key is None:
             continue
         if limits.get("flat"):
-            inner = _built(limits.get("form", hint), data, path, limits.get("given"))
+            inner = _built(limits.get("form", hint), data, path)
             values[f.name] = inner.value if "form" in limits else inner
             continue
         usual, value, place = _usual(f, hint), data.get(key, MISSING), _below(path, key)

@@ -10,10 +10,10 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -26,24 +26,41 @@ from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.bspline import FLAT, DistanceCoordinate, TensorSpline
 
+NOTHING: FloatArray = np.empty(0)
+
 
 @dataclass(frozen=True, eq=False)
 class MagneticState:
-    """What the circuits and the motion need at one or many points, of n currents."""
+    """What the circuits and the motion need at one or many points, of n currents; the last three where asked for."""
 
     force: FloatArray  # F in N, shape (...)
     motional_constant: FloatArray  # k_m in V s/m = N/A, shape (..., n)
     inductance: FloatArray  # L in H, shape (..., n, n)
-    force_gradient: FloatArray = field(
-        default_factory=lambda: np.empty(0)
-    )  # dF/dd in N/m, shape (...), of slopes alone
+    force_gradient: FloatArray = field(default_factory=lambda: NOTHING)  # dF/dd in N/m, shape (...)
+    flux_linkage: FloatArray = field(default_factory=lambda: NOTHING)  # In Wb, shape (..., n)
+    hall_T: FloatArray = field(default_factory=lambda: NOTHING)  # Field at the Hall element, (...); 0 without one
 
 
-Part: TypeAlias = tuple[SX, int]
-"""What is derived of a function of the distance and n currents, and how many axes of currents it has."""
+AXES = {"value": 0, "slope": 0, "force": 0, "force_gradient": 0, "flux_linkage": 1, "motional_constant": 1}
+AXES |= {"inductance": 2}
+"""Parts derived of a function of distance and n currents, as :class:`MagneticState` names those of a co-energy: how
+many axes of currents each has. The slope is along the distance."""
 
-Derive = Callable[[SX, SX, SX], list[Part]]
-"""(value, distance, currents) -> what is derived from it; a part of several axes is symmetric in them."""
+
+def derivatives_of(names: Iterable[str], value: SX, distance: SX, currents: SX) -> dict[str, SX]:
+    """Parts of :data:`AXES` by name; one of several axes is symmetric in them."""
+    rise, linkage = ca.gradient(value, distance), ca.gradient(value, currents)
+    parts: dict[str, Callable[[], SX]] = {
+        "value": lambda: value,
+        "slope": lambda: rise,
+        "force": lambda: -rise,
+        "force_gradient": lambda: -ca.gradient(rise, distance),
+        "flux_linkage": lambda: linkage,
+        "motional_constant": lambda: -ca.jacobian(linkage, distance),
+        "inductance": lambda: ca.jacobian(linkage, currents),
+    }
+    return {name: ca.vec(ca.densify(parts[name]())) for name in names}
+
 
 ForceOfCurrents = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Force (...) in N and motional constants (..., n) in N/A of currents (..., n) in A."""
@@ -60,24 +77,22 @@ class OfCurrents(ABC):
         """The same where the states of effects are these."""
         return self.expression
 
-    def derived(self, derive: Derive, distance: FloatArray, currents: FloatArray) -> list[FloatArray]:
-        """What is derived of it at points, each part (..., n, .., n)."""
+    def derived(self, distance: FloatArray, currents: FloatArray, *names: str) -> list[FloatArray]:
+        """Parts of :data:`AXES` at points, each (..., n, .., n)."""
         d, i = np.asarray(distance, dtype=np.float64), np.atleast_1d(np.asarray(currents, dtype=np.float64))
         n = i.shape[-1]
-        if (derive, n) not in self._known:
+        if (names, n) not in self._known:
             with building():
                 at = SX.sym("d"), SX.sym("i", n)
-                parts = derive(SX(self.expression(*at)), *at)
-                output = ca.vertcat(*(ca.vec(ca.densify(part)) for part, _ in parts))
-                function = GraphFunction([ca.vertcat(*at)], output)
-            self._known[derive, n] = [axes for _, axes in parts], function
-        axes, function = self._known[derive, n]
+                parts = derivatives_of(names, SX(self.expression(*at)), *at)
+                self._known[names, n] = GraphFunction([ca.vertcat(*at)], ca.vertcat(*parts.values()))
+        axes = [AXES[name] for name in names]
         points = np.broadcast_shapes(d.shape, i.shape[:-1])
         x = np.empty((1 + n, *points))
         x[0] = d
         for k in range(n):
             x[1 + k] = i[..., k]
-        values = function(x.reshape(1 + n, -1))
+        values = self._known[names, n](x.reshape(1 + n, -1))
         pieces = np.split(values, np.cumsum([n**count for count in axes])[:-1])
         return [piece.T.reshape((*points, *[n] * count)) for piece, count in zip(pieces, axes, strict=True)]
 
@@ -91,23 +106,24 @@ class Magnetics(OfCurrents):
 
     def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        return self.derived(value_of, distance, currents)[0]
+        return self.derived(distance, currents, "value")[0]
 
     def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, positive towards the electromagnet, of shape (...)."""
-        return self.derived(_force, distance, currents)[0]
+        return self.derived(distance, currents, "force")[0]
 
     def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """dW'/di_k in Wb, of shape (..., n)."""
-        return self.derived(_flux_linkage, distance, currents)[0]
+        return self.derived(distance, currents, "flux_linkage")[0]
 
     def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """Force, motional constants and inductances together, at the price of little more than one."""
-        return MagneticState(*self.derived(_state, distance, currents))
+        return MagneticState(*self.derived(distance, currents, "force", "motional_constant", "inductance"))
 
     def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """The same with the slope of the force along the distance."""
-        return MagneticState(*self.derived(_slopes, distance, currents))
+        names = "force", "motional_constant", "inductance", "force_gradient"
+        return MagneticState(*self.derived(distance, currents, *names))
 
     def motional_constant(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """k_m = dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
@@ -149,30 +165,6 @@ class Windings:
     def end(self) -> int:
         """Place behind the currents in a state (distance, velocity, currents, ..)."""
         return 2 + len(self.resistances_ohm)
-
-
-def value_of(value: SX, _distance: SX, _currents: SX) -> list[Part]:
-    """The value itself, for :meth:`OfCurrents.derived`."""
-    return [(value, 0)]
-
-
-def _force(coenergy: SX, distance: SX, _currents: SX) -> list[Part]:
-    return [(-ca.gradient(coenergy, distance), 0)]
-
-
-def _flux_linkage(coenergy: SX, _distance: SX, currents: SX) -> list[Part]:
-    return [(ca.gradient(coenergy, currents), 1)]
-
-
-def _state(coenergy: SX, distance: SX, currents: SX) -> list[Part]:
-    linkage = ca.gradient(coenergy, currents)
-    motional, inductance = -ca.jacobian(linkage, distance), ca.jacobian(linkage, currents)
-    return [(-ca.gradient(coenergy, distance), 0), (motional, 1), (inductance, 2)]
-
-
-def _slopes(coenergy: SX, distance: SX, currents: SX) -> list[Part]:
-    force, *others = _state(coenergy, distance, currents)
-    return [force, *others, (ca.gradient(force[0], distance), 0)]
 
 
 def current_of(currents: SX) -> SX:

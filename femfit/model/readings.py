@@ -16,11 +16,12 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, resistance_column, voltage_columns
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import CHANNELS, AddedEffect
-from femfit.effects.stages import hall_point, recorded, true_setting, with_further_force
+from femfit.effects.stages import changed_by, hall_point, true_setting, with_further_force
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import AtRest, Point, at_points, at_rest
+from femfit.model.at_rest import Point, at_points, at_rest
 from femfit.model.decay import Complex
 from femfit.model.impedance import impedance_expression, impedances_by_column
+from femfit.model.magnetics import MagneticState
 from femfit.model.with_effects import resistance_of
 
 LOW_HZ = 1e-6
@@ -61,18 +62,12 @@ def predict_readings(
         Channels that the model can predict: hall_V only with a sensor, voltage_V only with a circuit.
     """
     added = tuple(model.effects if effects is None else effects)
-    found = readings_by(model, distance, current, conditions, added, (), channels)
+    found = readings_by(Point(model, distance, current, conditions, added), (), channels)
     return {name: values[0] for name, values in found.items()}
 
 
 def readings_by(
-    model: ActuatorModel,
-    distance: FloatArray,
-    current: FloatArray,
-    conditions: Conditions,
-    effects: Sequence[AddedEffect],
-    parameters: Sequence[Parameter],
-    channels: Collection[str] = CHANNELS,
+    at: Point, parameters: Sequence[Parameter], channels: Collection[str] = CHANNELS
 ) -> dict[str, FloatArray]:
     """Readings as of :func:`predict_readings`, then their slopes by parameters of effects; each (1 + parameters, n)."""
     wanted = tuple(parameters)
@@ -80,50 +75,37 @@ def readings_by(
     def derived(point: Point, values: SX) -> SX:
         return ca.horzcat(values, ca.jacobian(values, point.parameters(wanted)))
 
-    return _at_rows(model, ("readings", wanted), derived, channels, distance, current, effects, conditions)
+    return _at_rows(("readings", wanted), derived, channels, at)
 
 
-def setting_slopes(
-    model: ActuatorModel,
-    distance: FloatArray,
-    current: FloatArray,
-    conditions: Conditions,
-    channels: Collection[str] = CHANNELS,
-) -> dict[str, FloatArray]:
+def setting_slopes(at: Point, channels: Collection[str] = CHANNELS) -> dict[str, FloatArray]:
     """First and second derivatives of readings by the recorded distance, then first ones by each current.
 
-    Of each channel that the model predicts with its effects, of shape (2 + circuits, n).
+    Of each channel that the model predicts with the effects, of shape (2 + circuits, n).
     """
 
     def derived(point: Point, values: SX) -> SX:
         slope = ca.jacobian(values, point.distance)
         return ca.horzcat(slope, ca.jacobian(slope, point.distance), ca.jacobian(values, point.currents))
 
-    return _at_rows(model, ("setting",), derived, channels, distance, current, model.effects, conditions)
+    return _at_rows(("setting",), derived, channels, at)
 
 
 def _at_rows(
-    model: ActuatorModel,
-    what: tuple[Hashable, ...],
-    derive: Callable[[Point, SX], SX],
-    channels: Collection[str],
-    distance: FloatArray,
-    current: FloatArray,
-    effects: Sequence[AddedEffect],
-    conditions: Conditions,
+    what: tuple[Hashable, ...], derive: Callable[[Point, SX], SX], channels: Collection[str], at: Point
 ) -> dict[str, FloatArray]:
     """What is derived of the readings, a row a channel, impedances among them where these are wanted."""
-    impedances = any(name.startswith(("inductance", "resistance")) for name in channels)
-    bridge = impedances and model.without_effects.has_winding
+    base = at.model.without_effects
+    bridge = base.has_winding and any(name.startswith(("inductance", "resistance")) for name in channels)
 
     def rows(point: Point) -> dict[str, SX]:
         values = _recorded(point, bridge)
         return dict(zip(values, ca.vertsplit(derive(point, ca.vertcat(*map(SX, values.values())))), strict=True))
 
-    d = np.asarray(distance, dtype=np.float64)
-    i = model.without_effects.validity.with_axis(np.asarray(current, dtype=np.float64))
-    conditions = replace(conditions, frequency_Hz=np.fmax(conditions.frequency_Hz, LOW_HZ))
-    return at_points(model, (*what, bridge), rows, d, i, effects, conditions)
+    d, i = (np.asarray(values, dtype=np.float64) for values in (at.distance, at.currents))
+    conditions = replace(at.conditions, frequency_Hz=np.fmax(at.conditions.frequency_Hz, LOW_HZ))
+    at = replace(at, distance=d, currents=base.validity.with_axis(i), conditions=conditions)
+    return at_points((*what, bridge), rows, at)
 
 
 def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
@@ -136,43 +118,25 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
     values |= dict(zip(flux_columns(base.current_names), ca.vertsplit(seen["flux_linkage"]), strict=True))
     if base.sensor is not None:
         if any(added.effect.hall_point for added in effects):
-            then_d, then_i = hall_point(effects, d, first, conditions)
-            then = ca.vertcat(SX(0, 1), *[then_i, *ca.vertsplit(i)[1:]][: i.numel()])
-            hall_T = point.resting(then_d, then).magnetic(slopes=False)["hall_T"]
+            hall_T = point.resting(*hall_point(effects, d, i, conditions)).magnetic(slopes=False)["hall_T"]
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * hall_T
     # What the driver does to a commanded voltage does not show: a bench reads across the winding
     ohms = [resistance_of(circuit, effects, i[k], conditions) for k, circuit in enumerate(base.circuits)]
     values |= {name: ohms[k] * i[k] for k, name in enumerate(voltage_columns(base.circuit_names))}
     if bridge:
-        inductance = ca.reshape(seen["inductance"], i.numel(), i.numel())
-        shown = _impedances(point, d, i, inductance, ohms or [SX(np.nan)] * i.numel())
-        values |= {name: shown[name] for name in shown if ohms or not name.startswith("resistance")}
-    return recorded(effects, values, d, first, conditions)
+        inductance, w = ca.reshape(seen["inductance"], i.numel(), i.numel()), 2.0 * np.pi * conditions.frequency_Hz
+        at, resistances = replace(point, distance=d, currents=i), ohms or [SX(np.nan)] * i.numel()
+        z = impedance_expression(at, inductance, Complex(SX(0.0), w), resistances)
+        for name, column in impedances_by_column(z, base.circuit_names).items():
+            entry = Complex.of(column)
+            values |= {resistance_column(name): entry.real} if ohms else {}
+            values[name] = entry.imag / w
+    return dict(changed_by(effects, "readings", values, d, first, conditions))
 
 
-def _impedances(point: Point, d: SX, i: SX, low: SX, ohms: Sequence[SX]) -> dict[str, Expression]:
-    """Resistances and inductances in series of n circuits, of low inductances (n, n) and ohms."""
-    base, effects, conditions = point.model, point.effects, point.conditions
-    w = 2.0 * np.pi * conditions.frequency_Hz
-    s = Complex(SX(0.0), w)
-    z, shown = impedance_expression(base, effects, conditions, d, i, low, s, ohms), dict[str, Expression]()
-    for name, found in impedances_by_column(z, base.circuit_names).items():
-        one = Complex.of(found)
-        shown[resistance_column(name)], shown[name] = one.real, one.imag / w
-    return shown
-
-
-def hall_seen(
-    base: ActuatorModel,
-    seen: AtRest,
-    distance: FloatArray,
-    currents: FloatArray,
-    effects: Sequence[AddedEffect],
-    conditions: Conditions,
-) -> FloatArray:
+def hall_seen(seen: MagneticState, at: Point) -> FloatArray:
     """Field in T that a Hall reading shows: that of these points, or of earlier ones where it is late."""
-    if not any(added.effect.hall_point for added in effects):
+    if not any(added.effect.hall_point for added in at.effects):
         return seen.hall_T
-    then_d, then_i = hall_point(effects, distance, currents[:, 0], conditions)
-    then = np.concatenate([then_i[:, None], currents[:, 1:]], axis=1)
-    return at_rest(base, then_d, then, effects, conditions).hall_T
+    distance, currents = hall_point(at.effects, at.distance, at.currents, at.conditions)
+    return at_rest(replace(at, distance=distance, currents=currents)).hall_T

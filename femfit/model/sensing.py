@@ -17,7 +17,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, row_of
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.conditions import Conditions
-from femfit.effects.stages import hall_point, recorded, recorded_setting, with_further_force
+from femfit.effects.stages import changed_by, hall_point, recorded_setting, with_further_force
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
         else:
             force = -ca.gradient(equations.coenergy(memory)(d, w), d)
             name, value = "force_N", with_further_force(model.effects, force, d, first, at)
-        return SX(recorded(model.effects, {name: value}, d, first, at)[name])
+        return SX(changed_by(model.effects, "readings", {name: value}, d, first, at)[name])
     if isinstance(sensor, PickupSensor):
         flux = pickup_flux(model, sensor, state)
         return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))
@@ -118,9 +118,7 @@ def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
 def _hall_voltage(model: "ActuatorModel", distance: SX, currents: SX, at: Conditions) -> SX:
     """The Hall element's true output, of the distance and the current that its reading belongs to."""
     sensor, eddy = model.without_effects.require_sensor(), model.eddy
-    first = currents[0] if currents.numel() else SX(0.0)
-    then_d, then_i = hall_point(model.effects, distance, first, at)
-    then = ca.vertcat(then_i, *ca.vertsplit(currents)[1:]) if currents.numel() else currents
+    then = hall_point(model.effects, distance, currents, at)
     field = model.require_sensor().field.with_memory(at.memory)
-    value = field(then_d, then) if eddy is None else eddy.field(field, then_d, then)
+    value = field(*then) if eddy is None else eddy.field(field, *then)
     return sensor.quiescent_V + sensor.sensitivity_V_per_T * value

@@ -151,13 +151,6 @@ def predict_sensor(
     return evaluated(model, model.equations.reading(sensor), state, voltage, time=time)[..., 0]
 
 
-def reading_slope(model: ActuatorModel, sensor: AnySensor, state: FloatArray) -> FloatArray:
-    """Gradient of :func:`predict_sensor` by the state, (..., n), the voltages held."""
-    holding = model.resistances_ohm * model.currents_of(state)
-    voltage = holding[..., 0] if len(model.circuits) == 1 else holding
-    return evaluated(model, model.equations.reading_slope(sensor), state, voltage)
-
-
 WHOLE = 1e-6
 """Numerical: a delay this near to a whole number of samples is one."""
 

@@ -7,12 +7,32 @@ What an actuator's drawing is made of, as far as effects and reports depend on i
 What a record told of the noise that moves a device.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class FiledCurrents:
+    """Ranges of currents as a model file has them: of the first circuit, and of the further ones."""
+
+    current_min_A: float
+    current_max_A: float
+    further_A: tuple[tuple[float, float], ...] = ()
+
+    @classmethod
+    def of(cls, limits: FloatArray) -> "FiledCurrents":
+        """Ranges (n, 2) as the file has them; of no winding a current of zero."""
+        (low, high), *further = limits.tolist() or [(0.0, 0.0)]
+        return cls(low, high, tuple(map(tuple, further)))
+
+    @property
+    def value(self) -> FloatArray:
+        """The ranges, shape (n, 2)."""
+        return np.array([(self.current_min_A, self.current_max_A), *self.further_A])
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +41,8 @@ class ValidityBox:
 
     distance_min_m: float
     distance_max_m: float
-    current_limits_A: FloatArray  # Lowest and highest current of each circuit, shape (n, 2)
+    # Lowest and highest current of each circuit, shape (n, 2)
+    current_limits_A: FloatArray = field(metadata={"flat": True, "form": FiledCurrents})
     mirrored: bool = False  # Whether all currents may be reversed together
 
     @classmethod
@@ -117,29 +138,6 @@ class ValidityBox:
             f"Distance and current must lie in {ranges}, where the model was fitted; instead received "
             f"{' and '.join(point)}. Sweep and fit a wider range."
         )
-
-
-@dataclass(frozen=True)
-class FiledBox:
-    """A validity domain as a model file has it: currents of the first circuit, and of the further ones."""
-
-    distance_min_m: float
-    distance_max_m: float
-    current_min_A: float
-    current_max_A: float
-    further_A: tuple[tuple[float, float], ...] = ()
-    mirrored: bool = False
-
-    @classmethod
-    def of(cls, box: ValidityBox) -> "FiledBox":
-        """A domain as the file has it; of no winding with currents of zero."""
-        (low, high), *further = box.column_limits_A.tolist()
-        return cls(box.distance_min_m, box.distance_max_m, low, high, tuple(map(tuple, further)), box.mirrored)
-
-    def value(self, *, winding: bool) -> ValidityBox:
-        """The domain itself."""
-        distances, first = (self.distance_min_m, self.distance_max_m), (self.current_min_A, self.current_max_A)
-        return ValidityBox.of_currents(distances, first, *self.further_A, winding=winding, mirrored=self.mirrored)
 
 
 @dataclass(frozen=True)

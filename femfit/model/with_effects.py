@@ -9,7 +9,7 @@ sensor of a model reads what is recorded, so that it undoes the same effects.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import prod
 from typing import TYPE_CHECKING
 
@@ -24,10 +24,10 @@ from femfit.device.electrics import Circuit
 from femfit.effects.catalogue import OF_THE_WHOLE, SEPARATOR, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
-from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of, true_setting
+from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, true_setting
 from femfit.model.decay import Complex, complex_array
 from femfit.model.eddy_currents import EddyCurrents, Patterns
-from femfit.model.hall import HallField, OtherSensor, PickupSensor, SensedField
+from femfit.model.hall import HallField, OtherSensor, PickupSensor
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import CoenergyTensor
 
@@ -133,7 +133,7 @@ class EffectHallField(HallField):
         sensor, at = self.magnetics.base.require_sensor(), self.magnetics
         volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * self.with_memory({})(distance, currents)
         first = currents[0] if currents.numel() else SX(0.0)
-        read = recorded(at.effects, {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
+        read = changed_by(at.effects, "readings", {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
         return (read - sensor.quiescent_V) / sensor.sensitivity_V_per_T
 
 
@@ -150,17 +150,23 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     )
     motion = base.motion
     if motion is not None:
-        near, far = stops_of(effects, motion.ends, at.nominal)
-        motion = replace(motion.with_ends(near, far), mass_kg=moving_mass(effects, motion.mass_kg))
+        near, far = changed_by(effects, "ends", motion.ends, at.nominal)
+        motion = replace(motion.with_ends(near, far), mass_kg=changed_by(effects, "mass", motion.mass_kg))
     ohms = [float(resistance_of(circuit, effects, np.zeros(1), at)[0]) for circuit in base.circuits]
-    changed = replace(
+    if at.nominal.circuits:
+        _require_of_circuits(base, effects)
+    magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
+    seen = any(added.effect.coenergy is not None for added in effects)
+    if sensor is not None and (seen or any(added.effect.readings for added in effects)):
+        sensor = replace(sensor, field=EffectHallField(magnetics))
+    return replace(
         base,
+        magnetics=magnetics if seen else base.magnetics,
         circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
         motion=motion,
+        sensor=sensor,
         other_sensors=tuple(
-            replace(one, flux=_changed(one.flux, f"pickup coil {one.name!r}", effects, base.circuit_names))
-            if isinstance(one, PickupSensor)  # with the flux linkage that effects leave it
-            else one
+            _changed(one, effects, base.circuit_names) if isinstance(one, PickupSensor) else one
             for one in base.other_sensors
         ),
         eddy=eddy_with_sources(base, effects),
@@ -170,19 +176,11 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         coil_temperature_C=model.coil_temperature_C,
         magnet_temperature_C=model.magnet_temperature_C,
     )
-    if at.nominal.circuits:
-        _require_of_circuits(base, effects)
-    magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
-    seen = any(added.effect.coenergy is not None for added in effects)
-    if sensor is not None and (seen or any(added.effect.readings for added in effects)):
-        sensor = replace(sensor, field=EffectHallField(magnetics))
-    return replace(changed, magnetics=magnetics if seen else base.magnetics, sensor=sensor)
 
 
 def _require_of_circuits(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
     """Refuse effects that are written for one current, and magnets that do not stand apart."""
-    apart = [added.effect.name for added in effects if added.effect.name == "remanence"]
-    if apart and isinstance(base.magnetics, CoenergyTensor):
+    if isinstance(base.magnetics, CoenergyTensor) and any(added.effect.name == "remanence" for added in effects):
         raise MissingPartError(
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
             "saturates, it does not stand apart. Take remanence out of the model's effects."
@@ -236,17 +234,20 @@ def resistance_of(
 
 
 @dataclass(frozen=True, eq=False)
-class ChangedField(SensedField):
-    """A sensor's field as effects change it."""
+class ChangedField(HallField):
+    """A sensor's field as effects change it: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in all its sources."""
 
-    before: SensedField
+    before: HallField  # f
+    scales: tuple[float, ...]  # s_0 of the magnets, s_k of the currents
     refusal: str = ""  # Of a field that they change in a way which is not known at this sensor
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """The value of an expression's distance and currents, or the refusal."""
         if self.refusal:
             raise MissingPartError(self.refusal)
-        return super().expression(distance, currents)
+        magnets, *of_currents = self.scales
+        scaled = currents * ca.vertcat(SX(0, 1), *of_currents) / magnets
+        return magnets * self.before.expression(distance, scaled)
 
 
 def sensor_without_effects(sensor: OtherSensor) -> OtherSensor:
@@ -256,19 +257,16 @@ def sensor_without_effects(sensor: OtherSensor) -> OtherSensor:
     return sensor
 
 
-def _changed(field: SensedField, what: str, effects: Sequence[AddedEffect], circuits: Sequence[str]) -> SensedField:
+def _changed(coil: PickupSensor, effects: Sequence[AddedEffect], circuits: Sequence[str]) -> PickupSensor:
+    """A pickup coil with the flux linkage that effects leave it."""
     magnetic = [one.effect.name for one in effects if "magnetics" in one.effect.acts_on]
-    others = [name for name in magnetic if name.partition(SEPARATOR)[0] not in SCALING]
-    scaled, refusal, named = field, "", ", ".join(others)
-    if others:
-        refusal = (
-            f"What the {what} reads must be known under the model's effects; {named} changes the field in a way that "
-            f"is followed to force and flux linkage only. Leave that sensor out, or take {named} out of the model."
-        )
-    else:
-        magnets, *currents = source_scales(effects, circuits)
-        scaled = field.scaled(magnets, currents)
-    return ChangedField(**{one.name: getattr(scaled, one.name) for one in fields(field)}, before=field, refusal=refusal)
+    named = ", ".join(name for name in magnetic if name.partition(SEPARATOR)[0] not in SCALING)
+    refusal = named and (
+        f"What the pickup coil {coil.name!r} reads must be known under the model's effects; {named} changes the field "
+        "in a way that is followed to force and flux linkage only. Leave that sensor out, or take "
+        f"{named} out of the model."
+    )
+    return replace(coil, flux=ChangedField(coil.flux, tuple(source_scales(effects, circuits)), refusal))
 
 
 def true_setting_of(

@@ -18,7 +18,7 @@ from scipy.interpolate import make_interp_spline
 from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.bspline import LINE, PARABOLA, DistanceCoordinate, TensorSpline
+from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 
@@ -81,15 +81,13 @@ def _interpolated(
     u, i = (np.convolve(knots, np.full(degree, 1.0 / degree), mode="valid")[1:-1] for knots in axes)
     at = np.stack([x.ravel() for x in np.meshgrid(coordinate.distance(u), i, indexing="ij")])
 
-    def spline(values: FloatArray, beyond: int) -> TensorSpline:
+    def spline(values: FloatArray) -> TensorSpline:
         along = make_interp_spline(u, values.reshape(len(u), len(i)), degree, t=axes[0]).c
         both = make_interp_spline(i, along.T, degree, t=axes[1]).c.T
-        return TensorSpline(axes[0], axes[1], degree, degree, both, beyond)
+        return TensorSpline(axes[0], axes[1], degree, degree, both)
 
     coenergy, _, _, *hall = exact(at)
     sensor = model.sensor
     if sensor is not None:
-        sensor = replace(sensor, field=HallSpline(coordinate, spline(hall[0], LINE)))
-    return replace(
-        model, magnetics=CoenergySpline(coordinate=coordinate, spline=spline(coenergy, PARABOLA)), sensor=sensor
-    )
+        sensor = replace(sensor, field=HallSpline(coordinate, spline(hall[0])))
+    return replace(model, magnetics=CoenergySpline(coordinate=coordinate, spline=spline(coenergy)), sensor=sensor)

@@ -12,6 +12,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.numerics import central_differences
 from femfit.effects.catalogue import BUILT_IN, OF_EACH, effect_by_name, of_circuit
 from femfit.effects.conditions import Conditions
+from femfit.model.at_rest import Point
 from femfit.model.readings import predict_readings, readings_by
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import under_effects, usual
@@ -123,7 +124,7 @@ def test_slopes_of_readings_by_parameters_are_their_differences(effect, share, r
     conditions = conditions_at(model, 12)
     conditions = conditions if remembered else replace(conditions, memory={})
     names = [p.name for p in own.parameters if share or not p.nonlinear]
-    found = readings_by(model, d, i, conditions, [added], [(0, name) for name in names])
+    found = readings_by(Point(model, d, i, conditions, [added]), [(0, name) for name in names])
     for j, name in enumerate(names, 1):
         (p,) = [p for p in own.parameters if p.name == name]
         step = 1e-4 * p.width * (1.0 if added.parameters[name] + 2e-4 * p.width <= p.upper else -1.0)

@@ -8,7 +8,7 @@ import pytest
 
 from femfit.core.numerics import MU_0
 from femfit.device.load import actuator_from_toml
-from femfit.field.eddy_probe import EddyActuator, EddyProbe, PatternFields
+from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import induces
 from femfit.field.harmonic import ConductorPoints
 from femfit.field.nonlinear_system import static_system
@@ -35,17 +35,23 @@ def both():
     return linear, drawn(STRAIGHT), mesh_for(linear, DISTANCE, 100.0)
 
 
-def forms(actuator, moving):
-    space = static_system(moving, actuator, ORDER).space
-    points = ConductorPoints(space, actuator, moving.reference)
-    inside = np.where(points.moving_rows, 0.0, points.places[:, 0])
-    outer = np.where(points.moving_rows, 1.0, points.places[:, 0] ** 2)
-    return EddyActuator(actuator, moving, PatternFields(actuator, moving, ORDER, np.array([inside, outer])), ORDER)
+def forms(actuator, moving, bias):
+    def loads(space):
+        points = ConductorPoints(space, actuator, moving.reference)
+        inside = np.where(points.moving_rows, 0.0, points.places[:, 0])
+        outer = np.where(points.moving_rows, 1.0, points.places[:, 0] ** 2)
+        rows = np.array([inside, outer])
+        return points.loads(rows), points.loads(rows, moving=True)
+
+    system = static_system(moving, actuator, ORDER, loads)
+    system.bias = np.array([bias])
+    with moving.at(DISTANCE):
+        return system.evaluate()
 
 
 def test_a_straight_curve_has_the_forms_of_the_linear_material(both):
     linear, curved, moving = both
-    exact, found = (forms(one, moving).forms(DISTANCE, (BIAS,)) for one in (linear, curved))
+    exact, found = (forms(one, moving, BIAS) for one in (linear, curved))
     at = np.array([1.0, BIAS, 0.0, 0.0])
     beside = exact.force @ at
     beside[0] = at @ exact.force @ at
@@ -74,12 +80,12 @@ def test_a_straight_curve_responds_like_the_linear_material_at_any_frequency(bot
 
 def test_small_fields_are_the_derivatives_of_a_saturating_state(both):
     step, moving, bent = 1e-3, both[2], drawn(BENT)
-    middle, below, above = (forms(bent, moving).forms(DISTANCE, (one,)) for one in (BIAS, BIAS - step, BIAS + step))
+    middle, below, above = (forms(bent, moving, one) for one in (BIAS, BIAS - step, BIAS + step))
     slope = (above.flux_linkage[:, 0] - below.flux_linkage[:, 0]) / (2.0 * step)
     assert middle.flux_linkage[:, 1] == pytest.approx(slope, rel=1e-4)
     assert middle.flux_linkage[1:, 1] == pytest.approx(middle.flux_linkage[0, 2:], rel=1e-7)  # reciprocity
     assert 2.0 * middle.force[0, 1] == pytest.approx((above.force - below.force)[0, 0] / (2.0 * step), rel=1e-4)
-    weak = forms(drawn(UNSATURATED), moving).forms(DISTANCE, (BIAS,))
+    weak = forms(drawn(UNSATURATED), moving, BIAS)
     assert middle.flux_linkage[0, 1] < 0.98 * weak.flux_linkage[0, 1]  # it does saturate
 
 

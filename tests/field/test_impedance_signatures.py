@@ -13,7 +13,7 @@ from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.signature_rows import ImpedanceSignatures
+from femfit.field.signature_rows import impedance_slopes
 from femfit.field.tolerance import SolverSettings
 from support.small_drawing import POT
 
@@ -78,7 +78,7 @@ def test_slopes_are_those_between_drawings(monkeypatch, text, frequencies, mesh_
     distances = actuator.sweep.distances_m[1::2]
     for distance in distances:
         base, fields, moving, space = solved(actuator, distance, f)
-        slopes = ImpedanceSignatures(actuator, numbers, moving, space).at(distance, f, fields)
+        slopes = impedance_slopes(actuator, numbers, moving, space, distance, f, fields)
         for number, slope in zip(numbers, slopes, strict=True):
             far = farther[number.facts.key]
             larger, smaller = (solved(one, distance, f)[0] for one in (far.larger, far.smaller))
@@ -100,11 +100,11 @@ def test_mutual_slopes_are_symmetric_and_add_up_to_those_of_the_windings_in_seri
     apart, numbers = _apart(actuator_from_toml(text)), _each(drawn, _apart)
     series = _in_series(apart)
     inductance, fields, moving, space = solved(apart, d, f)
-    slopes = ImpedanceSignatures(apart, numbers, moving, space).at(d, f, fields)
+    slopes = impedance_slopes(apart, numbers, moving, space, d, f, fields)
     assert slopes.shape == (len(numbers), 2, 2, 2)
     np.testing.assert_array_equal(slopes, slopes.swapaxes(2, 3))
-    whole = ImpedanceSignatures(series, _each(drawn, _in_series), moving, space)
-    together = whole.at(d, f, fields.sum(axis=1, keepdims=True))[:, :, 0, 0]
+    in_series, both = _each(drawn, _in_series), fields.sum(axis=1, keepdims=True)
+    together = impedance_slopes(series, in_series, moving, space, d, f, both)[:, :, 0, 0]
     size = np.abs(inductance).max()
     np.testing.assert_allclose(slopes.sum(axis=(2, 3)), together, atol=1e-10 * size)
 

@@ -33,13 +33,14 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
-from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
+from femfit.effects.stages import changed_by, circuit_of, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
 from femfit.identify.observations import WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import AtRest, at_rest
+from femfit.model.at_rest import Point, at_rest
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
+from femfit.model.magnetics import MagneticState
 from femfit.model.readings import hall_seen
 from femfit.model.with_effects import eddy_with_sources
 
@@ -59,8 +60,7 @@ class EddiesAlong:
     @classmethod
     def at(cls, eddy: EddyCurrents, distance: FloatArray) -> Self:
         """At distances (N,) in m."""
-        forms, rising = eddy.forms(distance, 0, 1)
-        return cls(eddy, distance, forms, rising)
+        return cls(eddy, distance, *eddy.forms(distance, 0, 1))
 
     def acting(self, current: FloatArray, induced: FloatArray) -> FloatArray:
         """Currents (N, n) that act on the static field like these and induced ones (N, r) together."""
@@ -149,7 +149,7 @@ class _Point:
     currents: FloatArray  # (N, circuits)
     at: Conditions
     force: FloatArray
-    seen: AtRest  # Of the currents that act, eddy currents beside them
+    seen: MagneticState  # Of the currents that act, eddy currents beside them
     induced_T: FloatArray  # What eddy currents add to the field at the Hall element
 
 
@@ -183,14 +183,14 @@ def model_readings(
     base, point = points.base, points.at(motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None:
-        field = point.induced_T + hall_seen(base, point.seen, point.distance, point.currents, effects, point.at)
+        field = point.induced_T + hall_seen(point.seen, Point(base, point.distance, point.currents, point.at, effects))
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.motion is not None:
         near, far = base.motion.ends
         d = motion.distance_m
         stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
         readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (point.distance - d)
-    readings = recorded(effects, readings, point.distance, _first(point.currents), point.at)
+    readings = changed_by(effects, "readings", readings, point.distance, _first(point.currents), point.at)
     return {name: weights.mean @ reading for name, reading in readings.items()}
 
 
@@ -199,17 +199,17 @@ def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[Added
     d, i = true_setting(effects, motion.distance_m, base.validity.with_axis(motion.current_A), motion.at)
     first = _first(i)
     if any(added.memory for added in effects):
-        constant = at_rest(base, d, i, (), conditions).motional_constant[:, 0]
+        constant = at_rest(Point(base, d, i, conditions, ())).motional_constant[:, 0]
         memory: dict[str, FloatArray] = {}
         for added in effects:
             memory |= states_along(added, motion.time_s, d, first, constant, conditions, motion.first)
         conditions = replace(conditions, memory=memory)
     u, pull, induced_T, eddy = i, np.zeros_like(d), np.zeros_like(d), eddy_with_sources(base, effects)
     if eddy is not None:
-        still, along = at_rest(base, d, i, effects, conditions), points.eddies(eddy, d)
+        still, along = at_rest(Point(base, d, i, conditions, effects)), points.eddies(eddy, d)
         induced = induced_along(along, motion.time_s, motion.first, still.flux_linkage, still.inductance)
         u, induced_T = along.acting(i, induced), (along.forms.hall * induced).sum(axis=1)
-    seen = at_rest(base, d, u, effects, conditions)
+    seen = at_rest(Point(base, d, u, conditions, effects))
     if eddy is not None:
         pull = pull_of(along, seen.flux_linkage, induced)
     if i.shape[1] == 1:
@@ -230,12 +230,11 @@ def _inertia(
 
     Springs, load and friction stand on the measured side, which another mass leaves alone.
     """
-    share = base.mass_kg / moving_mass(effects, base.mass_kg)
+    share = base.mass_kg / changed_by(effects, "mass", base.mass_kg)
     lacking = base.mass_kg * (weights.curvature @ (distance - motion.distance_m))
     if share != 1.0:
-        beside = base.beside_weight(distance) + base.friction(
-            np.asarray(motion.at.velocity_m_s), motion.at.nominal.sample_time_s
-        )
+        velocity = np.asarray(motion.at.velocity_m_s)
+        beside = base.beside_weight(distance) + base.friction(velocity, motion.at.nominal.sample_time_s)
         lacking = lacking + (1.0 - share) * (weights.mean @ (beside + np.zeros_like(distance)))
     return share, np.asarray(lacking)
 
