@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns
 from femfit.effects.catalogue import all_effects
@@ -21,7 +21,7 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
 from femfit.identify.impedance import away_from_bias, bias_remark, weighed_by_magnitude
-from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
+from femfit.identify.observations import Observations, Stacking, model_tolerance
 from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
 from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
@@ -77,31 +77,27 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             f"({', '.join(reading)}) within its validity domain; none was found. Check the columns, units and the "
             "model's range."
         )
-    channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
     rows = dict(zip(channels, pieces, strict=True))
     weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
-    prediction = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
-    stacked = prediction.stacked
+    stacked = Stacking(rows, {name: weight[rows[name]] for name, weight in weighing.weight.items()})
     slope, curvature, *by_current = stacked(setting_slopes(model, d, i, conditions, channels)).T
     own_misfit, declared = model_tolerance(model), dict(table.declared_noise)
-    tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels} | dict(
-        weighing.tolerance
-    )
+    tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels}
     settings = "distance_m", *current_columns(model.current_names)
     uncertain = [along * declared.get(name, 0.0) for name, along in zip(settings, (slope, *by_current), strict=False)]
     return Observations(
         channels=channels,
-        channel=channel,
+        channel=stacked.channel,
         row=np.concatenate(pieces),
-        value=stacked({name: measured[name].to_numpy(dtype=np.float64)[None] for name in channels})[:, 0],
+        value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
         covariates=covariates,
         given=table.given,
-        prediction=InTheirRuns(prediction, covariates["run"].to_numpy(dtype=int)[np.concatenate(pieces)]),
+        prediction=_BenchPrediction(model, d, i, conditions, stacked),
         distance_slope=slope,
         distance_curvature=curvature,
         nominal=nominal,
         declared_noise=declared | dict(weighing.noise),
-        tolerance=stacked({name: values[None] for name, values in tolerance.items()})[:, 0],
+        tolerance=stacked({**tolerance, **weighing.tolerance}),
         setting_columns=np.stack(uncertain, axis=1),
         findings=(
             *table.findings,
@@ -112,7 +108,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         present=tuple(added.effect.name for added in model.effects),
         noise_source=table.noise_source,
         magnitude=weighing.magnitude,
-        weight=stacked(dict.fromkeys(channels, np.ones((1, len(d)))))[:, 0] if weighing.weight else None,
+        weight=stacked(dict.fromkeys(channels, np.ones(len(d)))) if weighing.weight else None,
     )
 
 
@@ -125,18 +121,12 @@ class _BenchPrediction:
     distance_m: FloatArray
     current_A: FloatArray  # (N, n) of several circuits
     conditions: Conditions
-    rows: Mapping[str, IntArray]  # Of each channel
-    weight: Mapping[str, FloatArray]  # Of impedances, of every row
+    stacked: Stacking
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
         own, setting = self.model.effects, (self.model, self.distance_m, self.current_A, self.conditions)
         places = [(len(own) + k, name) for k, name in parameters]
-        return self.stacked(readings_by(*setting, (*own, *effects), places, tuple(self.rows)))
-
-    def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Values of the rows (k, N) as columns (M, k), channel after channel."""
-        weighed = {name: values[name] * self.weight[name] for name in self.weight}
-        return np.concatenate([weighed.get(name, values[name])[:, piece].T for name, piece in self.rows.items()])
+        return self.stacked(readings_by(*setting, (*own, *effects), places, tuple(self.stacked.rows)))
 
 
 def _covariates(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:

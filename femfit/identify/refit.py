@@ -226,7 +226,7 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
     def predicted(x: FloatArray) -> FloatArray:
         """Readings, and their slopes by the free parameters."""
         if not last or not np.array_equal(last[0][0], x):
-            last[:] = [(x.copy(), observations.prediction(effects_at(x), places))]
+            last[:] = [(x.copy(), observations.predicted(effects_at(x), places))]
         return last[0][1]
 
     def residual(x: FloatArray) -> FloatArray:
@@ -284,7 +284,7 @@ def _seen_nonlinear(start: Start, observations: Observations) -> list[EffectPara
     nonlinear = [p for p in columns.effect.parameters if p.nonlinear]
     for p in nonlinear:  # where a parameter usually stands it may have no slope
         values[p.name] += 0.1 * p.width * (1.0 if values[p.name] + 0.1 * p.width <= p.upper else -1.0)
-    slopes = observations.slopes([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])
+    slopes = observations.predicted([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])[:, 1:]
     return [p for p, slope in zip(nonlinear, slopes.T, strict=True) if np.any(slope != 0.0)]
 
 

@@ -298,7 +298,7 @@ def add_remainder(
     staying = [present for present in model.effects if present.effect.name not in named]
     fitted = [present for present in model.effects if present.effect.name in named]
     numbers = [(k, p.name) for k, present in enumerate(fitted) for p in present.effect.parameters]
-    by_names = placed(with_effects(model, staying), measured).slopes(fitted, numbers)
+    by_names = placed(with_effects(model, staying), measured).predicted(fitted, numbers)[:, 1:]
     parts = parts_of(observations)
     columns = [columns_of(observations, part) for part in parts]
     learnt = learn(whitening, parts, columns, by_names) if parts else Learnt()

@@ -140,7 +140,7 @@ def columns_at(added: AddedEffect, observations: Observations) -> list[EffectCol
 
 def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Observations) -> list[EffectColumns]:
     absent = AddedEffect(effect, effect.null() | dict(nonlinear))
-    slopes = observations.slopes([absent], [(0, p.name) for p in effect.amplitudes])
+    slopes = observations.predicted([absent], [(0, p.name) for p in effect.amplitudes])[:, 1:]
     pairs, least = list(zip(effect.amplitudes, slopes.T, strict=True)), ROUNDED * np.abs(observations.base)
     visible = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
     if not visible:

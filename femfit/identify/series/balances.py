@@ -20,8 +20,7 @@ stretch begins at rest.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -35,7 +34,6 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
-from femfit.identify.observations import WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, at_rest
@@ -292,20 +290,13 @@ _LAST_POINTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class RememberedPoints(WithoutCache):
+class RememberedPoints:
     """A motion as effects make it, kept while only effects on mass, circuit or readings change."""
 
     base: ActuatorModel
-
-    @cached_property
-    def known(self) -> dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]]:
-        """By motion and parameters, with the effects themselves, so that their addresses stay theirs."""
-        return {}
-
-    @cached_property
-    def still(self) -> list[EddiesAlong]:
-        """The last eddy currents and distances."""
-        return []
+    # By motion and parameters, with the effects themselves, so that their addresses stay theirs
+    known: dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]] = field(default_factory=dict)
+    still: list[EddiesAlong] = field(default_factory=list)  # The last eddy currents and distances
 
     def eddies(self, eddy: EddyCurrents, distance: FloatArray) -> EddiesAlong:
         """Eddy currents along distances, worked out once for these very arrays."""

@@ -48,8 +48,7 @@ def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     rows = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
     weights = window_weights(rows, time, row, np.ones(len(time), dtype=bool))
     over_samples = window_weights(windows, samples.time, samples.segment, samples.usable)
-    rates = over_samples.slope @ _known(samples, "distance_m"), over_samples.slope @ _known(samples, "current_A")
-    covariates = _covariates(samples, windows, over_samples.mean, rates, nominal)
+    covariates = _covariates(samples, windows, over_samples.mean, over_samples.slope, nominal)
     return View(windows, covariates, _motion(samples, windows, covariates, nominal, level, slope), weights)
 
 
@@ -63,14 +62,11 @@ def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     bump = np.maximum(1.0 - place**2, 0.0) ** 2
     shape = len(windows.centre_s), len(time)
     bump /= np.bincount(row, bump)[row]
-    mean = sparse.csr_array((bump, (row, np.arange(len(time)))), shape=shape)
-    none = sparse.csr_array(shape)
-    thirds = Windows(windows.centre_s, windows.segment, MIDDLE * windows.length_s)
-    over_samples = window_weights(thirds, samples.time, samples.segment, samples.usable)
-    rates = mean @ (slope @ _known(samples, "distance_m")), mean @ (slope @ _known(samples, "current_A"))
-    covariates = _covariates(samples, windows, mean @ level, rates, nominal)
+    mean, none = sparse.csr_array((bump, (row, np.arange(len(time)))), shape=shape), sparse.csr_array(shape)
+    covariates = _covariates(samples, windows, mean @ level, mean @ slope, nominal)
     motion = _motion(samples, windows, covariates, nominal, level, slope)
-    return View(thirds, covariates, motion, Weights(mean, none, none, over_samples.valid))
+    thirds = Windows(windows.centre_s, windows.segment, MIDDLE * windows.length_s)
+    return View(thirds, covariates, motion, Weights(mean, none, none, np.ones(shape[0], dtype=bool)))
 
 
 def _smoothed(
@@ -113,10 +109,10 @@ def _covariates(
     samples: Samples,
     windows: Windows,
     mean: sparse.csr_array,
-    rates: tuple[FloatArray, FloatArray],
+    slope: sparse.csr_array,
     nominal: Nominal,
 ) -> pd.DataFrame:
-    """What is known of every window."""
+    """What is known of every window, by weights of its means and of its mean derivatives."""
     nearest = _nearest(samples, windows)
     run, labels = pd.factorize(samples.run[nearest])
     start = np.array([samples.time[samples.run == label].min() for label in labels])
@@ -144,8 +140,8 @@ def _covariates(
             "order": order,
             "elapsed": before[run] + order,
             "time_s": within,
-            "velocity_m_s": rates[0],
-            "current_rate_A_s": rates[1],
+            "velocity_m_s": slope @ _known(samples, "distance_m"),
+            "current_rate_A_s": slope @ _known(samples, "current_A"),
         }
     )
 
