@@ -265,8 +265,7 @@ class RemainderResult(AddResult):
         return super().to_dict() | {"remainder": learnt, "beside": plain(self.beside)}
 
     def __str__(self) -> str:
-        text = printed("remainder", r=self, words=WORDS, rms={}, magnitude={}, beyond={})
-        return titled(text, titles_of(self.observations.nominal.drawn))
+        return titled(printed("remainder", r=self, words=WORDS), titles_of(self.observations.nominal.drawn))
 
 
 def add_remainder(

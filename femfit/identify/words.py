@@ -5,6 +5,7 @@ In a template a paragraph is one printed line, however it is broken; ``>`` befor
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -55,13 +56,18 @@ finding = _WORDS.finding
 
 
 class Result(Printed):
-    """A result as words and as data: ``data`` names what programs read of a dataclass, all of it where it is empty."""
+    """A result as words and as data.
+
+    ``data`` names what programs read of a dataclass, as ``name`` or as ``name=path.of.attributes``; all of it where it
+    is empty.
+    """
 
     data: ClassVar[tuple[str, ...]] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {name: plain(getattr(self, name)) for name in self.data or vars(self)}
+        named = (entry.partition("=") for entry in self.data or vars(self))
+        return {name: plain(attrgetter(path or name)(self)) for name, _, path in named}
 
 
 def plain(value: Any) -> Any:
