@@ -312,9 +312,8 @@ def add_remainder(
         some = Whitening(observations.select(keep), noise)
         return learn(some, parts, [block[keep] for block in columns], by_names[keep]).effects
 
-    before = cross_validated(whitening, lambda _: ())
-    effects = learnt.effects
-    error = cross_validated(whitening, learnt_from) if effects else before
+    effects, (rms, before) = learnt.effects, cross_validated(whitening, lambda _: ())
+    rms, chi2 = cross_validated(whitening, learnt_from) if effects else (rms, before)
     after = with_effects(model, (*model.effects, *effects))
     if effects:
         progress("Running the filter before and after")
@@ -322,11 +321,11 @@ def add_remainder(
         model=after,
         added=effects,
         kept=tuple(present.effect.name for present in model.effects),
-        left_out=error.rms,
+        left_out=rms,
         suspicious=(),
         findings=(*observations.findings, *guessed_noises(noise)),
         parts=learnt.kinds,
-        fall_unseen=before.chi2 - error.chi2,
+        fall_unseen=before - chi2,
         beside=beside,
         filter=filter_fall(model, after, measured) if effects else None,
         **fit_facts(whitening, (), effects, learnt.decided),
