@@ -20,7 +20,7 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import beyond_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.observations import Observations
+from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.refit import Start, starting_point
 from femfit.identify.remainder import NAME as UNEXPLAINED
 from femfit.identify.remainder import add_remainder
@@ -79,10 +79,7 @@ def add_effects(
     """
     say = progress or (lambda _: None)
     say("Reading")
-    temperatures: dict[str, Any] = {
-        "coil_temperature_C": coil_temperature_C,
-        "magnet_temperature_C": magnet_temperature_C,
-    }
+    temperatures: dict[str, Any] = dict(zip(TEMPERATURES, (coil_temperature_C, magnet_temperature_C), strict=True))
     for name, temperature in temperatures.items():
         if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
             raise UsageError(
@@ -113,7 +110,7 @@ def add_effects(
         model=after,
         added=fit.effects,
         kept=tuple(added.effect.name for added in staying),
-        left_out=unseen_error(whitening, fit).rms,
+        left_out=unseen_error(whitening, fit),
         suspicious=suspicious_values(observations, fit),
         findings=(*observations.findings, *held, *guessed_noises(whitening.noise)),
         beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),

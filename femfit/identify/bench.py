@@ -21,7 +21,7 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
 from femfit.identify.impedance import away_from_bias, bias_remark, weighed_by_magnitude
-from femfit.identify.observations import Observations, Stacking, model_tolerance
+from femfit.identify.observations import TEMPERATURES, Observations, Stacking, circumstances, model_tolerance
 from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
 from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
@@ -132,36 +132,18 @@ class _BenchPrediction:
 def _covariates(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:
     """Settings with runs and mounts numbered from 0, and both clocks."""
     run = pd.factorize(rows["run"])[0]
-    mount_label = rows["mount"].where(rows["mount"].notna(), rows["run"])
-    mount = pd.factorize(mount_label)[0]
-    place = pd.Series(run).groupby(run).cumcount().to_numpy(dtype=np.float64)
-    order = rows["order"].to_numpy()
+    mount = pd.factorize(rows["mount"].where(rows["mount"].notna(), rows["run"]))[0]
+    place, order = pd.Series(run).groupby(run).cumcount().to_numpy(), rows["order"].to_numpy()
     order = np.where(np.isfinite(order), order, place)
-    first = pd.Series(order).groupby(run).transform("min").to_numpy()
-    within = order - first
-    longest = pd.Series(within).groupby(run).max().to_numpy()
-    # An order that starts anew with each run counts on from the run before
-    restarts = len(np.unique(run)) > 1 and bool(np.any(np.diff(pd.Series(order).groupby(run).min().to_numpy()) <= 0.0))
-    start = np.concatenate([[0.0], np.cumsum(longest + 1.0)[:-1]])
-    elapsed = start[run] + within if restarts else order - order.min()
-    names = [
-        "distance_m",
-        *dict.fromkeys(["current_A", *currents]),
-        "branch",
-        "coil_temperature_C",
-        "magnet_temperature_C",
-    ]
-    if "frequency_Hz" in rows and rows["frequency_Hz"].notna().any():
-        names.append("frequency_Hz")
-    return pd.DataFrame(
-        {
-            "run": run,
-            "mount": mount,
-            **{name: rows[name].to_numpy(dtype=np.float64) for name in names},
-            "order": within,
-            "elapsed": elapsed,
-        }
-    ).fillna({"branch": 0.0})
+    by_run = pd.Series(order).groupby(run)
+    first, last = (by_run.agg(end).to_numpy() for end in ("min", "max"))
+    within, elapsed = order - first[run], order - order.min()
+    if (np.diff(first) <= 0.0).any():  # an order that starts anew with each run counts on from the run before
+        elapsed = within + np.append(0.0, np.cumsum(last - first + 1.0)[:-1])[run]
+    settings = ("distance_m", *dict.fromkeys(["current_A", *currents]), "branch", *TEMPERATURES)
+    at_frequencies = "frequency_Hz" in rows and bool(rows["frequency_Hz"].notna().any())
+    covariates = rows[[*settings, *(("frequency_Hz",) * at_frequencies)]].astype(np.float64).reset_index(drop=True)
+    return covariates.assign(run=run, mount=mount, order=within, elapsed=elapsed).fillna({"branch": 0.0})
 
 
 def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
@@ -169,9 +151,7 @@ def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
     cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
     return Conditions(
         nominal=nominal,
-        branch=covariates["branch"].to_numpy(),
-        coil_temperature_C=covariates["coil_temperature_C"].to_numpy(),
-        magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy(),
+        **circumstances(covariates),
         time_s=covariates["order"].to_numpy(),
         elapsed=covariates["elapsed"].to_numpy(),
         current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),

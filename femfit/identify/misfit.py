@@ -22,7 +22,7 @@ from femfit.fit.ranking import to_be_added
 from femfit.identify.constants import LEVEL, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
-from femfit.identify.observations import Observations
+from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -264,10 +264,10 @@ def _curves(
     if "current_A" in grid:  # the currents of other circuits at their middle
         settings[observations.leading_current] = grid["current_A"].ravel()
     i = currents_in(model, pd.DataFrame(settings))
+    temperatures: dict[str, Any] = {name: float(observations.covariates[name].mean()) for name in TEMPERATURES}
     conditions = Conditions(
         nominal_of(model),
-        coil_temperature_C=float(observations.covariates["coil_temperature_C"].mean()),
-        magnet_temperature_C=float(observations.covariates["magnet_temperature_C"].mean()),
+        **temperatures,
         frequency_Hz=grid["frequency_Hz"].ravel() if "frequency_Hz" in grid else np.nan,
     )
     readings = predict_readings(model, d, i, conditions, (*model.effects, *effects), observations.channels)

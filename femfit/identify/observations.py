@@ -20,6 +20,9 @@ from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
 
+TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
+"""Covariates of what may be warm; NaN where it was not recorded."""
+
 Prediction = Callable[[Sequence[AddedEffect], Sequence[Parameter]], FloatArray]
 """(further effects, parameters of theirs) -> readings, then their slopes by each parameter; (M, 1 + parameters)."""
 
@@ -209,6 +212,11 @@ class Stacking:
         return np.concatenate(
             [(values[name][..., rows] * self.factor.get(name, 1.0)).T for name, rows in self.rows.items()]
         )
+
+
+def circumstances(covariates: pd.DataFrame) -> dict[str, Any]:
+    """What conditions take of covariates as it stands there: branches and temperatures, each of shape (N,)."""
+    return {name: covariates[name].to_numpy() for name in ("branch", *TEMPERATURES)}
 
 
 def _kept(

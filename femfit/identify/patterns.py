@@ -19,7 +19,7 @@ from numpy.polynomial.legendre import legvander
 
 from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
-from femfit.identify.observations import Observations, once_for_settings
+from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
 
 _MOTION = ("velocity_m_s", "current_rate_A_s")
 """Covariates that only a time series has."""
@@ -149,7 +149,7 @@ def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, Floa
 def _drift(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
     result: Labelled = []
-    for name in ("coil_temperature_C", "magnet_temperature_C"):
+    for name in TEMPERATURES:
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
             result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))

@@ -178,15 +178,12 @@ def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
 
 def assumed_noise(channel: str, nominal: Nominal) -> float:
     """The noise of a channel that was never measured, by its largest reading in the validity domain."""
-    largest = {
-        "force_N": nominal.force_N,
-        "flux_linkage_Wb": nominal.flux_linkage_Wb,
-        "hall_V": nominal.hall_swing_V,
-        "voltage_V": nominal.resistance_ohm * nominal.peak_current_A,
-        "inductance_H": nominal.inductance_H,
-        "resistance_ohm": nominal.resistance_ohm,
-    }
-    return GUESSED_NOISE * largest[parts_of(channel)[0]]
+    if channel == "hall_V":
+        return GUESSED_NOISE * nominal.hall_swing_V
+    quantity, _ = parts_of(channel)
+    if quantity == "voltage_V":
+        return GUESSED_NOISE * nominal.resistance_ohm * nominal.peak_current_A
+    return GUESSED_NOISE * float(getattr(nominal, quantity))
 
 
 _BY = {"inductance_H": "by an LCR meter ", "resistance_ohm": "by an LCR meter "}

@@ -21,7 +21,7 @@ stretch begins at rest.
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.linalg import lapack
@@ -34,6 +34,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
+from femfit.identify.observations import TEMPERATURES
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, at_rest
@@ -255,16 +256,16 @@ def states_along(
     moves = ~fresh & (step > 0.0)  # neighbouring windows share a node
     velocity, rate = (np.divide(np.diff(x), step, out=np.zeros_like(step), where=moves) for x in (distance, current))
     i, constant = (0.5 * (x[1:] + x[:-1]) for x in (current, motional_constant))
+    halfway: dict[str, Any] = {
+        name: _between(getattr(conditions, name)) for name in (*TEMPERATURES, "time_s", "elapsed")
+    }
     moving = replace(
         conditions,
         branch=np.sign(rate),
         velocity_m_s=velocity,
         current_rate_A_s=rate,
         motional_V=constant * velocity,
-        coil_temperature_C=_between(conditions.coil_temperature_C),
-        magnet_temperature_C=_between(conditions.magnet_temperature_C),
-        time_s=_between(conditions.time_s),
-        elapsed=_between(conditions.elapsed),
+        **halfway,
     )
     at_zero, at_one = (
         memory.rate({name: np.full_like(i, z) for name in memory.names}, i, moving, added.parameters)

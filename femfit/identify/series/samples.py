@@ -164,12 +164,8 @@ def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: floa
         Time in s from one command of the driver to its next.
     """
     volts = samples.columns[samples.commands[k]]
-    here, mean, rise, step = (
-        np.flatnonzero(samples.usable),
-        np.nan_to_num(volts),
-        np.zeros(len(volts)),
-        np.diff(samples.time),
-    )
+    here, step = np.flatnonzero(samples.usable), np.diff(samples.time)
+    mean, rise = np.nan_to_num(volts), np.zeros(len(volts))
     if not held.any():
         return mean, rise
     rise[here[:-1]] = np.where(held[here[:-1]], np.nan_to_num(np.diff(volts[here])), 0.0)

@@ -20,11 +20,10 @@ from scipy import sparse
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.identify.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN
+from femfit.identify.observations import TEMPERATURES, circumstances
 from femfit.identify.series.balances import Motion
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, window_weights
-
-_TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +122,7 @@ def _covariates(
     current = mean @ _known(samples, "current_A")
     new = np.diff(run, prepend=-1) != 0
     temperatures, magnitude = {}, abs(mean)
-    for name in _TEMPERATURES:  # the mean over the samples of a window that have it; NaN where none has
+    for name in TEMPERATURES:  # the mean over the samples of a window that have it; NaN where none has
         values = samples.columns[name]
         share = np.asarray(magnitude @ np.isfinite(values).astype(np.float64))
         total = np.asarray(magnitude @ np.nan_to_num(values))
@@ -195,9 +194,7 @@ def _motion(
         voltage_V=volts,
         at=Conditions(
             nominal=nominal,
-            branch=covariates["branch"].to_numpy()[row],
-            coil_temperature_C=covariates["coil_temperature_C"].to_numpy()[row],
-            magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy()[row],
+            **circumstances(covariates.iloc[row]),
             time_s=within,
             elapsed=within + windows.length_s * campaign,
             velocity_m_s=slope @ _known(samples, "distance_m"),
