@@ -20,7 +20,7 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
-from femfit.identify.impedance import away_from_bias, bias_remark, weighed_by_magnitude
+from femfit.identify.impedance import away_from_bias, weighed_by_magnitude
 from femfit.identify.observations import TEMPERATURES, Observations, Stacking, circumstances, model_tolerance
 from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
@@ -45,13 +45,11 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         placed_rows &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
     inside = placed_rows & within_domain(model, d, i)
     if "frequency_Hz" in table.given and inside.any():
-        away = np.flatnonzero(inside)[away_from_bias(model, d[inside], i[inside])]
-        if len(away):
-            remark = bias_remark(model, d[away], i[away])
-            inside[away] = False
-            if not inside.any():
-                raise TableError(f"{table.source} has no row that can be compared. {remark}")
-            findings.append(remark)
+        away, remark = away_from_bias(model, d[inside], i[inside])
+        inside[inside] = ~away
+        if not inside.any():
+            raise TableError(f"{table.source} has no row that can be compared. {remark}")
+        findings += [remark] if remark else []
     if not placed_rows.all():
         findings.append(finding("no-setting", rows=int((~placed_rows).sum())))
     if outside := int((placed_rows & ~within_domain(model, d, i)).sum()):

@@ -32,25 +32,23 @@ from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import IMPEDANCE_SHARE
 
 
-def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
-    """Which rows, at distances (N,) and currents (N,) or (N, n), are away from the bias of eddy currents."""
+def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> tuple[BoolArray, Finding | None]:
+    """Which rows, at distances (N,) and currents (N,) or (N, n), are away from the bias of eddy currents.
+
+    A finding says of these rows where they were read, and what to do.
+    """
     base = model.without_effects
     bias = base.eddy.bias if base.eddy else None
     if bias is None:
-        return np.zeros(len(distance), dtype=bool)
+        return np.zeros(len(distance), dtype=bool), None
     here, there = current.reshape(len(distance), -1), bias.at(distance)
     read, solved = (base.magnetics.flux_linkage(distance, currents) for currents in (here, there))
     apart = np.minimum(*(np.linalg.norm(read - sign * solved, axis=1) for sign in (1.0, -1.0)))  # all turned is alike
     ends = np.array(np.meshgrid(*base.validity.current_limits_A)).reshape(here.shape[1], -1).T
     linked = [base.magnetics.flux_linkage(distance, np.tile(end, (len(distance), 1))) for end in ends]
-    return np.asarray(apart > AWAY * BIAS_SHARE * np.linalg.norm(linked, axis=-1).max())
-
-
-def bias_remark(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> Finding:
-    """Say of rows away from the bias where they were read, and what to do."""
-    eddy = model.without_effects.eddy
-    bias = eddy.bias if eddy else None
-    held = bias.at(distance) if bias else np.zeros((len(distance), 1))
+    away = np.asarray(apart > AWAY * BIAS_SHARE * np.linalg.norm(linked, axis=-1).max())
+    if not away.any():
+        return away, None
     names = current_columns(model.current_names)
 
     def ranges(currents: FloatArray) -> str:
@@ -58,11 +56,10 @@ def bias_remark(model: ActuatorModel, distance: FloatArray, current: FloatArray)
         of_circuits = [f" in {circuit}" if circuit else "" for _, circuit in map(parts_of, names)]
         return " and ".join(a + b for a, b in zip(each, of_circuits, strict=True))
 
-    read = current.reshape(len(distance), -1)
-    least = [float(f"{median:.3g}") for median in np.median(read, axis=0)]
-    asked = least[0] if len(least) == 1 else least
-    facts: dict[str, Any] = {"asked": asked, "read": ranges(read), "held": ranges(held), "rows": len(read)}
-    return finding("eddy-bias", "current_A", float(len(read)), **facts)
+    least = [float(f"{median:.3g}") for median in np.median(here[away], axis=0)]
+    facts: dict[str, Any] = {"asked": least[0] if len(least) == 1 else least, "rows": int(away.sum())}
+    facts |= {"read": ranges(here[away]), "held": ranges(there[away])}
+    return away, finding("eddy-bias", "current_A", float(away.sum()), **facts)
 
 
 @dataclass(frozen=True, eq=False)

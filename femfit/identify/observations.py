@@ -6,7 +6,7 @@ time series differ only in how this view is built.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial, wraps
+from functools import cached_property, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -168,7 +168,7 @@ class Observations(WithoutCache):
         """Those of the readings for which ``keep``, of shape (M,), is true; all settings stay."""
         state = self.__getstate__().items()
         some: dict[str, Any] = {name: values[keep] for name, values in state if isinstance(values, np.ndarray)}
-        return replace(self, **some, prediction=partial(_kept, self.prediction, keep))
+        return replace(self, **some, prediction=lambda *asked: self.prediction(*asked)[keep])
 
     def with_values(self, value: FloatArray) -> "Observations":
         """The same settings with other readings, of shape (M,)."""
@@ -217,13 +217,6 @@ class Stacking:
 def circumstances(covariates: pd.DataFrame) -> dict[str, Any]:
     """What conditions take of covariates as it stands there: branches and temperatures, each of shape (N,)."""
     return {name: covariates[name].to_numpy() for name in ("branch", *TEMPERATURES)}
-
-
-def _kept(
-    prediction: Prediction, keep: BoolArray, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]
-) -> FloatArray:
-    """Predictions of the readings that were kept."""
-    return prediction(effects, parameters)[keep]
 
 
 def model_tolerance(model: ActuatorModel) -> dict[str, float]:

@@ -51,13 +51,11 @@ def suspected_zero(
     model: ActuatorModel, d: FloatArray, i: FloatArray, reads: Mapping[str, FloatArray], predict: Predict
 ) -> Finding | None:
     """Suspect that the distance is counted from another place than the electromagnet's face."""
-    box = model.without_effects.validity
+    box, of_the_circuit = model.without_effects.validity, {"voltage_V", "resistance_ohm"}
     travel = box.distance_max_m - box.distance_min_m
-    of_the_circuit = {"voltage_V", "resistance_ohm"}
     reads = {name: read for name, read in reads.items() if name not in of_the_circuit and np.isfinite(read).any()}
     if not reads:
         return None
-
     low, high = box.distance_min_m - DOMAIN_SLACK * travel, box.distance_max_m + DOMAIN_SLACK * travel
     recorded, usual = (d >= low) & (d <= high), predict(d, i)
     # Of readings and predictions together: readings alone may be constant, as in hovering

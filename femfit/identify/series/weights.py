@@ -44,10 +44,6 @@ class Windows:
     segment: IntArray
     length_s: float
 
-    def select(self, keep: BoolArray) -> "Windows":
-        """Some of the windows."""
-        return Windows(self.centre_s[keep], self.segment[keep], self.length_s)
-
 
 @dataclass(frozen=True, eq=False)
 class Weights:
@@ -162,11 +158,7 @@ def lay_windows(
     usual = float(np.median(spacing)) if len(spacing) else 0.0
     wanted = min(TIME_CONSTANTS / _pole(model, distance[usable], current[usable]), total / LEAST_WINDOWS)
     length = max(wanted, USUAL_SAMPLES * usual, total / MOST_WINDOWS)
-    counts = (
-        np.floor((ends - starts) / length * (1.0 + 1e-9)).astype(int)
-        if length > 0.0
-        else np.zeros(len(numbers), dtype=int)
-    )
+    counts = np.floor((ends - starts) / max(length, 1e-300) * (1.0 + 1e-9)).astype(int)
     centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(starts, counts, strict=True)]
     return Windows(np.concatenate(centre), np.repeat(numbers, counts), length)
 
