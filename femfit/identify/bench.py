@@ -38,7 +38,7 @@ from femfit.tables.measurement_file import read_measurement
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts."""
     table = with_currents(model, table)
-    findings: list[Finding] = []
+    findings = list[Finding](table.findings)
     d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
     placed_rows = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
     if "frequency_Hz" in table.given:
@@ -79,6 +79,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
     stacked = Stacking(rows, {name: weight[rows[name]] for name, weight in weighing.weight.items()})
     slope, curvature, *by_current = stacked(setting_slopes(model, d, i, conditions, channels)).T
+    if nominal.springs is not None and "force_N" in channels:
+        findings.append(finding("drawn-spring", "force_N"))
     own_misfit, declared = model_tolerance(model), dict(table.declared_noise)
     tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels}
     settings = "distance_m", *current_columns(model.current_names)
@@ -97,12 +99,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         declared_noise=declared | dict(weighing.noise),
         tolerance=stacked({**tolerance, **weighing.tolerance}),
         setting_columns=np.stack(uncertain, axis=1),
-        findings=(
-            *table.findings,
-            *findings,
-            *weighing.findings,
-            *([finding("drawn-spring", "force_N")] if nominal.springs is not None and "force_N" in channels else []),
-        ),
+        findings=(*findings, *weighing.findings),
         present=tuple(added.effect.name for added in model.effects),
         noise_source=table.noise_source,
         magnitude=weighing.magnitude,

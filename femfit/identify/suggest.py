@@ -22,7 +22,7 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE, SHOWN
+from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.misfit import finer_sweep
@@ -78,8 +78,7 @@ class Advice(Result):
     titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
 
     def __str__(self) -> str:
-        facts = {"clauses": pair_clauses, "SHOWN": SHOWN, "COMPARED": COMPARED}
-        return titled(printed("advice", r=self, **facts), self.titles)
+        return titled(printed("advice", r=self, clauses=pair_clauses), self.titles)
 
 
 def suggest(

@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from femfit.core.results import Printed, Words, lines_of
+from femfit.core.results import Printed, Words, constants_of, lines_of
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of
-from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE
-from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify import constants
+from femfit.identify.decision import constants as decision_constants
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
@@ -37,13 +37,7 @@ _WORDS = Words(
     listed=_listed,
     signed="{:+.3g}".format,
     channel=CHANNEL_WORDS.__getitem__,
-    names={
-        "LEVEL": LEVEL,
-        "LEVEL_AFTER": LEVEL_AFTER,
-        "WITHIN_NOISE": WITHIN_NOISE,
-        "HELPS": HELPS,
-        "OWN_MISFIT": OWN_MISFIT,
-    },
+    names=constants_of(constants) | constants_of(decision_constants),
 )
 
 

@@ -17,8 +17,7 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
 from femfit.identify.calibration.fit import Estimate
-from femfit.identify.constants import IN_COMBINATION, OPEN, UNUSUAL, WITHIN_NOISE
-from femfit.identify.decision.constants import SHOWN
+from femfit.identify.constants import IN_COMBINATION, OPEN, WITHIN_NOISE
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall, allowed
 from femfit.identify.noise.whitening import Whitening
@@ -172,7 +171,5 @@ def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Se
         by_key={number.key: number for number in numbers},
         mostly_unfitted=any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers),
         checked=zip(numbers, now.choice.numbers, away, strict=True),
-        UNUSUAL=UNUSUAL,
-        SHOWN=SHOWN,
     )
     return tuple(text.splitlines())
