@@ -190,12 +190,9 @@ def _split(
     wanted = [drawn.get(name) or effect_by_name(name) for name in dict.fromkeys(names)]
     named = {effect.name for effect in wanted}
     bare = placed(with_effects(model, ()), data) if model.effects else None
-    stays = [
-        bare is not None and added.effect.name not in named and bool(why_untestable(added.effect, bare))
-        for added in model.effects
-    ]
-    staying = tuple(added for added, stay in zip(model.effects, stays, strict=True) if stay)
-    refitted = tuple(added for added, stay in zip(model.effects, stays, strict=True) if not stay)
+    shown = named | {added.effect.name for added in model.effects if bare and not why_untestable(added.effect, bare)}
+    staying = tuple(added for added in model.effects if added.effect.name not in shown)
+    refitted = tuple(added for added in model.effects if added.effect.name in shown)
     present = {added.effect.name for added in refitted}
     return staying, refitted, [effect for effect in wanted if effect.name not in present]
 

@@ -159,13 +159,12 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
     beside = observations.mean_square(np.sqrt(settings + columns**2 @ deviations**2))
     shown = np.sqrt(noise.sigma**2 + beside)
-    number = {name: c for c, name in enumerate(noise.channels)}
+    readings = np.bincount(observations.channel, minlength=len(shown))
+    largest = np.maximum(WITHIN_NOISE, np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)) * shown
     return {
-        name: error / float(noise.sigma[number[name]])
-        for name, error in rms.items()
-        if name in noise.source
-        and (n := int(np.sum(observations.of(name))))
-        and error > max(WITHIN_NOISE, float(np.sqrt(stats.chi2.isf(LEVEL, n) / n))) * shown[number[name]]
+        name: rms[name] / float(sigma)
+        for name, sigma, most in zip(noise.channels, noise.sigma, largest, strict=True)
+        if name in noise.source and rms[name] > most
     }
 
 

@@ -204,7 +204,7 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
         moved = {p.name for number, p in free if number == k}
         usual = {p.name: p.null for p in effect.columns.effect.parameters if p.nonlinear and p.name not in moved}
         initial.append(effect.columns.parameters(effect.amplitude) | usual | dict(effect.held))
-    width = np.array([p.plausible[1] - p.plausible[0] for _, p in free])
+    width = np.array([p.width for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width
     expected = np.array([p.null + start[k].prior_mean for k, p in free]) / width
@@ -301,8 +301,4 @@ def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[Added
 def at_bounds(fit: Refit) -> list[tuple[int, EffectParameter]]:
     """Parameters that stand at a bound other than their null, each with the number of its effect."""
     ends = [fit.free[j] for j in np.flatnonzero(fit.active)]
-    return [
-        (k, p)
-        for k, p in ends
-        if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * (p.plausible[1] - p.plausible[0])
-    ]
+    return [(k, p) for k, p in ends if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * p.width]

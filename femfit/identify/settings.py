@@ -176,12 +176,10 @@ def averaged(
         return table
     rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
     residual = residuals(table)
-    at_means = residuals(replace(table, rows=rows))
-    for name, values in residual.items():  # the model's own bend within a stretch is no misfit
+    at_means, known = residuals(replace(table, rows=rows)), {}
+    for name, values in residual.items():  # the model's own bend within a stretch is no misfit; halves may be the same
         mean = pd.Series(values).groupby(number).mean()[kept].to_numpy()
         rows[name] = rows[name] - at_means[name] + mean
-    known = {}
-    for name, values in residual.items():  # halves may round to the same
         sigma = noise_of_means(values, number, count * kept)
         step = quantisation_step(table.rows[name].to_numpy())
         if np.isfinite(sigma) and max(sigma, step) > 0.0:

@@ -11,6 +11,7 @@ J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988)
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -98,23 +99,17 @@ class Campaign(WithoutCache):
         return tuple(np.asarray(block.T @ block) for block in self.blocks)
 
     @cached_property
-    def run_by_run(self) -> Mapping[str, tuple[int, FloatArray]]:
-        """Per effect, a variant and its amplitudes' columns run after run, shape (M, runs times k); none of one run.
+    def in_some_runs(self) -> Mapping[str, tuple[Start, ...]]:
+        """Per effect its first variant as it begins or ends between two runs, with amplitudes of zero; none of one run.
 
         A number of the drawing, which no effect of the catalogue changes, is the same in every run.
         """
-        observations = self.observations
-        runs, run = observations.runs, observations.column("run")
-        fixed = {effect.name for effect in observations.nominal.drawn}
-        firsts = {name: variants[0] for name, variants in self.variants.items() if name not in fixed}
-        if runs == 1 or not firsts:
-            return {}
-        picked = [self.effects[k] for k in firsts.values()]
-        changes = [start.columns.columns * half_ranges(start) for start in picked]
-        parts = np.concatenate([change * (run == k)[:, None] for change in changes for k in range(runs)], axis=1)
-        ends = np.cumsum([runs * change.shape[1] for change in changes])[:-1]
-        whitened = np.split(self.whitening.full(parts), ends, axis=1)
-        return {name: (k, columns) for (name, k), columns in zip(firsts.items(), whitened, strict=True)}
+        runs, run = self.observations.runs, self.observations.column("run").astype(int)
+        periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
+        fixed = {effect.name for effect in self.observations.nominal.drawn}
+        firsts = [self.effects[numbers[0]].columns for name, numbers in self.variants.items() if name not in fixed]
+        every = Start.at_null([first.in_runs(period, run) for first in firsts for period in periods], self.whitening)
+        return {name: tuple(starts) for name, starts in groupby(every, lambda start: start.name)}
 
     @cached_property
     def unknown(self) -> FloatArray:

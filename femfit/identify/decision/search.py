@@ -78,35 +78,19 @@ def with_one_more(campaign: Campaign, base: Explanation) -> list[Explanation]:
             logs.append(float(np.logaddexp(exact[0] + share, formed[0] + np.log1p(-np.exp(share)))))
             starts.append(max(exact, formed, key=lambda pair: pair[0])[1])
         log, start = mean_of_logs(logs), starts[int(np.argmax(logs))]
-        if name in campaign.run_by_run:
-            log_in_runs, in_part = _in_some_runs(campaign, linear, name)
-            start = in_part if log_in_runs + np.log(IN_PART) > log + np.log1p(-IN_PART) else start
+        if name in campaign.in_some_runs:
+            in_part = [
+                _one_more(linear, each, *linear.products(each.whitened * half_ranges(each)))
+                for each in campaign.in_some_runs[name]
+            ]
+            log_in_runs = mean_of_logs([pair[0] for pair in in_part])
+            if log_in_runs + np.log(IN_PART) > log + np.log1p(-IN_PART):
+                start = max(in_part, key=lambda pair: pair[0])[1]
             log = float(np.logaddexp(log + np.log1p(-IN_PART), log_in_runs + np.log(IN_PART)))
         # What adds something may stand in the unknown cause's place: its refit tells
         beside_unknown = log + unknown if log <= base.log_evidence else -np.inf
         result.append(Explanation((*begun, start), log, base.log_evidence, with_unknown=beside_unknown))
     return result
-
-
-def _in_some_runs(campaign: Campaign, linear: Linear, name: str) -> tuple[float, Start]:
-    """Log evidence of an effect that begins or ends between two runs, and where it then begins."""
-    number, parts = campaign.run_by_run[name]
-    effect, runs = campaign.effects[number], campaign.observations.runs
-    gram, along = linear.products(parts)
-    periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
-    logs, starts, summed = [], [], []
-    for first, last in periods:
-        acts = (np.arange(runs) >= first) & (np.arange(runs) <= last)
-        sums = np.kron(acts[:, None], np.eye(effect.count))
-        summed.append(sums)
-        log, start = _one_more(linear, effect, sums.T @ gram @ sums, sums.T @ along)
-        logs.append(log)
-        starts.append(start)
-    best = int(np.argmax(logs))
-    run = campaign.observations.column("run").astype(int)
-    columns = starts[best].columns.in_runs(periods[best], run)
-    whitened = parts @ summed[best] / half_ranges(effect)
-    return mean_of_logs(logs), replace(starts[best], columns=columns, whitened=whitened)
 
 
 def _one_more(linear: Linear, effect: Start, gram: FloatArray, along: FloatArray) -> tuple[float, Start]:

@@ -120,9 +120,8 @@ def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
         result[here] = values
         return result
 
-    slopes, series = base.magnetics.slopes(d, each), np.zeros((each.shape[1],) * 2)
-    if base.circuits:
-        series = base.series_inductances_H
+    slopes = base.magnetics.slopes(d, each)
+    series = base.series_inductances_H if base.circuits else np.zeros((each.shape[1],) * 2)
     flux, pull, seen_T = base.magnetics.flux_linkage(d, each), np.zeros_like(d), np.zeros_like(d)
     if base.eddy is not None:
         first = np.diff(samples.run[here], prepend=np.nan) != 0.0
@@ -148,21 +147,13 @@ def sensor_noise(
 
     For the current the driving voltage says it; no noise is smaller than the converter's step over sqrt(12).
     """
-    usable = np.where(samples.usable, 0.0, np.nan)
-    explained = {
-        "distance_m": usable,
-        **{
-            name: usable + current
-            for name, current in zip(samples.currents, _driven(base, samples, field).T, strict=True)
-        },
-        "hall_V": usable + field.hall,
-        "force_N": usable + field.force,
-    }
+    driven = dict(zip(samples.currents, _driven(base, samples, field).T, strict=True))
+    explained = {"distance_m": np.zeros_like(field.force), **driven, "hall_V": field.hall, "force_N": field.force}
     result = {}
     for name, model in explained.items():
         values = samples.columns[name]
-        step = converter_step(values)
-        white = max(white_noise(values - model, samples.segment), step / np.sqrt(12.0))
+        step, misfit = converter_step(values), np.where(samples.usable, values - model, np.nan)
+        white = max(white_noise(misfit, samples.segment), step / np.sqrt(12.0))
         result[name] = SensorNoise(float(declared.get(name, white)), step, values)
     return result
 
