@@ -32,7 +32,7 @@ from femfit.identify.decision.constants import (
     FORM_ELSEWHERE,
     SHARE_DEGREE,
 )
-from femfit.identify.lack_of_fit import PatternSpace, pattern_space
+from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
 from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations, WithoutCache
@@ -118,7 +118,7 @@ class Campaign(WithoutCache):
         Each has unit length.
         """
         shares = self.whitening.full(self._shares * self.observations.base[:, None])
-        columns = np.concatenate([self.patterns.groups[-1].whitened, shares], axis=1)
+        columns = np.concatenate([self.patterns.whitened, shares], axis=1)
         return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
 
     @cached_property
@@ -146,9 +146,7 @@ class Campaign(WithoutCache):
             for cut in (*BROAD, finest)
         ]
         parts += [patterns.degree <= cut for cut in (*BROAD[1:3], finest)]
-        groups = [
-            np.flatnonzero(picks) for picks in {picks.tobytes(): picks for picks in parts if picks.any()}.values()
-        ]
+        groups = map(np.flatnonzero, distinct(parts))
         weighed = [(group, np.asarray(FINER ** patterns.degree[group])) for group in groups]
         for c in np.unique(patterns.channel):
             for name in ("distance_m", "current_A"):
