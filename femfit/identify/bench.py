@@ -57,9 +57,9 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
     if beyond.any():
-        counts: dict[str, Any] = {"beyond": int(beyond.sum()), "rows": int(inside.sum())}
-        quadratic, limits = model.without_effects.kind is None, box.column_limits_A.tolist()
-        findings.append(finding("extrapolated", **counts, quadratic=quadratic, limits=limits))
+        facts: dict[str, Any] = {"beyond": int(beyond.sum()), "rows": int(inside.sum())}
+        facts |= {"quadratic": model.without_effects.kind is None, "limits": box.column_limits_A.tolist()}
+        findings.append(finding("extrapolated", **facts))
     if not inside.any():
         raise TableError(nothing_in_domain(model, table.source, d[placed_rows], i[placed_rows]))
     measured = table.rows[inside].reset_index(drop=True)
@@ -68,14 +68,13 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
     reading = predict_readings(model, d, i, conditions, channels=table.channels)
     channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
-    pieces = [np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels]
+    rows = {name: np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels}
     if not channels:
         raise TableError(
             f"{table.source} must have at least one reading of a channel that the model predicts "
             f"({', '.join(reading)}) within its validity domain; none was found. Check the columns, units and the "
             "model's range."
         )
-    rows = dict(zip(channels, pieces, strict=True))
     weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
     stacked = Stacking(rows, {name: weight[rows[name]] for name, weight in weighing.weight.items()})
     slope, curvature, *by_current = stacked(setting_slopes(model, d, i, conditions, channels)).T
@@ -88,7 +87,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     return Observations(
         channels=channels,
         channel=stacked.channel,
-        row=np.concatenate(pieces),
+        row=np.concatenate(list(rows.values())),
         value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
         covariates=covariates,
         given=table.given,

@@ -111,19 +111,13 @@ def _signals(start: Start) -> list[tuple[float, int]]:
 def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> tuple[tuple[str, str], ...]:
     """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
     base, signals = whitening.observations.base, {name: _signals(starts[0]) for name, starts in families.items()}
-    taken_for = {
-        (effect, rival)
-        for effect, rival in permutations(families, 2)
-        if signals[effect]
-        and all(
-            separation(
-                whitening.with_values(base + value * families[effect][0].columns.columns[:, k]),
-                [[start] for start in families[rival]],
-            )
-            is None
-            for value, k in signals[effect]
-        )
-    }
+
+    def hidden(effect: str, rival: str) -> bool:
+        changes = [value * families[effect][0].columns.columns[:, k] for value, k in signals[effect]]
+        rivals = [[start] for start in families[rival]]
+        return bool(changes) and all(separation(whitening.with_values(base + c), rivals) is None for c in changes)
+
+    taken_for = {pair for pair in permutations(families, 2) if hidden(*pair)}
     return tuple((a, b) for a, b in combinations(families, 2) if {(a, b), (b, a)} & taken_for)
 
 

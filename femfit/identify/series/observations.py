@@ -45,7 +45,7 @@ from femfit.identify.series.measured import (
 )
 from femfit.identify.series.samples import take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
-from femfit.identify.series.weights import Windows, lay_windows, window_weights
+from femfit.identify.series.weights import lay_windows
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
@@ -62,13 +62,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     """
     base, series = model.without_effects, with_distance(model, series)
     samples = take_samples(model, series)
-    distance = np.nan_to_num(samples.columns["distance_m"])
-    windows = lay_windows(base, samples.time, samples.stretch, samples.usable, distance, samples.current)
-    windows = replace(windows, segment=samples.segment[np.searchsorted(samples.stretch, windows.segment)])
-    # At an impact no path is smooth
-    smooth = samples.usable & ~samples.touches
-    valid = window_weights(windows, samples.time, samples.segment, smooth).valid
-    windows = Windows(windows.centre_s[valid], windows.segment[valid], windows.length_s)
+    windows = lay_windows(base, samples)
     if not len(windows.centre_s):
         raise TableError(
             f"{series.source} must have stretches of at least {1e3 * windows.length_s:.3g} ms without a gap in "
