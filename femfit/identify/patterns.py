@@ -13,6 +13,7 @@ alternatives.
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from operator import itemgetter
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -91,9 +92,8 @@ def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labe
         labelled = of_channel(here) if len(here) >= LEAST_READINGS else []
         if not labelled:
             continue
-        labelled.sort(
-            key=lambda pattern: pattern[1]
-        )  # few readings have room for the broad ones alone, of every covariate
+        # Few readings have room for the broad ones alone, of every covariate
+        labelled.sort(key=itemgetter(1))
         columns = np.stack([column for column, _, _ in labelled], axis=1)
         # Those that the ones before them do not span to 1e-6
         triangle = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r")

@@ -11,7 +11,7 @@ M. A. Branch, T. F. Coleman and Y. Li, SIAM Journal on Scientific Computing 21 (
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy import optimize, stats
@@ -239,17 +239,8 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
         return np.concatenate([whitening.full(-width * predicted(x)[:, 1:]), np.diag(root)])
 
     inner = np.clip(x0, low + 1e-6, high - 1e-6)
-    solution = optimize.least_squares(
-        with_prior,
-        inner,
-        slopes,
-        bounds=(low, high),
-        method="trf",
-        x_scale="jac",
-        xtol=1e-6,
-        ftol=1e-8,
-        max_nfev=MOST_EVALUATIONS,
-    )
+    limits: dict[str, Any] = {"xtol": 1e-6, "ftol": 1e-8, "max_nfev": MOST_EVALUATIONS}
+    solution = optimize.least_squares(with_prior, inner, slopes, bounds=(low, high), x_scale="jac", **limits)
     x = _at_bounds(with_prior, solution.x, low, high)
     best = residual(x)
     active, jacobian = (x == low) | (x == high), np.asarray(solution.jac)[: len(best)]

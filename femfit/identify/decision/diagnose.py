@@ -140,21 +140,16 @@ def _ranking(
     campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
 ) -> tuple[ScoredEffect, ...]:
     """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
-    before, by_name = campaign.whitening.residual, {score.name: score for score in scores}
+    before, by_name = float(np.sum(campaign.whitening.residual**2)), {score.name: score for score in scores}
     alone = {names[0]: fit for names, fit in decision.fits.items() if len(names) == 1}
     observations, noise, refitted = campaign.observations, campaign.noise, []
     judged = np.array([name in noise.source for name in noise.channels])[observations.channel]
     for name, fit in alone.items():
         # Over the noise of one reading, as the fall of the error has it; all channels together
         residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
-        refitted.append(
-            replace(
-                by_name[name],
-                chi2_fall=float(before @ before) - fit.chi2,
-                explained_share=explained_share(campaign, fit, excess),
-                error_left=float(np.sqrt(np.mean(residual[judged] ** 2))),
-            )
-        )
+        share, error = explained_share(campaign, fit, excess), float(np.sqrt(np.mean(residual[judged] ** 2)))
+        score = replace(by_name[name], chi2_fall=before - fit.chi2, explained_share=share, error_left=error)
+        refitted.append(score)
     return (*refitted, *(score for score in scores if score.name not in alone))
 
 

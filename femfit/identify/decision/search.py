@@ -6,6 +6,7 @@ From each explanation the search goes on to first order: by one more effect, thr
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
+from operator import attrgetter
 
 import numpy as np
 from scipy import special
@@ -116,11 +117,9 @@ def _one_more(linear: Linear, effect: Start, gram: FloatArray, along: FloatArray
 
 def pairs_of_two(campaign: Campaign, linear: Linear, alone: Sequence[Explanation]) -> list[Explanation]:
     """Pairs of which neither may look like much alone, to first order."""
-    best = sorted(
-        (explanation for explanation in alone if np.isfinite(explanation.log_evidence)),
-        key=lambda explanation: -explanation.log_evidence,
-    )
-    leading = [(explanation.starts[0], campaign.block(explanation.starts[0])) for explanation in best[:PAIRED]]
+    best = sorted(alone, key=attrgetter("log_evidence"), reverse=True)[:PAIRED]
+    firsts = [explanation.starts[0] for explanation in best if np.isfinite(explanation.log_evidence)]
+    leading = [(start, campaign.block(start)) for start in firsts]
     pairs = []
     for (first, columns), (second, further) in combinations(leading, 2):
         own_sizes, sizes = (
@@ -131,7 +130,7 @@ def pairs_of_two(campaign: Campaign, linear: Linear, alone: Sequence[Explanation
         logs = [beside.with_more(*beside.products(further), sizes)[0] for beside in about]
         begun, _ = fitted_together(linear.target, [first, second])
         pairs.append(Explanation(tuple(begun), float(np.max(logs)) - np.log(SIZES), linear.log_evidence))
-    return sorted(pairs, key=lambda explanation: -explanation.log_evidence)[:PAIRED]
+    return sorted(pairs, key=attrgetter("log_evidence"), reverse=True)[:PAIRED]
 
 
 Key = tuple[frozenset[str], bool]
@@ -174,7 +173,7 @@ def explain(campaign: Campaign) -> Posterior:
     for explanation in (*alone, *pairs_of_two(campaign, start, alone)):
         _propose(explanations, explanation)
     # A large effect's own curvature may spoil what it promises to first order
-    likeliest = max(alone, key=lambda explanation: explanation.log_evidence, default=nothing)
+    likeliest = max(alone, key=attrgetter("log_evidence"), default=nothing)
     prior = min(EXPECTED_EFFECTS / max(len(campaign.variants), 1), LIKELIEST)
     odds, least, in_vain, ended = float(np.log(prior) - np.log1p(-prior)), np.log(LOOKED_AT), 0, False
     for refits in count():

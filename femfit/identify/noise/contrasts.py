@@ -56,9 +56,7 @@ class Contrasts:
     free: float  # Its degrees of freedom
     along: FloatArray  # Coordinates along the random effects, shape (k,)
     columns: FloatArray  # Of the random effects in them, shape (k, q)
-    cost: float = (
-        0.0  # -2 log of the restricted likelihood, the variance at its best and random effects taken for fixed
-    )
+    cost: float = 0.0  # -2 log restricted likelihood, the variance at its best and random effects taken for fixed
 
 
 @dataclass(frozen=True, eq=False)

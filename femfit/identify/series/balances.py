@@ -255,10 +255,9 @@ def states_along(
     fresh, step = first[1:], np.diff(time)
     moves = ~fresh & (step > 0.0)  # neighbouring windows share a node
     velocity, rate = (np.divide(np.diff(x), step, out=np.zeros_like(step), where=moves) for x in (distance, current))
-    i, constant = (0.5 * (x[1:] + x[:-1]) for x in (current, motional_constant))
-    halfway: dict[str, Any] = {
-        name: _between(getattr(conditions, name)) for name in (*TEMPERATURES, "time_s", "elapsed")
-    }
+    i, constant = (_between(x) for x in (current, motional_constant))
+    names = (*TEMPERATURES, "time_s", "elapsed")
+    halfway: dict[str, Any] = {name: _between(np.broadcast_to(getattr(conditions, name), time.shape)) for name in names}
     moving = replace(
         conditions,
         branch=np.sign(rate),
@@ -280,10 +279,9 @@ def states_along(
     return result
 
 
-def _between(condition: FloatArray | float) -> FloatArray | float:
-    """A condition on the steps between nodes."""
-    values = np.asarray(condition)
-    return 0.5 * (values[1:] + values[:-1]) if values.ndim else condition
+def _between(values: FloatArray) -> FloatArray:
+    """Values at nodes on the steps between these."""
+    return 0.5 * (values[1:] + values[:-1])
 
 
 _LAST_POINTS = 4

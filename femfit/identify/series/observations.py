@@ -93,13 +93,12 @@ def _assembled(
 ) -> Observations:
     """The channels that were measured in both views, one after the other."""
     channels, nominal = [*measured[0], *measured[1]], record.nominal
-    names = tuple(channel.name for channel in channels)
-    pieces = [np.flatnonzero(channel.valid) for channel in channels]
+    rows = {channel.name: np.flatnonzero(channel.valid) for channel in channels}
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
-    sigma = [channel.sigma[piece] for channel, piece in zip(channels, pieces, strict=True)]
-    usual = [float(np.median(values)) for values in sigma]
-    scale = [np.where(np.isfinite(u), u / values, 1.0) for u, values in zip(usual, sigma, strict=True)]
-    stacked = Stacking(dict(zip(names, pieces, strict=True)), dict(zip(names, scale, strict=True)))
+    sigma = {channel.name: channel.sigma[rows[channel.name]] for channel in channels}
+    usual = {name: float(np.median(values)) for name, values in sigma.items()}
+    scale = {name: np.where(np.isfinite(u), u / sigma[name], 1.0) for name, u in usual.items()}
+    names, stacked = tuple(rows), Stacking(rows, scale)
     number = stacked.channel
     offset = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
     sides = zip(views, (model_balances, model_readings), measured, strict=True)
@@ -114,7 +113,7 @@ def _assembled(
     return Observations(
         channels=names,
         channel=number,
-        row=np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)]),
+        row=np.concatenate([piece + start for piece, start in zip(rows.values(), offset, strict=True)]),
         value=stacked({channel.name: channel.measured for channel in channels}),
         covariates=covariates,
         given=(*series.given, *(shown[name] for name in names if name in shown)),
@@ -122,7 +121,7 @@ def _assembled(
         distance_slope=(change(present, step) - change(present, -step)) / (2.0 * step),
         distance_curvature=(change(present, step) - 2.0 * change(present) + change(present, -step)) / step**2,
         nominal=nominal,
-        declared_noise={name: s for name, s in zip(names, usual, strict=True) if np.isfinite(s)},
+        declared_noise={name: noise for name, noise in usual.items() if np.isfinite(noise)},
         tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
         setting_columns=np.zeros((len(number), 2)),
         findings=(*series.findings, *record.samples.findings),
