@@ -13,7 +13,8 @@ A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import combinations, groupby, permutations
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -82,9 +83,7 @@ def examine_plan(
     noise = planned_noise(observations)
     whitening = Whitening.granting(observations, noise)
     columns, invisible = testable_columns(observations, effects)
-    families: dict[str, list[Start]] = {}
-    for start in Start.at_null(columns, whitening):
-        families.setdefault(start.name, []).append(start)
+    families = {name: list(all_of) for name, all_of in groupby(Start.at_null(columns, whitening), attrgetter("name"))}
     for name in [name for name, starts in families.items() if not any(map(_signals, starts))]:
         invisible[name] = "its largest plausible size stays within the noise"
         del families[name]

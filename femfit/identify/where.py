@@ -24,9 +24,6 @@ from femfit.identify.patterns import Patterns, smooth_patterns
 from femfit.identify.words import sentence
 from femfit.tables.header import parts_of
 
-_ALIASES = {"elapsed": "order"}
-"""Clocks that mean the same to a reader."""
-
 
 @dataclass(frozen=True)
 class Where:
@@ -112,7 +109,8 @@ def _covariates(
             break
         chosen.append(best)
         reached = explained(chosen)
-    return tuple(dict.fromkeys(_ALIASES.get(name, name) for name in chosen))
+    # Both clocks mean the same to a reader
+    return tuple(dict.fromkeys("order" if name == "elapsed" else name for name in chosen))
 
 
 def _excess(columns: FloatArray, residual: FloatArray) -> float:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,7 @@ class Campaign(WithoutCache):
         fixed = {effect.name for effect in self.observations.nominal.drawn}
         firsts = [self.effects[numbers[0]].columns for name, numbers in self.variants.items() if name not in fixed]
         every = Start.at_null([first.in_runs(period, run) for first in firsts for period in periods], self.whitening)
-        return {name: tuple(starts) for name, starts in groupby(every, lambda start: start.name)}
+        return {name: tuple(starts) for name, starts in groupby(every, attrgetter("name"))}
 
     @cached_property
     def unknown(self) -> FloatArray:

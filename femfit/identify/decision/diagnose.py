@@ -30,15 +30,13 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
 
-Progress = Callable[[str], None]
-
 
 def diagnose(
     model: ActuatorModel | str | Path,
     data: Measurement | str | Path,
     *,
     exclude: Sequence[str] = (),
-    progress: Progress | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Compare measurements with a model and name the physical effect that is missing.
 
@@ -78,7 +76,7 @@ def diagnose_observations(
     observations: Observations,
     *,
     exclude: Sequence[str] = (),
-    say: Progress = lambda _: None,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose readings that stand beside their model."""
     say("Estimating the noise")
