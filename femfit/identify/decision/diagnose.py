@@ -95,7 +95,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
     # What the patterns cannot see of an effect between them counts as well
     excess = max(campaign.patterns.excess(campaign.whitening.residual), *(s.chi2_fall for s in scores), 0.0)
     missing = _named_effects(campaign, decision, excess)
-    alike = look_alikes(decision)
+    alike = look_alikes(campaign, decision)
     remarks = campaign_remarks(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))

@@ -41,8 +41,7 @@ class NamedEffect:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data; ``members`` is called ``class``."""
-        first, last = self.runs or (None, None)
-        when = {"first_run": first, "last_run": last} if first else None
+        when = dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
         rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
         return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
 

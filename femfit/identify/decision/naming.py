@@ -181,7 +181,7 @@ def _as_its_own(campaign: Campaign) -> bool:
     return bool(np.any((missed > variance) & (misfit > uncertain)))
 
 
-def look_alikes(decision: Decision) -> tuple[str, ...]:
+def look_alikes(campaign: Campaign, decision: Decision) -> tuple[str, ...]:
     """Effects that would have been given the chosen names on these data, had they been the cause and not been listed.
 
     First the others of the classes, then those of further explanations that the data leave, then examples, the most
@@ -194,17 +194,16 @@ def look_alikes(decision: Decision) -> tuple[str, ...]:
     rivals += [
         n for explanation in decision.left if not set(chosen.names) <= set(explanation.names) for n in explanation.names
     ]
-    examples = ranked(list(noticed(decision, chosen).items()), lambda pair: -pair[1], NUMERIC)
+    examples = ranked(list(noticed(campaign, chosen).items()), lambda pair: -pair[1], NUMERIC)
     rivals += [name for name, odds in examples if odds < NOTICED]
     return tuple(name for name in dict.fromkeys(rivals) if name not in chosen.names)
 
 
-def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
+def noticed(campaign: Campaign, chosen: Explanation) -> dict[str, float]:
     """Per example, the log odds of an unknown cause beside the chosen names had it been the cause of one of them."""
-    campaign, linear, fit = decision.posterior.campaign, chosen.linear, chosen.fit
+    linear, fit, observations = chosen.linear, chosen.fit, campaign.observations
     if linear is None or fit is None:
         return {}
-    observations = campaign.observations
     together = observations.predict(fit.effects)
     lengths = []
     for added in fit.effects:

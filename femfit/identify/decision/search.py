@@ -141,7 +141,6 @@ Key = tuple[frozenset[str], bool]
 class Posterior:
     """How probable every explanation is that was looked at."""
 
-    campaign: Campaign
     explanations: Mapping[frozenset[str], Explanation]
     probability: Mapping[Key, float]
     ended: bool = False  # Whether sets were left to first order since so many had been refitted
@@ -164,9 +163,8 @@ def most_of_nothing(campaign: Campaign) -> float:
 def explain(campaign: Campaign) -> Posterior:
     """Compare sets of effects: the most promising one is refitted, and what goes on from it joins the others."""
     start = null(campaign)
-    nothing = Explanation(
-        (), start.log_evidence, np.inf, linear=start, with_unknown=with_unknown_cause(campaign, start)
-    )
+    unknown = with_unknown_cause(campaign, start)
+    nothing = Explanation((), start.log_evidence, np.inf, linear=start, with_unknown=unknown)
     explanations = {frozenset[str](): nothing}
     alone = with_one_more(campaign, nothing)
     promised = {frozenset[str](): {frozenset(explanation.names): explanation.log_evidence for explanation in alone}}
@@ -210,7 +208,7 @@ def explain(campaign: Campaign) -> Posterior:
                 promised[best][frozenset(explanation.names)] = explanation.log_evidence
                 _propose(explanations, explanation)
     probability = {key: float(np.exp(value - total)) for key, value in logs.items()}
-    return Posterior(campaign, explanations, probability, ended or len(top) >= MOST_EFFECTS)
+    return Posterior(explanations, probability, ended or len(top) >= MOST_EFFECTS)
 
 
 def _as_promising(

@@ -161,11 +161,9 @@ def sensor_noise(
 def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatArray:
     """The currents (N, n) that commanded voltages and motion give, up to what is smooth; zeros where none is known."""
     result = np.zeros((len(samples.time), len(samples.currents)))
-    if not base.circuits:
+    if not base.circuits or all(np.isnan(samples.columns[name]).all() for name in samples.commands):
         return result
     volts = np.stack([samples.columns[name] for name in samples.commands], axis=1)
-    if not np.isfinite(volts).any():
-        return result
     here, current = samples.usable, samples.current.reshape(result.shape)
     step = np.diff(samples.time, prepend=samples.time[:1])[:, None]
     held = np.concatenate([volts[:1], volts[:-1]])
