@@ -164,7 +164,7 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     return {
         name: rms[name] / float(sigma)
         for name, sigma, most in zip(noise.channels, noise.sigma, largest, strict=True)
-        if name in noise.source and rms[name] > most
+        if name in noise.source and rms.get(name, 0.0) > most
     }
 
 

@@ -29,7 +29,7 @@ from femfit.identify.calibration.numbers import Choice, Drawing
 from femfit.identify.decision.campaign import considered_effects, gather, testable_columns
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.refit import Refit, refit, starting_point
+from femfit.identify.refit import Refit, Start, refit, starting_point
 from femfit.identify.signatures import columns_at
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
@@ -203,4 +203,6 @@ def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
     ]
     own_misfit = campaign.whitening.misfit
     misfit = np.concatenate([*([] if own_misfit is None else [own_misfit]), *free], axis=1)
-    return decide(campaign.by(replace(campaign.whitening, misfit=misfit)))
+    whitening = replace(campaign.whitening, misfit=misfit)
+    effects = Start.at_null([start.columns for start in campaign.effects], whitening)
+    return decide(replace(campaign, whitening=whitening, effects=effects))

@@ -9,7 +9,7 @@ J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988)
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
@@ -70,12 +70,6 @@ class Campaign(WithoutCache):
     def patterns(self) -> PatternSpace:
         """Smooth patterns of a lack of fit."""
         return pattern_space(self.whitening)
-
-    def by(self, whitening: Whitening) -> "Campaign":
-        """The same effects with another noise."""
-        return replace(
-            self, whitening=whitening, effects=Start.at_null([effect.columns for effect in self.effects], whitening)
-        )
 
     @cached_property
     def variants(self) -> Mapping[str, tuple[int, ...]]:
