@@ -20,7 +20,7 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import beyond_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.observations import Observations
+from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.refit import Start, starting_point
 from femfit.identify.remainder import NAME as UNEXPLAINED
 from femfit.identify.remainder import add_remainder
@@ -79,10 +79,7 @@ def add_effects(
     """
     say = progress or (lambda _: None)
     say("Reading")
-    temperatures: dict[str, Any] = {
-        "coil_temperature_C": coil_temperature_C,
-        "magnet_temperature_C": magnet_temperature_C,
-    }
+    temperatures: dict[str, Any] = dict(zip(TEMPERATURES, (coil_temperature_C, magnet_temperature_C), strict=True))
     for name, temperature in temperatures.items():
         if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
             raise UsageError(
@@ -113,7 +110,7 @@ def add_effects(
         model=after,
         added=fit.effects,
         kept=tuple(added.effect.name for added in staying),
-        left_out=unseen_error(whitening, fit).rms,
+        left_out=unseen_error(whitening, fit),
         suspicious=suspicious_values(observations, fit),
         findings=(*observations.findings, *held, *guessed_noises(whitening.noise)),
         beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),
@@ -193,12 +190,9 @@ def _split(
     wanted = [drawn.get(name) or effect_by_name(name) for name in dict.fromkeys(names)]
     named = {effect.name for effect in wanted}
     bare = placed(with_effects(model, ()), data) if model.effects else None
-    stays = [
-        bare is not None and added.effect.name not in named and bool(why_untestable(added.effect, bare))
-        for added in model.effects
-    ]
-    staying = tuple(added for added, stay in zip(model.effects, stays, strict=True) if stay)
-    refitted = tuple(added for added, stay in zip(model.effects, stays, strict=True) if not stay)
+    shown = named | {added.effect.name for added in model.effects if bare and not why_untestable(added.effect, bare)}
+    staying = tuple(added for added in model.effects if added.effect.name not in shown)
+    refitted = tuple(added for added in model.effects if added.effect.name in shown)
     present = {added.effect.name for added in refitted}
     return staying, refitted, [effect for effect in wanted if effect.name not in present]
 

@@ -17,7 +17,7 @@ from femfit.identify.misfit import ErrorFall, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, at_bounds, is_plausible
-from femfit.identify.words import Result, plain, printed
+from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import Measurement, TimeSeries
 
@@ -91,6 +91,8 @@ class AddResult(Result):
     data = (
         *("added", "kept", "left_out", "floor", "floor_source", "readings", "runs"),
         *("suspicious", "lack_of_fit_before", "lack_of_fit_after", "findings", "accepted", "beyond_noise", "filter"),
+        *("error_fall=fall", "coil_temperature_C=model.coil_temperature_C"),
+        "magnet_temperature_C=model.magnet_temperature_C",
     )
 
     model: ActuatorModel
@@ -122,12 +124,6 @@ class AddResult(Result):
         before, after = np.abs(np.log([*self.filter["mean_square"].values()])) if self.filter else (0.0, 0.0)
         return bool(after > before + np.log(FILTER_WORSE))
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without the model."""
-        temperatures = ("coil_temperature_C", "magnet_temperature_C")
-        further = {"error_fall": plain(self.fall), **{name: getattr(self.model, name) for name in temperatures}}
-        return super().to_dict() | further
-
     @property
     def risen(self) -> tuple[str, ...]:
         """Channels whose error on runs left out is larger than before."""
@@ -135,12 +131,7 @@ class AddResult(Result):
         return tuple(c.channel for c in channels if self.left_out[c.channel] > HARMS * c.rms_before)
 
     def __str__(self) -> str:
-        rms, magnitude = self.fall.rms_after, self.observations.magnitude
-        facts = {"r": self, "rms": rms, "magnitude": magnitude, "beyond": self.beyond_noise}
-        return titled(
-            printed("add", **facts),
-            titles_of(self.observations.nominal.drawn),
-        )
+        return titled(printed("add", r=self), titles_of(self.observations.nominal.drawn))
 
 
 def filter_fall(

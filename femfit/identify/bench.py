@@ -13,15 +13,15 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
-from femfit.identify.impedance import away_from_bias, bias_remark, weighed_by_magnitude
-from femfit.identify.observations import InTheirRuns, Observations, model_tolerance
+from femfit.identify.impedance import away_from_bias, weighed_by_magnitude
+from femfit.identify.observations import TEMPERATURES, Observations, Stacking, circumstances, model_tolerance
 from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.series.observations import series_observations
 from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
@@ -39,20 +39,18 @@ from femfit.tables.measurement_file import read_measurement
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts."""
     table = with_currents(model, table)
-    findings: list[Finding] = []
+    findings = list[Finding](table.findings)
     d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
     placed_rows = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
     if "frequency_Hz" in table.given:
         placed_rows &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
     inside = placed_rows & within_domain(model, d, i)
     if "frequency_Hz" in table.given and inside.any():
-        away = np.flatnonzero(inside)[away_from_bias(model, d[inside], i[inside])]
-        if len(away):
-            remark = bias_remark(model, d[away], i[away])
-            inside[away] = False
-            if not inside.any():
-                raise TableError(f"{table.source} has no row that can be compared. {remark}")
-            findings.append(remark)
+        away, remark = away_from_bias(model, d[inside], i[inside])
+        inside[inside] = ~away
+        if not inside.any():
+            raise TableError(f"{table.source} has no row that can be compared. {remark}")
+        findings += [remark] if remark else []
     if not placed_rows.all():
         findings.append(finding("no-setting", rows=int((~placed_rows).sum())))
     if outside := int((placed_rows & ~within_domain(model, d, i)).sum()):
@@ -60,9 +58,9 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
     if beyond.any():
-        counts: dict[str, Any] = {"beyond": int(beyond.sum()), "rows": int(inside.sum())}
-        quadratic, limits = model.without_effects.kind is None, box.column_limits_A.tolist()
-        findings.append(finding("extrapolated", **counts, quadratic=quadratic, limits=limits))
+        facts: dict[str, Any] = {"beyond": int(beyond.sum()), "rows": int(inside.sum())}
+        facts |= {"quadratic": model.without_effects.kind is None, "limits": box.column_limits_A.tolist()}
+        findings.append(finding("extrapolated", **facts))
     if not inside.any():
         raise TableError(nothing_in_domain(model, table.source, d[placed_rows], i[placed_rows]))
     measured = table.rows[inside].reset_index(drop=True)
@@ -71,49 +69,41 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
     reading = predict_readings(model, d, i, conditions, channels=table.channels)
     channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
-    pieces = [np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels]
+    rows = {name: np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels}
     if not channels:
         raise TableError(
             f"{table.source} must have at least one reading of a channel that the model predicts "
             f"({', '.join(reading)}) within its validity domain; none was found. Check the columns, units and the "
             "model's range."
         )
-    channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
-    rows = dict(zip(channels, pieces, strict=True))
     weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
-    prediction = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
-    stacked = prediction.stacked
+    stacked = Stacking(rows, {name: weight[rows[name]] for name, weight in weighing.weight.items()})
     slope, curvature, *by_current = stacked(setting_slopes(Point(model, d, i, conditions, model.effects), channels)).T
+    if nominal.springs is not None and "force_N" in channels:
+        findings.append(finding("drawn-spring", "force_N"))
     own_misfit, declared = model_tolerance(model), dict(table.declared_noise)
-    tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels} | dict(
-        weighing.tolerance
-    )
+    tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels}
     settings = "distance_m", *current_columns(model.current_names)
     uncertain = [along * declared.get(name, 0.0) for name, along in zip(settings, (slope, *by_current), strict=False)]
     return Observations(
         channels=channels,
-        channel=channel,
-        row=np.concatenate(pieces),
-        value=stacked({name: measured[name].to_numpy(dtype=np.float64)[None] for name in channels})[:, 0],
+        channel=stacked.channel,
+        row=np.concatenate(list(rows.values())),
+        value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
         covariates=covariates,
         given=table.given,
-        prediction=InTheirRuns(prediction, covariates["run"].to_numpy(dtype=int)[np.concatenate(pieces)]),
+        prediction=_BenchPrediction(model, d, i, conditions, stacked),
         distance_slope=slope,
         distance_curvature=curvature,
         nominal=nominal,
         declared_noise=declared | dict(weighing.noise),
-        tolerance=stacked({name: values[None] for name, values in tolerance.items()})[:, 0],
+        tolerance=stacked({**tolerance, **weighing.tolerance}),
         setting_columns=np.stack(uncertain, axis=1),
-        findings=(
-            *table.findings,
-            *findings,
-            *weighing.findings,
-            *([finding("drawn-spring", "force_N")] if nominal.springs is not None and "force_N" in channels else []),
-        ),
+        findings=(*findings, *weighing.findings),
         present=tuple(added.effect.name for added in model.effects),
         noise_source=table.noise_source,
         magnitude=weighing.magnitude,
-        weight=stacked(dict.fromkeys(channels, np.ones((1, len(d)))))[:, 0] if weighing.weight else None,
+        weight=stacked(dict.fromkeys(channels, np.ones(len(d)))) if weighing.weight else None,
     )
 
 
@@ -126,53 +116,29 @@ class _BenchPrediction:
     distance_m: FloatArray
     current_A: FloatArray  # (N, n) of several circuits
     conditions: Conditions
-    rows: Mapping[str, IntArray]  # Of each channel
-    weight: Mapping[str, FloatArray]  # Of impedances, of every row
+    stacked: Stacking
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
         at = Point(self.model, self.distance_m, self.current_A, self.conditions, (*self.model.effects, *effects))
         places = [(len(self.model.effects) + k, name) for k, name in parameters]
-        return self.stacked(readings_by(at, places, tuple(self.rows)))
-
-    def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Values of the rows (k, N) as columns (M, k), channel after channel."""
-        weighed = {name: values[name] * self.weight[name] for name in self.weight}
-        return np.concatenate([weighed.get(name, values[name])[:, piece].T for name, piece in self.rows.items()])
+        return self.stacked(readings_by(at, places, tuple(self.stacked.rows)))
 
 
 def _covariates(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:
     """Settings with runs and mounts numbered from 0, and both clocks."""
     run = pd.factorize(rows["run"])[0]
-    mount_label = rows["mount"].where(rows["mount"].notna(), rows["run"])
-    mount = pd.factorize(mount_label)[0]
-    place = pd.Series(run).groupby(run).cumcount().to_numpy(dtype=np.float64)
-    order = rows["order"].to_numpy()
+    mount = pd.factorize(rows["mount"].where(rows["mount"].notna(), rows["run"]))[0]
+    place, order = pd.Series(run).groupby(run).cumcount().to_numpy(), rows["order"].to_numpy()
     order = np.where(np.isfinite(order), order, place)
-    first = pd.Series(order).groupby(run).transform("min").to_numpy()
-    within = order - first
-    longest = pd.Series(within).groupby(run).max().to_numpy()
-    # An order that starts anew with each run counts on from the run before
-    restarts = len(np.unique(run)) > 1 and bool(np.any(np.diff(pd.Series(order).groupby(run).min().to_numpy()) <= 0.0))
-    start = np.concatenate([[0.0], np.cumsum(longest + 1.0)[:-1]])
-    elapsed = start[run] + within if restarts else order - order.min()
-    names = [
-        "distance_m",
-        *dict.fromkeys(["current_A", *currents]),
-        "branch",
-        "coil_temperature_C",
-        "magnet_temperature_C",
-    ]
-    if "frequency_Hz" in rows and rows["frequency_Hz"].notna().any():
-        names.append("frequency_Hz")
-    return pd.DataFrame(
-        {
-            "run": run,
-            "mount": mount,
-            **{name: rows[name].to_numpy(dtype=np.float64) for name in names},
-            "order": within,
-            "elapsed": elapsed,
-        }
-    ).fillna({"branch": 0.0})
+    by_run = pd.Series(order).groupby(run)
+    first, last = (by_run.agg(end).to_numpy() for end in ("min", "max"))
+    within, elapsed = order - first[run], order - order.min()
+    if (np.diff(first) <= 0.0).any():  # an order that starts anew with each run counts on from the run before
+        elapsed = within + np.append(0.0, np.cumsum(last - first + 1.0)[:-1])[run]
+    settings = ("distance_m", *dict.fromkeys(["current_A", *currents]), "branch", *TEMPERATURES)
+    at_frequencies = "frequency_Hz" in rows and bool(rows["frequency_Hz"].notna().any())
+    covariates = rows[[*settings, *(("frequency_Hz",) * at_frequencies)]].astype(np.float64).reset_index(drop=True)
+    return covariates.assign(run=run, mount=mount, order=within, elapsed=elapsed).fillna({"branch": 0.0})
 
 
 def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
@@ -180,9 +146,7 @@ def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
     cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
     return Conditions(
         nominal=nominal,
-        branch=covariates["branch"].to_numpy(),
-        coil_temperature_C=covariates["coil_temperature_C"].to_numpy(),
-        magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy(),
+        **circumstances(covariates),
         time_s=covariates["order"].to_numpy(),
         elapsed=covariates["elapsed"].to_numpy(),
         current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),

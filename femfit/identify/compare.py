@@ -150,19 +150,18 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     data = measurement_of(data)
     observations = placed(model, data)
     campaign = gather(observations, considered_effects((), observations.nominal))
-    where: Where | None
     if isinstance(campaign, Finding):
         noise, findings, test, verdict = estimate_noise(observations), [campaign], None, "compare_only"
-        where = where_it_fails(observations, Whitening(observations, noise or scatter_as_noise(observations)))
+        whitening = Whitening(observations, noise or scatter_as_noise(observations))
     else:
-        noise, findings = campaign.noise, campaign_remarks(campaign)
-        test, verdict = campaign.patterns.test(campaign.whitening.residual), "fails"
+        whitening, noise, findings = campaign.whitening, campaign.noise, campaign_remarks(campaign)
+        test, verdict = campaign.patterns.test(whitening.residual), "fails"
         if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
             verdict = "wrong_shape" if decision.own_misfit else "agrees"
-        where = None if verdict == "agrees" else where_it_fails(observations, campaign.whitening)
     beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
-    if where is None:
-        where = Where("", (), "" if beyond else "The model explains these data within their noise.")
+    where = Where("", (), "" if beyond else "The model explains these data within their noise.")
+    if verdict != "agrees":
+        where = where_it_fails(observations, whitening)
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     return Comparison(
         verdict=cast("CompareVerdict", verdict),

@@ -32,25 +32,23 @@ from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import IMPEDANCE_SHARE
 
 
-def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
-    """Which rows, at distances (N,) and currents (N,) or (N, n), are away from the bias of eddy currents."""
+def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> tuple[BoolArray, Finding | None]:
+    """Which rows, at distances (N,) and currents (N,) or (N, n), are away from the bias of eddy currents.
+
+    A finding says of these rows where they were read, and what to do.
+    """
     base = model.without_effects
     bias = base.eddy.bias if base.eddy else None
     if bias is None:
-        return np.zeros(len(distance), dtype=bool)
+        return np.zeros(len(distance), dtype=bool), None
     here, there = current.reshape(len(distance), -1), bias.at(distance)
     read, solved = (base.magnetics.flux_linkage(distance, currents) for currents in (here, there))
     apart = np.minimum(*(np.linalg.norm(read - sign * solved, axis=1) for sign in (1.0, -1.0)))  # all turned is alike
     ends = np.array(np.meshgrid(*base.validity.current_limits_A)).reshape(here.shape[1], -1).T
     linked = [base.magnetics.flux_linkage(distance, np.tile(end, (len(distance), 1))) for end in ends]
-    return np.asarray(apart > AWAY * BIAS_SHARE * np.linalg.norm(linked, axis=-1).max())
-
-
-def bias_remark(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> Finding:
-    """Say of rows away from the bias where they were read, and what to do."""
-    eddy = model.without_effects.eddy
-    bias = eddy.bias if eddy else None
-    held = bias.at(distance) if bias else np.zeros((len(distance), 1))
+    away = np.asarray(apart > AWAY * BIAS_SHARE * np.linalg.norm(linked, axis=-1).max())
+    if not away.any():
+        return away, None
     names = current_columns(model.current_names)
 
     def ranges(currents: FloatArray) -> str:
@@ -58,11 +56,10 @@ def bias_remark(model: ActuatorModel, distance: FloatArray, current: FloatArray)
         of_circuits = [f" in {circuit}" if circuit else "" for _, circuit in map(parts_of, names)]
         return " and ".join(a + b for a, b in zip(each, of_circuits, strict=True))
 
-    read = current.reshape(len(distance), -1)
-    least = [float(f"{median:.3g}") for median in np.median(read, axis=0)]
-    asked = least[0] if len(least) == 1 else least
-    facts: dict[str, Any] = {"asked": asked, "read": ranges(read), "held": ranges(held), "rows": len(read)}
-    return finding("eddy-bias", "current_A", float(len(read)), **facts)
+    least = [float(f"{median:.3g}") for median in np.median(here[away], axis=0)]
+    facts: dict[str, Any] = {"asked": least[0] if len(least) == 1 else least, "rows": int(away.sum())}
+    facts |= {"read": ranges(here[away]), "held": ranges(there[away])}
+    return away, finding("eddy-bias", "current_A", float(away.sum()), **facts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +83,10 @@ def weighed_by_magnitude(
 ) -> Weighing:
     """The weights of impedances, by the model's own magnitude; of a channel with a noise in its unit they are 1."""
     names = [name for name in channels if parts_of(name)[0] in SERIES and name not in declared]
-    nominal, w = conditions.nominal, 2.0 * np.pi * np.asarray(conditions.frequency_Hz)
-    if not names or not np.isfinite(w).all():
+    nominal, frequency = conditions.nominal, np.asarray(conditions.frequency_Hz)
+    if not names or not np.isfinite(frequency).all():
         return Weighing()
-    read = predict_readings(model, distance, current, conditions, channels=SERIES)
+    read, w = predict_readings(model, distance, current, conditions, channels=SERIES), 2.0 * np.pi * frequency
     magnitude = {
         name: np.hypot(read.get(resistance_column(name), 0.0), w * values)
         for name, values in read.items()
@@ -101,23 +98,21 @@ def weighed_by_magnitude(
         off = largest * (OF_THREE if name.endswith(SHORTED) else 1.0)
         for channel, scale in ((resistance_column(name), 1.0), (name, w)):
             size[channel], most[channel] = np.maximum(z, LEAST_LINKED * largest) / scale, off / scale
-    usual = {name: float(getattr(nominal, parts_of(name)[0])) for name in names}
-    share, error = declared.get(IMPEDANCE_SHARE), model.eddy.error if model.eddy is not None else None
-    eddy_misfit = (
-        (error.impedance or 0.0) / np.sqrt(3.0) if error is not None else 0.0
-    )  # of errors that are evenly spread
-    quantities = dict.fromkeys(parts_of(name)[0] for name in names)
-    usual_sizes = [(of, float(getattr(nominal, of))) for of in quantities]
-    findings, frequency = [finding("weighed", usual=usual_sizes)], np.asarray(conditions.frequency_Hz)
-    beyond = 0 if error is None else int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
-    if error is not None and beyond:  # there the model's eddy currents were not held against the field
-        facts: dict[str, Any] = {"beyond": beyond, "held": error.frequency_max_Hz, "highest": float(frequency.max())}
-        findings.append(finding("frequency-range", "frequency_Hz", float(beyond), **facts))
+    quantity = {name: parts_of(name)[0] for name in names}
+    usual = {name: float(getattr(nominal, of)) for name, of in quantity.items()}
+    findings = [finding("weighed", usual=list({of: usual[name] for name, of in quantity.items()}.items()))]
+    share, error, misfit = declared.get(IMPEDANCE_SHARE), model.eddy.error if model.eddy is not None else None, 0.0
+    if error is not None:
+        misfit = (error.impedance or 0.0) / np.sqrt(3.0)  # of errors that are evenly spread
+        beyond = int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
+        facts = {"beyond": beyond, "held": error.frequency_max_Hz, "highest": float(frequency.max())}
+        if beyond:  # there the model's eddy currents were not held against the field
+            findings.append(finding("frequency-range", "frequency_Hz", float(beyond), "", **facts))
     return Weighing(
         {name: usual[name] / size[name] for name in names},
         usual,
         noise={name: share * usual[name] for name in names} if share else {},
         # The eddy currents' misfit is a share of the largest of all impedances
-        tolerance={name: eddy_misfit * most[name] for name in names},
+        tolerance={name: misfit * most[name] for name in names},
         findings=tuple(findings),
     )

@@ -5,8 +5,8 @@ squared length chi-square distributed in any k directions; noise known from nu r
 F(k, nu).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -14,7 +14,6 @@ from scipy import stats
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.identify.constants import COARSE, SPANNED
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
-from femfit.identify.observations import WithoutCache
 from femfit.identify.patterns import Patterns, smooth_patterns
 
 
@@ -29,17 +28,11 @@ class LackOfFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Group(WithoutCache):
+class Group:
     """Patterns that are tested together."""
 
-    whitened: FloatArray  # All patterns, shape (M, n); groups share it
-    part: BoolArray  # Which of them are tested, shape (n,)
+    basis: FloatArray  # Whitened, orthonormal; shape (M, k)
     degrees_of_freedom: float
-
-    @cached_property
-    def basis(self) -> FloatArray:
-        """Whitened, orthonormal; shape (M, k)."""
-        return orthonormal_basis(self.whitened[:, self.part])
 
     def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:
         """Squared length of the residual in the patterns beside orthonormal fitted columns, and their number.
@@ -68,6 +61,7 @@ class PatternSpace:
     """Whitened smooth patterns, all together and in groups: each channel and all channels, broad patterns and all."""
 
     patterns: Patterns
+    whitened: FloatArray  # Shape (M, n)
     groups: tuple[Group, ...]
 
     def excess(self, residual: FloatArray) -> float:
@@ -102,8 +96,13 @@ def pattern_space(whitening: Whitening) -> PatternSpace:
     of_channel = [patterns.channel == c for c in np.unique(patterns.channel)]
     picked = [here & (patterns.degree <= cut) for here in of_channel for cut in COARSE]
     picked += [*of_channel, patterns.degree <= COARSE[0], everything]
-    distinct = {picks.tobytes(): picks for picks in picked if picks.any()}  # a single channel is all of them
     groups = [
-        Group(columns, picks, float(np.sum(degrees[np.unique(patterns.channel[picks])]))) for picks in distinct.values()
+        Group(orthonormal_basis(columns[:, picks]), float(np.sum(degrees[np.unique(patterns.channel[picks])])))
+        for picks in distinct(picked)
     ]
-    return PatternSpace(patterns, tuple(sorted(groups, key=lambda group: group.basis.shape[1])))
+    return PatternSpace(patterns, columns, tuple(sorted(groups, key=lambda group: group.basis.shape[1])))
+
+
+def distinct(picked: Iterable[BoolArray]) -> list[BoolArray]:
+    """Each choice of patterns once, without empty ones: a single channel is all of them."""
+    return list({picks.tobytes(): picks for picks in picked if picks.any()}.values())

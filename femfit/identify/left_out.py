@@ -7,8 +7,8 @@ References
 M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-validation.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,26 +22,25 @@ from femfit.identify.refit import Refit, Start, refit
 from femfit.identify.words import finding
 
 
-@dataclass(frozen=True, eq=False)
-class UnseenError:
-    """Error on runs left out, all of them in turn; on quarters of a single run."""
-
-    rms: Mapping[str, float]  # Root mean square of recorded minus predicted per channel
-    chi2: float  # Weighted sum of squares over all noise, re-mounts and offsets
-
-
-def unseen_error(whitening: Whitening, fit: Refit) -> UnseenError:
-    """Cross-validate the effects of a fit over the runs of a campaign."""
+def unseen_error(whitening: Whitening, fit: Refit) -> dict[str, float]:
+    """Rms of recorded minus predicted per channel on runs left out, the effects of a fit fitted to the others."""
 
     def fitted(keep: BoolArray) -> tuple[AddedEffect, ...]:
         readings = whitening.observations.select(keep)
         return refit(Whitening.granting(readings, whitening.noise), fit.restart).effects
 
-    return cross_validated(whitening, fitted)
+    rms, _ = cross_validated(whitening, fitted)
+    return rms
 
 
-def cross_validated(whitening: Whitening, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]) -> UnseenError:
-    """The error on each run by the effects that are fitted to the readings that stay, which have the shape (M,)."""
+def cross_validated(
+    whitening: Whitening, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]
+) -> tuple[dict[str, float], float]:
+    """The error on each run, or quarter of a single one, by effects fitted to the readings that stay, of shape (M,).
+
+    The root mean square of recorded minus predicted per channel, and the weighted sum of squares over all noise,
+    re-mounts and offsets.
+    """
     observations = whitening.observations
     group = observations.column("run").astype(int)
     if len(np.unique(group)) == 1:  # four stretches of a single run
@@ -54,7 +53,7 @@ def cross_validated(whitening: Whitening, fitted: Callable[[BoolArray], tuple[Ad
         as_read[out] = unseen.value - unseen.predict(fitted(~out))
         white = Whitening(unseen, whitening.noise).full(as_read[out])
         chi2 += float(white @ white)
-    return UnseenError(observations.rms(as_read), chi2)
+    return observations.rms(as_read), chi2
 
 
 def checked_refit(whitening: Whitening, start: Sequence[Start]) -> tuple[Refit, tuple[Finding, ...]]:

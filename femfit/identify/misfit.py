@@ -8,8 +8,8 @@ after.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ from femfit.fit.ranking import to_be_added
 from femfit.identify.constants import LEVEL, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
-from femfit.identify.observations import Observations
+from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -102,58 +102,46 @@ def error_fall(
     )
 
 
-@dataclass(frozen=True)
-class Allowed:
-    """Which errors are more than noise, and what the others may be taken for."""
+def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> dict[str, Any]:
+    """What a verdict on errors grants: which are more than noise, and what the others may be taken for.
 
-    rms: Mapping[str, float]  # The errors that are judged, per channel in its unit
-    magnitude: Mapping[str, float]  # Of impedances, as of the readings
-    beyond: Mapping[str, float]  # As of :func:`beyond_noise`
-    apart: tuple[str, ...]  # Those of them that the model's own misfit does not make either
-    own: Mapping[str, float]  # Rms of the model's own misfit per channel
-    place: str  # From where to where the distance may differ
-    unknown: tuple[str, ...] = ()  # Channels whose noise nothing says, beside others
-    mount: Literal["", "assumed", "estimated", "any"] = ""  # How it is known; empty where mounts have no freedom
-    mount_m: float = 0.0
-    stop_m: float = 0.0  # 0 where stops make less than the noise of one reading
-    # Offsets of runs that are larger than the noise of one reading, and whether they were declared
-    runs: Mapping[str, tuple[float, bool]] = field(default_factory=dict)
-
-    @property
-    def granted(self) -> tuple[str, ...]:
-        """Channels of which the model misses its own table."""
-        return tuple(name for name, size in self.own.items() if size > 0.0)
-
-
-def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> Allowed:
-    """What a verdict on errors grants."""
-    own = observations.rms(observations.tolerance)
-    beyond = beyond_noise(observations, noise, rms)
-    facts = Allowed(
-        rms=rms,
-        magnitude=observations.magnitude,
-        beyond=beyond,
-        apart=tuple(name for name in beyond if rms[name] > OWN_MISFIT * own[name]),
-        own=own,
-        place="mount to mount" if "mount" in observations.given else "run to run",
-    )
+    Returns
+    -------
+    dict
+        ``rms``, the errors that are judged, per channel in its unit, and of impedances their ``magnitude``, as of the
+        readings; ``beyond``, as of :func:`beyond_noise`, and ``apart``, those of them that the model's own misfit does
+        not make either; ``own``, the rms of that misfit per channel, and ``granted``, channels that have one;
+        ``place``, from where to where the distance may differ; ``unknown``, channels whose noise nothing says, beside
+        others; ``mount``, how that of mounts is known (``assumed``, ``estimated``, ``any``, or empty where they have no
+        freedom); ``mount_m``; ``stop_m``, 0 where stops make less than the noise of one reading; ``runs``, offsets of
+        runs that are larger than the noise of one reading, and whether they were declared.
+    """
+    own, beyond = observations.rms(observations.tolerance), beyond_noise(observations, noise, rms)
+    facts = {
+        "rms": rms,
+        "magnitude": observations.magnitude,
+        "beyond": beyond,
+        "apart": [name for name in beyond if rms[name] > OWN_MISFIT * own[name]],
+        "own": own,
+        "granted": [name for name, size in own.items() if size > 0.0],
+        "place": "mount to mount" if "mount" in observations.given else "run to run",
+    }
     if noise is None:
-        return facts
+        return facts | {"unknown": (), "mount": "", "stop_m": 0.0, "runs": {}}
     any_distance = noise.test_mount_m >= np.ptp(observations.column("distance_m"))
     made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
-    source: Literal["assumed", "estimated"] = "assumed" if noise.mount_assumed else "estimated"
-    return replace(
-        facts,
-        unknown=tuple(name for name in observations.channels if name not in noise.source),
-        mount="" if not noise.mount_m > 0.0 else "any" if any_distance else source,
-        mount_m=noise.test_mount_m,
-        stop_m=noise.stop_m if made.any() else 0.0,
-        runs={
+    source = "any" if any_distance else "assumed" if noise.mount_assumed else "estimated"
+    return facts | {
+        "unknown": [name for name in observations.channels if name not in noise.source],
+        "mount": source if noise.mount_m > 0.0 else "",
+        "mount_m": noise.test_mount_m,
+        "stop_m": noise.stop_m if made.any() else 0.0,
+        "runs": {
             name: (float(offset), OF_RUNS + name in observations.declared_noise)
             for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
             if offset > sigma
         },
-    )
+    }
 
 
 def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> dict[str, float]:
@@ -171,13 +159,12 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
     beside = observations.mean_square(np.sqrt(settings + columns**2 @ deviations**2))
     shown = np.sqrt(noise.sigma**2 + beside)
-    number = {name: c for c, name in enumerate(noise.channels)}
+    readings = np.bincount(observations.channel, minlength=len(shown))
+    largest = np.maximum(WITHIN_NOISE, np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)) * shown
     return {
-        name: error / float(noise.sigma[number[name]])
-        for name, error in rms.items()
-        if name in noise.source
-        and (n := int(np.sum(observations.of(name))))
-        and error > max(WITHIN_NOISE, float(np.sqrt(stats.chi2.isf(LEVEL, n) / n))) * shown[number[name]]
+        name: rms[name] / float(sigma)
+        for name, sigma, most in zip(noise.channels, noise.sigma, largest, strict=True)
+        if name in noise.source and rms.get(name, 0.0) > most
     }
 
 
@@ -276,10 +263,10 @@ def _curves(
     if "current_A" in grid:  # the currents of other circuits at their middle
         settings[observations.leading_current] = grid["current_A"].ravel()
     i = currents_in(model, pd.DataFrame(settings))
+    temperatures: dict[str, Any] = {name: float(observations.covariates[name].mean()) for name in TEMPERATURES}
     conditions = Conditions(
         nominal_of(model),
-        coil_temperature_C=float(observations.covariates["coil_temperature_C"].mean()),
-        magnet_temperature_C=float(observations.covariates["magnet_temperature_C"].mean()),
+        **temperatures,
         frequency_Hz=grid["frequency_Hz"].ravel() if "frequency_Hz" in grid else np.nan,
     )
     readings = predict_readings(model, d, i, conditions, (*model.effects, *effects), observations.channels)

@@ -6,7 +6,7 @@ time series differ only in how this view is built.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial, wraps
+from functools import cached_property, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +19,9 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
+
+TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
+"""Covariates of what may be warm; NaN where it was not recorded."""
 
 Prediction = Callable[[Sequence[AddedEffect], Sequence[Parameter]], FloatArray]
 """(further effects, parameters of theirs) -> readings, then their slopes by each parameter; (M, 1 + parameters)."""
@@ -81,11 +84,22 @@ class Observations(WithoutCache):
 
     def predict(self, effects: Iterable[AddedEffect]) -> FloatArray:
         """What the model with further effects predicts, shape (M,)."""
-        return self.prediction(tuple(effects), ())[:, 0]
+        return self.predicted(tuple(effects), ())[:, 0]
 
-    def slopes(self, effects: Iterable[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
-        """Slopes of that by parameters of these effects, shape (M, parameters)."""
-        return self.prediction(tuple(effects), parameters)[:, 1:]
+    def predicted(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
+        """As :data:`Prediction`, each effect in the runs in which it acts; in others the slopes by its own are zero."""
+        if all(added.runs is None for added in effects):
+            return self.prediction(effects, parameters)
+        result, stages = np.zeros((len(self.value), 1 + len(parameters))), dict[tuple[int, ...], list[int]]()
+        for run in range(self.runs):
+            acting = [k for k, a in enumerate(effects) if a.runs is None or a.runs[0] <= run <= a.runs[1]]
+            stages.setdefault(tuple(acting), []).append(run)
+        for numbers, runs in stages.items():
+            moving = [j for j, (k, _) in enumerate(parameters) if k in numbers]
+            some = [(numbers.index(parameters[j][0]), parameters[j][1]) for j in moving]
+            here, values = np.isin(self.column("run"), runs), self.prediction([effects[k] for k in numbers], some)
+            result[np.ix_(here, np.array([0, *(1 + j for j in moving)]))] = values[here]
+        return result
 
     @property
     def clocked(self) -> bool:
@@ -154,7 +168,7 @@ class Observations(WithoutCache):
         """Those of the readings for which ``keep``, of shape (M,), is true; all settings stay."""
         state = self.__getstate__().items()
         some: dict[str, Any] = {name: values[keep] for name, values in state if isinstance(values, np.ndarray)}
-        return replace(self, **some, prediction=partial(_kept, self.prediction, keep))
+        return replace(self, **some, prediction=lambda *asked: self.prediction(*asked)[keep])
 
     def with_values(self, value: FloatArray) -> "Observations":
         """The same settings with other readings, of shape (M,)."""
@@ -182,33 +196,27 @@ def once_for_settings(function: Callable[[Observations], Result]) -> Callable[[O
 
 
 @dataclass(frozen=True, eq=False)
-class InTheirRuns:
-    """Predictions with each effect in the runs in which it acts."""
+class Stacking:
+    """How values by row become those of readings: of each channel the rows that count, and factors on these."""
 
-    prediction: Prediction
-    run: IntArray  # Of each reading, shape (M,)
+    rows: Mapping[str, IntArray]
+    factor: Mapping[str, FloatArray]  # Of the channels that have one
 
-    def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
-        """As :data:`Prediction`; in other runs the slopes by an effect's parameters are zero."""
-        if all(added.runs is None for added in effects):
-            return self.prediction(effects, parameters)
-        result, stages = np.zeros((len(self.run), 1 + len(parameters))), dict[tuple[int, ...], list[int]]()
-        for run in np.unique(self.run).tolist():
-            acting = [k for k, a in enumerate(effects) if a.runs is None or a.runs[0] <= run <= a.runs[1]]
-            stages.setdefault(tuple(acting), []).append(run)
-        for numbers, runs in stages.items():
-            moving = [j for j, (k, _) in enumerate(parameters) if k in numbers]
-            some = [(numbers.index(parameters[j][0]), parameters[j][1]) for j in moving]
-            here, values = np.isin(self.run, runs), self.prediction([effects[k] for k in numbers], some)
-            result[np.ix_(here, np.array([0, *(1 + j for j in moving)]))] = values[here]
-        return result
+    @property
+    def channel(self) -> IntArray:
+        """Number of the channel of each reading, shape (M,)."""
+        return np.repeat(np.arange(len(self.rows)), [len(rows) for rows in self.rows.values()])
+
+    def __call__(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Values by channel, each of shape (N,) or (k, N), as one array (M,) or (M, k), channel after channel."""
+        return np.concatenate(
+            [(values[name][..., rows] * self.factor.get(name, 1.0)).T for name, rows in self.rows.items()]
+        )
 
 
-def _kept(
-    prediction: Prediction, keep: BoolArray, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]
-) -> FloatArray:
-    """Predictions of the readings that were kept."""
-    return prediction(effects, parameters)[keep]
+def circumstances(covariates: pd.DataFrame) -> dict[str, Any]:
+    """What conditions take of covariates as it stands there: branches and temperatures, each of shape (N,)."""
+    return {name: covariates[name].to_numpy() for name in ("branch", *TEMPERATURES)}
 
 
 def model_tolerance(model: ActuatorModel) -> dict[str, float]:

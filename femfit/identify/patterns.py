@@ -13,13 +13,14 @@ alternatives.
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from operator import itemgetter
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
-from femfit.identify.observations import Observations, once_for_settings
+from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
 
 _MOTION = ("velocity_m_s", "current_rate_A_s")
 """Covariates that only a time series has."""
@@ -91,9 +92,8 @@ def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labe
         labelled = of_channel(here) if len(here) >= LEAST_READINGS else []
         if not labelled:
             continue
-        labelled.sort(
-            key=lambda pattern: pattern[1]
-        )  # few readings have room for the broad ones alone, of every covariate
+        # Few readings have room for the broad ones alone, of every covariate
+        labelled.sort(key=itemgetter(1))
         columns = np.stack([column for column, _, _ in labelled], axis=1)
         # Those that the ones before them do not span to 1e-6
         triangle = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r")
@@ -149,7 +149,7 @@ def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, Floa
 def _drift(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
     result: Labelled = []
-    for name in ("coil_temperature_C", "magnet_temperature_C"):
+    for name in TEMPERATURES:
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
             result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))

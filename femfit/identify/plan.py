@@ -13,7 +13,8 @@ A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import combinations, groupby, permutations
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -82,9 +83,7 @@ def examine_plan(
     noise = planned_noise(observations)
     whitening = Whitening.granting(observations, noise)
     columns, invisible = testable_columns(observations, effects)
-    families: dict[str, list[Start]] = {}
-    for start in Start.at_null(columns, whitening):
-        families.setdefault(start.name, []).append(start)
+    families = {name: list(all_of) for name, all_of in groupby(Start.at_null(columns, whitening), attrgetter("name"))}
     for name in [name for name, starts in families.items() if not any(map(_signals, starts))]:
         invisible[name] = "its largest plausible size stays within the noise"
         del families[name]
@@ -111,19 +110,13 @@ def _signals(start: Start) -> list[tuple[float, int]]:
 def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> tuple[tuple[str, str], ...]:
     """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
     base, signals = whitening.observations.base, {name: _signals(starts[0]) for name, starts in families.items()}
-    taken_for = {
-        (effect, rival)
-        for effect, rival in permutations(families, 2)
-        if signals[effect]
-        and all(
-            separation(
-                whitening.with_values(base + value * families[effect][0].columns.columns[:, k]),
-                [[start] for start in families[rival]],
-            )
-            is None
-            for value, k in signals[effect]
-        )
-    }
+
+    def hidden(effect: str, rival: str) -> bool:
+        changes = [value * families[effect][0].columns.columns[:, k] for value, k in signals[effect]]
+        rivals = [[start] for start in families[rival]]
+        return bool(changes) and all(separation(whitening.with_values(base + c), rivals) is None for c in changes)
+
+    taken_for = {pair for pair in permutations(families, 2) if hidden(*pair)}
     return tuple((a, b) for a, b in combinations(families, 2) if {(a, b), (b, a)} & taken_for)
 
 
@@ -178,15 +171,12 @@ def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
 
 def assumed_noise(channel: str, nominal: Nominal) -> float:
     """The noise of a channel that was never measured, by its largest reading in the validity domain."""
-    largest = {
-        "force_N": nominal.force_N,
-        "flux_linkage_Wb": nominal.flux_linkage_Wb,
-        "hall_V": nominal.hall_swing_V,
-        "voltage_V": nominal.resistance_ohm * nominal.peak_current_A,
-        "inductance_H": nominal.inductance_H,
-        "resistance_ohm": nominal.resistance_ohm,
-    }
-    return GUESSED_NOISE * largest[parts_of(channel)[0]]
+    if channel == "hall_V":
+        return GUESSED_NOISE * nominal.hall_swing_V
+    quantity, _ = parts_of(channel)
+    if quantity == "voltage_V":
+        return GUESSED_NOISE * nominal.resistance_ohm * nominal.peak_current_A
+    return GUESSED_NOISE * float(getattr(nominal, quantity))
 
 
 _BY = {"inductance_H": "by an LCR meter ", "resistance_ohm": "by an LCR meter "}

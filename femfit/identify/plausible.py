@@ -51,13 +51,11 @@ def suspected_zero(
     model: ActuatorModel, d: FloatArray, i: FloatArray, reads: Mapping[str, FloatArray], predict: Predict
 ) -> Finding | None:
     """Suspect that the distance is counted from another place than the electromagnet's face."""
-    box = model.without_effects.validity
+    box, of_the_circuit = model.without_effects.validity, {"voltage_V", "resistance_ohm"}
     travel = box.distance_max_m - box.distance_min_m
-    of_the_circuit = {"voltage_V", "resistance_ohm"}
     reads = {name: read for name, read in reads.items() if name not in of_the_circuit and np.isfinite(read).any()}
     if not reads:
         return None
-
     low, high = box.distance_min_m - DOMAIN_SLACK * travel, box.distance_max_m + DOMAIN_SLACK * travel
     recorded, usual = (d >= low) & (d <= high), predict(d, i)
     # Of readings and predictions together: readings alone may be constant, as in hovering
@@ -108,14 +106,12 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
     if suspected or doubted:
         return table
-    if (
-        len(current_columns(model.current_names)) > 1 or "frequency_Hz" in table.given
-    ):  # neighbours are sought over distance and one current
+    # Neighbours are sought over distance and one current
+    if len(current_columns(model.current_names)) > 1 or "frequency_Hz" in table.given:
         return table
     placed = (rows["distance_m"].notna() & rows["current_A"].notna()).to_numpy()
-    predicted = _predictor(model, table.channels)(
-        rows["distance_m"].to_numpy()[placed], rows["current_A"].to_numpy()[placed]
-    )
+    d, i = (rows[name].to_numpy()[placed] for name in ("distance_m", "current_A"))
+    predicted = _predictor(model, table.channels)(d, i)
     full = pd.DataFrame(predicted, index=np.flatnonzero(placed)).reindex(range(len(rows)))
     return without_outliers(table, {str(name): values.to_numpy() for name, values in full.items()})
 
@@ -137,26 +133,18 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     frequency = rows["frequency_Hz"].to_numpy() if "frequency_Hz" in table.given else np.nan
     predict = _predictor(model, table.channels, frequency)
     usual, turned = predict(d, i), predict(d, -i)
-    names = [name for name in table.channels if name in usual]
-    turning = []
-    for name in names:  # whether turning the current round would be seen in a channel
-        read = rows[name].to_numpy()
+    reads, turning = {name: rows[name].to_numpy() for name in table.channels if name in usual}, []
+    for name, read in reads.items():  # whether turning the current round would be seen in a channel
         here = np.isfinite(read)
         change = (turned[name] - usual[name])[here]
         if here.sum() >= LEAST_READINGS and float(np.std(change)) > WELL * float(np.std(read[here])):
             turning.append(name)
-    if turning and all(_explains(rows[name].to_numpy(), usual[name], turned[name]) for name in turning):
+    if turning and all(_explains(reads[name], usual[name], turned[name]) for name in turning):
         return [other_sign(f"{', '.join(turning)} would then fit the model")]
-    reads = {name: rows[name].to_numpy() for name in names}
-    findings = [
-        suspected
-        for name in names
-        if (suspected := _suspected_channel(model, name, reads[name], usual[name])) is not None
-    ]
-    if findings or "frequency_Hz" in table.given:
-        return findings
-    zero = suspected_zero(model, d, i, reads, predict)
-    return [] if zero is None else [zero]
+    suspected = [_suspected_channel(model, name, read, usual[name]) for name, read in reads.items()]
+    if not any(suspected) and "frequency_Hz" not in table.given:
+        suspected = [suspected_zero(model, d, i, reads, predict)]
+    return list(filter(None, suspected))
 
 
 def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:

@@ -11,7 +11,7 @@ M. A. Branch, T. F. Coleman and Y. Li, SIAM Journal on Scientific Computing 21 (
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy import optimize, stats
@@ -204,7 +204,7 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
         moved = {p.name for number, p in free if number == k}
         usual = {p.name: p.null for p in effect.columns.effect.parameters if p.nonlinear and p.name not in moved}
         initial.append(effect.columns.parameters(effect.amplitude) | usual | dict(effect.held))
-    width = np.array([p.plausible[1] - p.plausible[0] for _, p in free])
+    width = np.array([p.width for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width
     expected = np.array([p.null + start[k].prior_mean for k, p in free]) / width
@@ -226,7 +226,7 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
     def predicted(x: FloatArray) -> FloatArray:
         """Readings, and their slopes by the free parameters."""
         if not last or not np.array_equal(last[0][0], x):
-            last[:] = [(x.copy(), observations.prediction(effects_at(x), places))]
+            last[:] = [(x.copy(), observations.predicted(effects_at(x), places))]
         return last[0][1]
 
     def residual(x: FloatArray) -> FloatArray:
@@ -239,17 +239,8 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
         return np.concatenate([whitening.full(-width * predicted(x)[:, 1:]), np.diag(root)])
 
     inner = np.clip(x0, low + 1e-6, high - 1e-6)
-    solution = optimize.least_squares(
-        with_prior,
-        inner,
-        slopes,
-        bounds=(low, high),
-        method="trf",
-        x_scale="jac",
-        xtol=1e-6,
-        ftol=1e-8,
-        max_nfev=MOST_EVALUATIONS,
-    )
+    limits: dict[str, Any] = {"xtol": 1e-6, "ftol": 1e-8, "max_nfev": MOST_EVALUATIONS}
+    solution = optimize.least_squares(with_prior, inner, slopes, bounds=(low, high), x_scale="jac", **limits)
     x = _at_bounds(with_prior, solution.x, low, high)
     best = residual(x)
     active, jacobian = (x == low) | (x == high), np.asarray(solution.jac)[: len(best)]
@@ -284,7 +275,7 @@ def _seen_nonlinear(start: Start, observations: Observations) -> list[EffectPara
     nonlinear = [p for p in columns.effect.parameters if p.nonlinear]
     for p in nonlinear:  # where a parameter usually stands it may have no slope
         values[p.name] += 0.1 * p.width * (1.0 if values[p.name] + 0.1 * p.width <= p.upper else -1.0)
-    slopes = observations.slopes([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])
+    slopes = observations.predicted([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])[:, 1:]
     return [p for p, slope in zip(nonlinear, slopes.T, strict=True) if np.any(slope != 0.0)]
 
 
@@ -301,8 +292,4 @@ def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[Added
 def at_bounds(fit: Refit) -> list[tuple[int, EffectParameter]]:
     """Parameters that stand at a bound other than their null, each with the number of its effect."""
     ends = [fit.free[j] for j in np.flatnonzero(fit.active)]
-    return [
-        (k, p)
-        for k, p in ends
-        if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * (p.plausible[1] - p.plausible[0])
-    ]
+    return [(k, p) for k, p in ends if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * p.width]

@@ -265,8 +265,7 @@ class RemainderResult(AddResult):
         return super().to_dict() | {"remainder": learnt, "beside": plain(self.beside)}
 
     def __str__(self) -> str:
-        text = printed("remainder", r=self, words=WORDS, rms={}, magnitude={}, beyond={})
-        return titled(text, titles_of(self.observations.nominal.drawn))
+        return titled(printed("remainder", r=self, words=WORDS), titles_of(self.observations.nominal.drawn))
 
 
 def add_remainder(
@@ -298,7 +297,7 @@ def add_remainder(
     staying = [present for present in model.effects if present.effect.name not in named]
     fitted = [present for present in model.effects if present.effect.name in named]
     numbers = [(k, p.name) for k, present in enumerate(fitted) for p in present.effect.parameters]
-    by_names = placed(with_effects(model, staying), measured).slopes(fitted, numbers)
+    by_names = placed(with_effects(model, staying), measured).predicted(fitted, numbers)[:, 1:]
     parts = parts_of(observations)
     columns = [columns_of(observations, part) for part in parts]
     learnt = learn(whitening, parts, columns, by_names) if parts else Learnt()
@@ -313,9 +312,8 @@ def add_remainder(
         some = Whitening(observations.select(keep), noise)
         return learn(some, parts, [block[keep] for block in columns], by_names[keep]).effects
 
-    before = cross_validated(whitening, lambda _: ())
-    effects = learnt.effects
-    error = cross_validated(whitening, learnt_from) if effects else before
+    effects, (rms, before) = learnt.effects, cross_validated(whitening, lambda _: ())
+    rms, chi2 = cross_validated(whitening, learnt_from) if effects else (rms, before)
     after = with_effects(model, (*model.effects, *effects))
     if effects:
         progress("Running the filter before and after")
@@ -323,11 +321,11 @@ def add_remainder(
         model=after,
         added=effects,
         kept=tuple(present.effect.name for present in model.effects),
-        left_out=error.rms,
+        left_out=rms,
         suspicious=(),
         findings=(*observations.findings, *guessed_noises(noise)),
         parts=learnt.kinds,
-        fall_unseen=before.chi2 - error.chi2,
+        fall_unseen=before - chi2,
         beside=beside,
         filter=filter_fall(model, after, measured) if effects else None,
         **fit_facts(whitening, (), effects, learnt.decided),

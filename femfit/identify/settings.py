@@ -36,7 +36,7 @@ from femfit.identify.constants import (
     SHORT,
     WHOLE,
 )
-from femfit.identify.observations import Observations, once_for_settings
+from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
@@ -176,12 +176,10 @@ def averaged(
         return table
     rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
     residual = residuals(table)
-    at_means = residuals(replace(table, rows=rows))
-    for name, values in residual.items():  # the model's own bend within a stretch is no misfit
+    at_means, known = residuals(replace(table, rows=rows)), {}
+    for name, values in residual.items():  # the model's own bend within a stretch is no misfit; halves may be the same
         mean = pd.Series(values).groupby(number).mean()[kept].to_numpy()
         rows[name] = rows[name] - at_means[name] + mean
-    known = {}
-    for name, values in residual.items():  # halves may round to the same
         sigma = noise_of_means(values, number, count * kept)
         step = quantisation_step(table.rows[name].to_numpy())
         if np.isfinite(sigma) and max(sigma, step) > 0.0:
@@ -210,10 +208,9 @@ def stretches(table: BenchTable, currents: Sequence[str]) -> IntArray:
     """
     rows, most = table.rows, -(-len(table.rows) // AVERAGED_TO)
     labels = rows[[name for name in ("run", "mount", "branch", "frequency_Hz") if name in rows]].fillna(0.0).to_numpy()
-    warm = ("coil_temperature_C", "magnet_temperature_C")
-    settings = [name for name in ("distance_m", *currents, *warm) if name in rows]
+    settings = [name for name in ("distance_m", *currents, *TEMPERATURES) if name in rows]
     known = rows[[name for name in settings if rows[name].notna().any()]]
-    values = known.fillna(known.filter(items=warm).ffill().bfill()).to_numpy()
+    values = known.fillna(known.filter(items=TEMPERATURES).ffill().bfill()).to_numpy()
     near = SAME_LINE * np.nanmax(values, axis=0) - SAME_LINE * np.nanmin(values, axis=0)
     number, first, begun = np.zeros(len(rows), dtype=np.intp), 0, -1
     changes = np.append(True, np.any(labels[1:] != labels[:-1], axis=1))

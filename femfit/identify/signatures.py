@@ -129,18 +129,15 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
     ranges = [(p.null, *p.plausible) for p in constants]  # the usual value first: it stays where readings say nothing
     trials = [tuple(dict.fromkeys((null, low, low + 0.75 * (high - low)))) for null, low, high in ranges]
     grid = [dict(zip((p.name for p in constants), values, strict=True)) for values in product(*trials)]
-    return [variant for nonlinear in grid for variant in _columns(effect, nonlinear, observations)]
+    variants = [AddedEffect(effect, effect.null() | nonlinear) for nonlinear in grid]
+    return [columns for variant in variants for columns in columns_at(variant, observations)]
 
 
 def columns_at(added: AddedEffect, observations: Observations) -> list[EffectColumns]:
     """The columns of an effect at its own nonlinear parameters; empty where it changes none of these readings."""
-    nonlinear = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
-    return _columns(added.effect, nonlinear, observations)
-
-
-def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Observations) -> list[EffectColumns]:
-    absent = AddedEffect(effect, effect.null() | dict(nonlinear))
-    slopes = observations.slopes([absent], [(0, p.name) for p in effect.amplitudes])
+    effect, nonlinear = added.effect, {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
+    absent = AddedEffect(effect, effect.null() | nonlinear)
+    slopes = observations.predicted([absent], [(0, p.name) for p in effect.amplitudes])[:, 1:]
     pairs, least = list(zip(effect.amplitudes, slopes.T, strict=True)), ROUNDED * np.abs(observations.base)
     visible = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
     if not visible:

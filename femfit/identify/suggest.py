@@ -22,11 +22,12 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE, SHOWN
+from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.noise.whitening import NoiseModel, Whitening
+from femfit.identify.observations import TEMPERATURES
 from femfit.identify.plan import (
     Experiment,
     noise_for,
@@ -77,8 +78,7 @@ class Advice(Result):
     titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
 
     def __str__(self) -> str:
-        facts = {"clauses": pair_clauses, "SHOWN": SHOWN, "COMPARED": COMPARED}
-        return titled(printed("advice", r=self, **facts), self.titles)
+        return titled(printed("advice", r=self, clauses=pair_clauses), self.titles)
 
 
 def suggest(
@@ -213,9 +213,7 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     columns_given = (*table.given, *(n for n in experiment.channels if n not in table.given))
     mount = table.rows["mount"].where(table.rows["mount"].notna(), table.rows["run"])
     rows = pd.concat([table.rows.assign(mount=mount), more.assign(mount=float(mount.max()) + 1.0)], ignore_index=True)
-    varied = tuple(
-        n for n in ("coil_temperature_C", "magnet_temperature_C") if more[n].notna().any() and n not in columns_given
-    )
+    varied = tuple(n for n in TEMPERATURES if more[n].notna().any() and n not in columns_given)
     columns = list(dict.fromkeys((*table.rows.columns, *experiment.channels)))
     return replace(table, rows=rows[columns], given=(*columns_given, *varied))
 

@@ -19,13 +19,10 @@ from femfit.identify.constants import (
     SAME_SHARE,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
-from femfit.identify.observations import Observations
+from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.patterns import Patterns, smooth_patterns
 from femfit.identify.words import sentence
 from femfit.tables.header import parts_of
-
-_ALIASES = {"elapsed": "order"}
-"""Clocks that mean the same to a reader."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +109,8 @@ def _covariates(
             break
         chosen.append(best)
         reached = explained(chosen)
-    return tuple(dict.fromkeys(_ALIASES.get(name, name) for name in chosen))
+    # Both clocks mean the same to a reader
+    return tuple(dict.fromkeys("order" if name == "elapsed" else name for name in chosen))
 
 
 def _excess(columns: FloatArray, residual: FloatArray) -> float:
@@ -124,7 +122,7 @@ def _excess(columns: FloatArray, residual: FloatArray) -> float:
     return float(along @ along - basis.shape[1])
 
 
-_FURTHER = ("branch", "coil_temperature_C", "magnet_temperature_C", "order")
+_FURTHER = ("branch", *TEMPERATURES, "order")
 """Covariates that are said beside the settings of the largest misfit where it changes with them."""
 
 

@@ -5,16 +5,17 @@ In a template a paragraph is one printed line, however it is broken; ``>`` befor
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
 
-from femfit.core.results import Printed, Words, lines_of
+from femfit.core.results import Printed, Words, constants_of, lines_of
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of
-from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE
-from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify import constants
+from femfit.identify.decision import constants as decision_constants
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
@@ -36,13 +37,7 @@ _WORDS = Words(
     listed=_listed,
     signed="{:+.3g}".format,
     channel=CHANNEL_WORDS.__getitem__,
-    names={
-        "LEVEL": LEVEL,
-        "LEVEL_AFTER": LEVEL_AFTER,
-        "WITHIN_NOISE": WITHIN_NOISE,
-        "HELPS": HELPS,
-        "OWN_MISFIT": OWN_MISFIT,
-    },
+    names=constants_of(constants) | constants_of(decision_constants),
 )
 
 
@@ -55,13 +50,18 @@ finding = _WORDS.finding
 
 
 class Result(Printed):
-    """A result as words and as data: ``data`` names what programs read of a dataclass, all of it where it is empty."""
+    """A result as words and as data.
+
+    ``data`` names what programs read of a dataclass, as ``name`` or as ``name=path.of.attributes``; all of it where it
+    is empty.
+    """
 
     data: ClassVar[tuple[str, ...]] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {name: plain(getattr(self, name)) for name in self.data or vars(self)}
+        named = (entry.partition("=") for entry in self.data or vars(self))
+        return {name: plain(attrgetter(path or name)(self)) for name, _, path in named}
 
 
 def plain(value: Any) -> Any:

@@ -25,7 +25,6 @@ from femfit.identify.calibration.fit import Redrawn, estimate
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, remarks, verdict
 from femfit.identify.decision.campaign import considered_effects, gather
-from femfit.identify.decision.effect_space import EffectSpace
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.tables.measurement_file import read_bench_table
 from support.actuators import GEOMETRY
@@ -108,11 +107,11 @@ def test_a_number_that_is_twenty_tolerances_off_is_found_and_called_unusual(plac
 def test_a_number_of_the_drawing_is_the_same_in_every_run(found, bench):
     """What begins at a run is a magnet that was weakened, and no length."""
     observations = placed(found.model.without_effects, read_bench_table(bench))
-    space = EffectSpace(gather(observations, considered_effects((), observations.nominal)))
+    campaign = gather(observations, considered_effects((), observations.nominal))
     drawn = {effect.name for effect in observations.nominal.drawn}
-    assert {HEIGHT, IRON} <= drawn & set(space.variants)
-    assert "remanence" in space.run_by_run
-    assert not drawn & set(space.run_by_run)
+    assert {HEIGHT, IRON} <= drawn & set(campaign.variants)
+    assert "remanence" in campaign.in_some_runs
+    assert not drawn & set(campaign.in_some_runs)
 
 
 def test_the_error_on_runs_left_out_falls_to_the_noise(found):

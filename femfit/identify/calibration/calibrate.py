@@ -206,7 +206,7 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     fitted = ErrorFall(tuple(replace(fall, rms_before=before[fall.channel]) for fall in channels))
     unseen = None
     if observations.runs > 1:  # numbers and effects fitted to the other runs, about the calibrated drawing
-        left_out = unseen_error(whitening, fit).rms
+        left_out = unseen_error(whitening, fit)
         unseen = ErrorFall(tuple(replace(fall, rms_after=left_out[fall.channel]) for fall in fitted.channels))
     printed = [fall.rms_after for fall in (fitted, unseen) if fall]
     rms = {name: max(each[name] for each in printed) for name in observations.channels}

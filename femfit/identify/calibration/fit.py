@@ -26,11 +26,11 @@ from femfit.fit.build import fit_model
 from femfit.identify.add_effects import in_their_runs, whitening_beside
 from femfit.identify.bench import placed
 from femfit.identify.calibration.numbers import Choice, Drawing
-from femfit.identify.decision.campaign import considered_effects, gather
+from femfit.identify.decision.campaign import considered_effects, gather, testable_columns
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.refit import Refit, refit, starting_point
-from femfit.identify.signatures import columns_at, effect_columns, why_untestable
+from femfit.identify.refit import Refit, Start, refit, starting_point
+from femfit.identify.signatures import columns_at
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
@@ -55,10 +55,9 @@ class Redrawn:
 
     def column(self, number: NumberFacts) -> FloatArray | None:
         """Change of the readings per unit of that effect, shape (M,); None where these show nothing."""
-        effect, observations = self.effect_of(number), self.whitening.observations
-        testable = effect is not None and not why_untestable(effect, observations)
-        variants = effect_columns(effect, observations) if effect and testable else []
-        return variants[0].columns[:, 0] if variants and np.isfinite(variants[0].columns).all() else None
+        effect = self.effect_of(number)
+        variants, _ = testable_columns(self.whitening.observations, [effect] if effect else [])
+        return variants[0].columns[:, 0] if variants else None
 
 
 def swept(drawing: Drawing, directory: Path, measured: Measurement, workers: int, sweeps: int = 1) -> Redrawn:
@@ -204,4 +203,6 @@ def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
     ]
     own_misfit = campaign.whitening.misfit
     misfit = np.concatenate([*([] if own_misfit is None else [own_misfit]), *free], axis=1)
-    return decide(campaign.by(replace(campaign.whitening, misfit=misfit)))
+    whitening = replace(campaign.whitening, misfit=misfit)
+    effects = Start.at_null([start.columns for start in campaign.effects], whitening)
+    return decide(replace(campaign, whitening=whitening, effects=effects))

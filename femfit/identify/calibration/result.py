@@ -17,8 +17,7 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
 from femfit.identify.calibration.fit import Estimate
-from femfit.identify.constants import IN_COMBINATION, OPEN, UNUSUAL, WITHIN_NOISE
-from femfit.identify.decision.constants import SHOWN
+from femfit.identify.constants import IN_COMBINATION, OPEN, WITHIN_NOISE
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall, allowed
 from femfit.identify.noise.whitening import Whitening
@@ -87,7 +86,7 @@ class CalibrationResult(Result):
 
     data = (
         *("verdict", "beyond_noise", "sweeps", "settled", "remarks", "numbers", "covariance", "undetermined"),
-        *("lack_of_fit", "findings"),
+        *("lack_of_fit", "findings", "error_on_runs_left_out=unseen", "error_on_readings_fitted=fitted"),
     )
 
     drawing: str  # Its text: that of the old one with other numbers
@@ -113,11 +112,7 @@ class CalibrationResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without drawing, table and models."""
-        return super().to_dict() | {
-            "beside": [plain(added) | {"runs": added.runs} for added in self.beside],
-            "error_on_runs_left_out": plain(self.unseen),
-            "error_on_readings_fitted": plain(self.fitted),
-        }
+        return super().to_dict() | {"beside": [plain(added) | {"runs": added.runs} for added in self.beside]}
 
     def __str__(self) -> str:
         rows = [
@@ -143,7 +138,7 @@ def heading(result: CalibrationResult, drawing: str, data: Sequence[str]) -> str
 def verdict(whitening: Whitening, test: LackOfFit, rms: Mapping[str, float]) -> str:
     """What is left, in one sentence that the printed errors do not contradict."""
     facts, noise = allowed(whitening.observations, whitening.noise, rms), whitening.noise
-    more = any(rms[name] > WITHIN_NOISE * sd for name, sd in noise.known.items() if name not in facts.beyond)
+    more = any(rms[name] > WITHIN_NOISE * sd for name, sd in noise.known.items() if name not in facts["beyond"])
     return sentence("calibration", "verdict", facts, test.p_value, more)
 
 
@@ -176,7 +171,5 @@ def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Se
         by_key={number.key: number for number in numbers},
         mostly_unfitted=any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers),
         checked=zip(numbers, now.choice.numbers, away, strict=True),
-        UNUSUAL=UNUSUAL,
-        SHOWN=SHOWN,
     )
     return tuple(text.splitlines())

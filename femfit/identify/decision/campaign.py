@@ -1,6 +1,7 @@
-"""A campaign, on which a diagnosis rests: readings, their noise, patterns of the lack of fit, and effects' columns.
+"""A campaign, on which a diagnosis rests: readings, their noise, and whitened columns of what a misfit may be made of.
 
-From it follow what the readings can show of each effect, and how much of a misfit effects explain.
+These are patterns of the lack of fit, effects, errors of their forms, and unknown causes. From them follow what the
+readings can show of each effect, and how much of a misfit effects explain.
 
 References
 ----------
@@ -8,30 +9,46 @@ J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988)
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from scipy import stats
 
+from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import Effect
-from femfit.identify.constants import LEVEL, POWER
-from femfit.identify.lack_of_fit import PatternSpace, pattern_space
+from femfit.identify.constants import FINER, LEVEL, POWER
+from femfit.identify.decision.constants import (
+    BROAD,
+    FORM,
+    FORM_DEGREE,
+    FORM_DIRECTIONS,
+    FORM_ELSEWHERE,
+    SHARE_DEGREE,
+)
+from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
 from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.observations import Observations
+from femfit.identify.observations import Observations, WithoutCache
+from femfit.identify.patterns import products, scaled_to_one
 from femfit.identify.refit import Refit, Start
 from femfit.identify.signatures import CHANGES_NOTHING, EffectColumns, effect_columns, why_untestable
 from femfit.identify.words import finding
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
-    """Readings with everything that a decision about them needs."""
+class Campaign(WithoutCache):
+    """Readings with everything that a decision about them needs.
+
+    Columns of effects are as long as one standard deviation of what they stand for.
+    """
 
     whitening: Whitening
     # Every testable effect at every combination of trial values of its nonlinear parameters, in the catalogue's
@@ -54,11 +71,123 @@ class Campaign:
         """Smooth patterns of a lack of fit."""
         return pattern_space(self.whitening)
 
-    def by(self, whitening: Whitening) -> "Campaign":
-        """The same effects with another noise."""
-        return replace(
-            self, whitening=whitening, effects=Start.at_null([effect.columns for effect in self.effects], whitening)
-        )
+    @cached_property
+    def variants(self) -> Mapping[str, tuple[int, ...]]:
+        """Per effect, its numbers among the campaign's: one for each combination of nonlinear parameters."""
+        names = dict.fromkeys(start.name for start in self.effects)
+        return {name: tuple(k for k, start in enumerate(self.effects) if start.name == name) for name in names}
+
+    @cached_property
+    def blocks(self) -> tuple[FloatArray, ...]:
+        """The block of every variant."""
+        return tuple(self.block(start) for start in self.effects)
+
+    def block(self, start: Start) -> FloatArray:
+        """An effect's amplitudes' columns at half of their plausible range, then its form's error; shape (M, k)."""
+        change = start.columns.columns * half_ranges(start)
+        errors = _leading(np.concatenate([self.form_error(start.columns.effect, c) for c in change.T], axis=1))
+        return np.concatenate([start.whitened * half_ranges(start), errors], axis=1)
+
+    @cached_property
+    def grams(self) -> tuple[FloatArray, ...]:
+        """Products of each block's columns, shape (k, k)."""
+        return tuple(np.asarray(block.T @ block) for block in self.blocks)
+
+    @cached_property
+    def in_some_runs(self) -> Mapping[str, tuple[Start, ...]]:
+        """Per effect its first variant as it begins or ends between two runs, with amplitudes of zero; none of one run.
+
+        A number of the drawing, which no effect of the catalogue changes, is the same in every run.
+        """
+        runs, run = self.observations.runs, self.observations.column("run").astype(int)
+        periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
+        fixed = {effect.name for effect in self.observations.nominal.drawn}
+        firsts = [self.effects[numbers[0]].columns for name, numbers in self.variants.items() if name not in fixed]
+        every = Start.at_null([first.in_runs(period, run) for first in firsts for period in periods], self.whitening)
+        return {name: tuple(starts) for name, starts in groupby(every, attrgetter("name"))}
+
+    @cached_property
+    def unknown(self) -> FloatArray:
+        """What an unknown cause may look like: smooth patterns, then shares of the prediction; shape (M, n).
+
+        Each has unit length.
+        """
+        shares = self.whitening.full(self._shares * self.observations.base[:, None])
+        columns = np.concatenate([self.patterns.whitened, shares], axis=1)
+        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
+
+    @cached_property
+    def _shares(self) -> FloatArray:
+        """Smooth functions of the setting, coarse ones first, in one channel after the other; shape (M, f)."""
+        return _smooth_by_channel(self.observations, SHARE_DEGREE)
+
+    @cached_property
+    def unknown_gram(self) -> FloatArray:
+        """Products of the patterns, shape (n, n)."""
+        return np.asarray(self.unknown.T @ self.unknown)
+
+    @cached_property
+    def unknown_groups(self) -> tuple[tuple[IntArray, FloatArray], ...]:
+        """Which patterns an unknown cause may have, and how long each is beside the others.
+
+        Those of one channel, or of all, up to a degree or all, the finer the shorter; those of one channel that change
+        with the distance alone, or with the current, all as long; and a channel's shares.
+        """
+        patterns = self.patterns.patterns
+        finest = int(patterns.degree.max(initial=0))
+        parts = [
+            (patterns.channel == c) & (patterns.degree <= cut)
+            for c in np.unique(patterns.channel)
+            for cut in (*BROAD, finest)
+        ]
+        parts += [patterns.degree <= cut for cut in (*BROAD[1:3], finest)]
+        groups = map(np.flatnonzero, distinct(parts))
+        weighed = [(group, np.asarray(FINER ** patterns.degree[group])) for group in groups]
+        for c in np.unique(patterns.channel):
+            for name in ("distance_m", "current_A"):
+                alone = [k for k, a in enumerate(patterns.along) if a <= {name} and patterns.channel[k] == c]
+                weighed.append((np.array(alone, dtype=int), np.ones(len(alone))))
+        each = self._shares.shape[1] // len(self.observations.channels)
+        firsts = range(len(patterns.degree), self.unknown.shape[1], each)
+        return (*weighed, *((first + np.arange(each), np.ones(each)) for first in firsts))
+
+    @cached_property
+    def _modulations(self) -> FloatArray:
+        """Smooth functions of the setting in each channel, at most one over the root of their number; shape (M, f).
+
+        Together their mean square is about a quarter over an even grid.
+        """
+        smooth = _smooth_by_channel(self.observations, FORM_DEGREE)
+        return np.asarray(smooth / np.sqrt(smooth.shape[1] / len(self.observations.channels)))
+
+    def form_error(self, effect: Effect, change: FloatArray) -> FloatArray:
+        """Whitened columns (M, n) of the error of an effect's form where it changes the readings by so much, (M,)."""
+        error = max(FORM.get(stage, FORM_ELSEWHERE) for stage in effect.acts_on)
+        columns = self._modulations * change[:, None]
+        return _leading(error * self.whitening.full(columns[:, np.any(columns != 0.0, axis=0)]))
+
+
+def half_ranges(start: Start) -> FloatArray:
+    """Half of the plausible ranges of an effect's amplitudes, shape (k,)."""
+    return np.array([0.5 * p.width for p in start.columns.amplitudes])
+
+
+def _smooth_by_channel(observations: Observations, degree: int) -> FloatArray:
+    """Products of Legendre polynomials in log distance and current up to a total degree, in each channel; (M, f)."""
+    x = scaled_to_one(even_scale(observations.column("distance_m")))
+    y = scaled_to_one(observations.column("current_A"))
+    in_x, in_y = (np.asarray(legvander(z, degree), dtype=np.float64) for z in (x, y))
+    smooth = np.stack([column for column, _, _ in products(in_x, in_y, degree)], axis=1)
+    channels = range(len(observations.channels))
+    return np.concatenate([smooth * (observations.channel == c)[:, None] for c in channels], axis=1)
+
+
+def _leading(columns: FloatArray) -> FloatArray:
+    """The largest directions of a block."""
+    if columns.shape[1] <= FORM_DIRECTIONS:
+        return columns
+    _, vectors = np.linalg.eigh(columns.T @ columns)
+    return np.asarray(columns @ vectors[:, -FORM_DIRECTIONS:])
 
 
 def considered_effects(exclude: Sequence[str] = (), nominal: Nominal | None = None) -> list[Effect]:

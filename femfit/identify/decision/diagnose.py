@@ -30,15 +30,13 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
 
-Progress = Callable[[str], None]
-
 
 def diagnose(
     model: ActuatorModel | str | Path,
     data: Measurement | str | Path,
     *,
     exclude: Sequence[str] = (),
-    progress: Progress | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Compare measurements with a model and name the physical effect that is missing.
 
@@ -78,7 +76,7 @@ def diagnose_observations(
     observations: Observations,
     *,
     exclude: Sequence[str] = (),
-    say: Progress = lambda _: None,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose readings that stand beside their model."""
     say("Estimating the noise")
@@ -97,7 +95,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
     # What the patterns cannot see of an effect between them counts as well
     excess = max(campaign.patterns.excess(campaign.whitening.residual), *(s.chi2_fall for s in scores), 0.0)
     missing = _named_effects(campaign, decision, excess)
-    alike = look_alikes(decision)
+    alike = look_alikes(campaign, decision)
     remarks = campaign_remarks(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))
@@ -140,21 +138,16 @@ def _ranking(
     campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
 ) -> tuple[ScoredEffect, ...]:
     """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
-    before, by_name = campaign.whitening.residual, {score.name: score for score in scores}
+    before, by_name = float(np.sum(campaign.whitening.residual**2)), {score.name: score for score in scores}
     alone = {names[0]: fit for names, fit in decision.fits.items() if len(names) == 1}
     observations, noise, refitted = campaign.observations, campaign.noise, []
     judged = np.array([name in noise.source for name in noise.channels])[observations.channel]
     for name, fit in alone.items():
         # Over the noise of one reading, as the fall of the error has it; all channels together
         residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
-        refitted.append(
-            replace(
-                by_name[name],
-                chi2_fall=float(before @ before) - fit.chi2,
-                explained_share=explained_share(campaign, fit, excess),
-                error_left=float(np.sqrt(np.mean(residual[judged] ** 2))),
-            )
-        )
+        share, error = explained_share(campaign, fit, excess), float(np.sqrt(np.mean(residual[judged] ** 2)))
+        score = replace(by_name[name], chi2_fall=before - fit.chi2, explained_share=share, error_left=error)
+        refitted.append(score)
     return (*refitted, *(score for score in scores if score.name not in alone))
 
 

@@ -8,7 +8,7 @@ from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.lack_of_fit import LackOfFit
-from femfit.identify.misfit import Allowed, ErrorFall, allowed, finer_sweep
+from femfit.identify.misfit import ErrorFall, allowed, finer_sweep
 from femfit.identify.observations import Observations
 from femfit.identify.signatures import CHANGES_NOTHING
 from femfit.identify.where import Where
@@ -41,8 +41,7 @@ class NamedEffect:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data; ``members`` is called ``class``."""
-        first, last = self.runs or (None, None)
-        when = {"first_run": first, "last_run": last} if first else None
+        when = dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
         rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
         return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
 
@@ -112,7 +111,7 @@ class Diagnosis(Result):
     data = (
         *("verdict", "probability", "noise_floor", "detectable", "p_value", "look_alikes"),
         *("confident", "dimensions_suspected", "excluded", "missing", "ranking", "where", "error_fall"),
-        *("lack_of_fit_before", "lack_of_fit_after", "findings"),
+        *("lack_of_fit_before", "lack_of_fit_after", "findings", "rms=error_fall.rms_before"),
     )
 
     verdict: Verdict
@@ -152,12 +151,8 @@ class Diagnosis(Result):
         """What was named, then each other explanation that the data leave."""
         return tuple(explanation.fit for explanation in self.decision.left if explanation.fit) if self.decision else ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return super().to_dict() | {"rms": self.error_fall.rms_before}
-
     @property
-    def allowed(self) -> Allowed:
+    def allowed(self) -> Mapping[str, Any]:
         """What is granted of the errors with what is named."""
         noise = self.campaign.noise if self.campaign else None
         return allowed(self.observations, noise, self.error_fall.rms_after)

@@ -25,7 +25,6 @@ from femfit.identify.constants import ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
 from femfit.identify.decision.diagnosis import ScoredEffect
-from femfit.identify.decision.effect_space import EffectSpace
 from femfit.identify.observations import WithoutCache
 from femfit.identify.refit import bounded_amplitudes
 
@@ -117,10 +116,10 @@ def density_of(campaign: Campaign) -> LogDensity:
     return LogDensity(len(campaign.observations.value), free, "guess" in noise.source.values())
 
 
-def null(space: EffectSpace) -> Linear:
+def null(campaign: Campaign) -> Linear:
     """The readings without any effect."""
-    target = space.campaign.whitening.residual
-    return Linear.of(target, np.zeros((len(target), 0)), density_of(space.campaign))
+    target = campaign.whitening.residual
+    return Linear.of(target, np.zeros((len(target), 0)), density_of(campaign))
 
 
 def mean_of_logs(values: Sequence[float] | FloatArray) -> float:
@@ -133,15 +132,29 @@ def sizes_of(length: float) -> FloatArray:
     return np.asarray(min(1.0 / max(length, 1e-300), 1.0) ** np.linspace(1.0, 0.0, SIZES))
 
 
-def with_unknown_cause(space: EffectSpace, linear: Linear) -> float:
-    """Log evidence with an unknown cause besides, averaged over what smooth patterns it may have and their sizes."""
-    gram, along = linear.products(space.unknown, space.unknown_gram)
-    sizes = np.array(UNKNOWN_SIZES)
-    logs = [
-        linear.with_more(weight[:, None] * gram[np.ix_(group, group)] * weight, weight * along[group], sizes)[0]
-        for group, weight in space.unknown_groups
-    ]
-    return mean_of_logs(np.concatenate(logs))
+def with_unknown_cause(campaign: Campaign, linear: Linear) -> float:
+    """Log evidence with an unknown cause besides."""
+    gram, along = linear.products(campaign.unknown, campaign.unknown_gram)
+    square = np.array([linear.solved.square])
+    return linear.log_evidence + float(odds_of_unknown(campaign, linear.density, gram, along[:, None], square)[0])
+
+
+def odds_of_unknown(
+    campaign: Campaign, density: LogDensity, gram: FloatArray, along: FloatArray, square: FloatArray
+) -> FloatArray:
+    """Log odds of an unknown cause, averaged over what smooth patterns X it may have and their sizes.
+
+    Takes X' C^-1 X, shape (n, n), and of each of t vectors of readings X' C^-1 y, (n, t), and y' C^-1 y, (t,).
+    """
+    logs = []
+    for group, weight in campaign.unknown_groups:
+        values, vectors = np.linalg.eigh(weight[:, None] * gram[np.ix_(group, group)] * weight)
+        parts = (vectors.T @ (weight[:, None] * along[group])) ** 2
+        for size in UNKNOWN_SIZES:
+            grown = size**2 * np.maximum(values, 0.0)
+            fall = np.sum((size**2 / (1.0 + grown))[:, None] * parts, axis=0)
+            logs.append(density(square - fall, float(np.sum(np.log1p(grown)))))
+    return np.asarray(np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs)) - density(square, 0.0))
 
 
 def of_sizes(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
-from femfit.core.numerics import FloatArray, ranked
+from femfit.core.numerics import ranked
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import (
@@ -24,10 +24,9 @@ from femfit.identify.decision.constants import (
     OWN_MISFIT,
     RIVALS,
     TIED,
-    UNKNOWN_SIZES,
 )
 from femfit.identify.decision.diagnosis import Verdict
-from femfit.identify.decision.evidence import Linear
+from femfit.identify.decision.evidence import odds_of_unknown
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.refit import Refit, plausible
@@ -87,7 +86,7 @@ def decide(campaign: Campaign) -> Decision:
     chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
     if _KINDS[verdict][0]:
         # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
-        order = {name: k for k, name in enumerate(posterior.space.variants)}
+        order = {name: k for k, name in enumerate(campaign.variants)}
         likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
         near = [names for names, p in likely.items() if p >= IN_CLASS * max(likely.values())]
         near.sort(key=lambda names: sorted(order[name] for name in names))
@@ -182,7 +181,7 @@ def _as_its_own(campaign: Campaign) -> bool:
     return bool(np.any((missed > variance) & (misfit > uncertain)))
 
 
-def look_alikes(decision: Decision) -> tuple[str, ...]:
+def look_alikes(campaign: Campaign, decision: Decision) -> tuple[str, ...]:
     """Effects that would have been given the chosen names on these data, had they been the cause and not been listed.
 
     First the others of the classes, then those of further explanations that the data leave, then examples, the most
@@ -195,17 +194,16 @@ def look_alikes(decision: Decision) -> tuple[str, ...]:
     rivals += [
         n for explanation in decision.left if not set(chosen.names) <= set(explanation.names) for n in explanation.names
     ]
-    examples = ranked(list(noticed(decision, chosen).items()), lambda pair: -pair[1], NUMERIC)
+    examples = ranked(list(noticed(campaign, chosen).items()), lambda pair: -pair[1], NUMERIC)
     rivals += [name for name, odds in examples if odds < NOTICED]
     return tuple(name for name in dict.fromkeys(rivals) if name not in chosen.names)
 
 
-def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
+def noticed(campaign: Campaign, chosen: Explanation) -> dict[str, float]:
     """Per example, the log odds of an unknown cause beside the chosen names had it been the cause of one of them."""
-    space, linear, fit = decision.posterior.space, chosen.linear, chosen.fit
+    linear, fit, observations = chosen.linear, chosen.fit, campaign.observations
     if linear is None or fit is None:
         return {}
-    campaign, observations = space.campaign, space.campaign.observations
     together = observations.predict(fit.effects)
     lengths = []
     for added in fit.effects:
@@ -213,7 +211,7 @@ def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
         lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
     examples = [
         (start.name, column, 2.0 * float(np.linalg.norm(column)))  # the whole of its plausible range
-        for start, block in zip(campaign.effects, space.blocks, strict=True)
+        for start, block in zip(campaign.effects, campaign.blocks, strict=True)
         if start.name not in chosen.names
         for column in block[:, : start.count].T
     ]
@@ -223,27 +221,14 @@ def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
     result: dict[str, float] = {}
     columns = np.stack([column for _, column, _ in examples], axis=1)
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    for length in lengths:
-        for (name, _, longest), odds in zip(examples, _odds(decision, linear, columns, length), strict=True):
+    of_columns, of_unknown = linear.beside(columns), linear.beside(campaign.unknown)
+    gram = campaign.unknown_gram - of_unknown.T @ of_unknown
+    along = campaign.unknown.T @ columns - of_unknown.T @ of_columns
+    unexplained = np.maximum(1.0 - np.sum(of_columns**2, axis=0), 0.0)
+    for length in lengths:  # readings that are noise of its usual length and so much of an example
+        square = len(columns) + length**2 * unexplained
+        every = odds_of_unknown(campaign, linear.density, gram, length * along, square)
+        for (name, _, longest), odds in zip(examples, every, strict=True):
             if longest >= length:
                 result[name] = min(result.get(name, np.inf), float(odds))
     return result
-
-
-def _odds(decision: Decision, linear: Linear, columns: FloatArray, length: float) -> FloatArray:
-    """Log odds of an unknown cause for readings that are noise of its usual length and a column of a given length."""
-    space = decision.posterior.space
-    of_columns, of_unknown = linear.beside(columns), linear.beside(space.unknown)
-    gram = space.unknown_gram - of_unknown.T @ of_unknown
-    along = space.unknown.T @ columns - of_unknown.T @ of_columns
-    square = len(columns) + length**2 * np.maximum(1.0 - np.sum(of_columns**2, axis=0), 0.0)
-    logs = []
-    for group, weight in space.unknown_groups:
-        values, vectors = np.linalg.eigh(weight[:, None] * gram[np.ix_(group, group)] * weight)
-        parts = (vectors.T @ (weight[:, None] * along[group])) ** 2
-        for size in UNKNOWN_SIZES:
-            grown = size**2 * np.maximum(values, 0.0)
-            fall = length**2 * np.sum((size**2 / (1.0 + grown))[:, None] * parts, axis=0)
-            logs.append(linear.density(square - fall, float(np.sum(np.log1p(grown)))))
-    together = np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs))
-    return np.asarray(together - linear.density(square, 0.0))

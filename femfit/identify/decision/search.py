@@ -6,12 +6,13 @@ From each explanation the search goes on to first order: by one more effect, thr
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
+from operator import attrgetter
 
 import numpy as np
 from scipy import special
 
 from femfit.core.numerics import FloatArray
-from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.campaign import Campaign, half_ranges
 from femfit.identify.decision.constants import (
     EXPECTED_EFFECTS,
     FORM_SPREAD,
@@ -25,7 +26,6 @@ from femfit.identify.decision.constants import (
     SIZES,
     UNKNOWN_CAUSE,
 )
-from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import (
     Linear,
     density_of,
@@ -60,54 +60,38 @@ class Explanation:
         return self.starts if self.fit is None else tuple(self.fit.restart)
 
 
-def with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
+def with_one_more(campaign: Campaign, base: Explanation) -> list[Explanation]:
     """Every further effect beside refitted ones, to first order: its log evidence and where its refit begins."""
     if len(base.names) >= MOST_EFFECTS:
         return []
-    linear = base.linear or null(space)
+    linear = base.linear or null(campaign)
     begun, unknown = base.continued, base.with_unknown - base.log_evidence
     result = []
-    for name, variants in space.variants.items():
+    for name, variants in campaign.variants.items():
         if name in base.names:
             continue
         logs, starts = [], []
         for k in variants:
-            effect, (gram, along) = space.campaign.effects[k], linear.products(space.blocks[k], space.grams[k])
+            effect, (gram, along) = campaign.effects[k], linear.products(campaign.blocks[k], campaign.grams[k])
             exact = _one_more(linear, effect, gram[: effect.count, : effect.count], along[: effect.count])
             formed = _one_more(linear, effect, gram, along)
             share = np.log(1.0 / len(FORM_SPREAD))  # of exact forms, the first of the spreads
             logs.append(float(np.logaddexp(exact[0] + share, formed[0] + np.log1p(-np.exp(share)))))
             starts.append(max(exact, formed, key=lambda pair: pair[0])[1])
         log, start = mean_of_logs(logs), starts[int(np.argmax(logs))]
-        if name in space.run_by_run:
-            log_in_runs, in_part = _in_some_runs(space, linear, name)
-            start = in_part if log_in_runs + np.log(IN_PART) > log + np.log1p(-IN_PART) else start
+        if name in campaign.in_some_runs:
+            in_part = [
+                _one_more(linear, each, *linear.products(each.whitened * half_ranges(each)))
+                for each in campaign.in_some_runs[name]
+            ]
+            log_in_runs = mean_of_logs([pair[0] for pair in in_part])
+            if log_in_runs + np.log(IN_PART) > log + np.log1p(-IN_PART):
+                start = max(in_part, key=lambda pair: pair[0])[1]
             log = float(np.logaddexp(log + np.log1p(-IN_PART), log_in_runs + np.log(IN_PART)))
         # What adds something may stand in the unknown cause's place: its refit tells
         beside_unknown = log + unknown if log <= base.log_evidence else -np.inf
         result.append(Explanation((*begun, start), log, base.log_evidence, with_unknown=beside_unknown))
     return result
-
-
-def _in_some_runs(space: EffectSpace, linear: Linear, name: str) -> tuple[float, Start]:
-    """Log evidence of an effect that begins or ends between two runs, and where it then begins."""
-    number, parts = space.run_by_run[name]
-    effect, runs = space.campaign.effects[number], space.campaign.observations.runs
-    gram, along = linear.products(parts)
-    periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
-    logs, starts, summed = [], [], []
-    for first, last in periods:
-        acts = (np.arange(runs) >= first) & (np.arange(runs) <= last)
-        sums = np.kron(acts[:, None], np.eye(effect.count))
-        summed.append(sums)
-        log, start = _one_more(linear, effect, sums.T @ gram @ sums, sums.T @ along)
-        logs.append(log)
-        starts.append(start)
-    best = int(np.argmax(logs))
-    run = space.campaign.observations.column("run").astype(int)
-    columns = starts[best].columns.in_runs(periods[best], run)
-    whitened = parts @ summed[best] / half_ranges(effect)
-    return mean_of_logs(logs), replace(starts[best], columns=columns, whitened=whitened)
 
 
 def _one_more(linear: Linear, effect: Start, gram: FloatArray, along: FloatArray) -> tuple[float, Start]:
@@ -131,13 +115,11 @@ def _one_more(linear: Linear, effect: Start, gram: FloatArray, along: FloatArray
     return -np.inf, effect
 
 
-def pairs_of_two(space: EffectSpace, linear: Linear, alone: Sequence[Explanation]) -> list[Explanation]:
+def pairs_of_two(campaign: Campaign, linear: Linear, alone: Sequence[Explanation]) -> list[Explanation]:
     """Pairs of which neither may look like much alone, to first order."""
-    best = sorted(
-        (explanation for explanation in alone if np.isfinite(explanation.log_evidence)),
-        key=lambda explanation: -explanation.log_evidence,
-    )
-    leading = [(explanation.starts[0], space.block(explanation.starts[0])) for explanation in best[:PAIRED]]
+    best = sorted(alone, key=attrgetter("log_evidence"), reverse=True)[:PAIRED]
+    firsts = [explanation.starts[0] for explanation in best if np.isfinite(explanation.log_evidence)]
+    leading = [(start, campaign.block(start)) for start in firsts]
     pairs = []
     for (first, columns), (second, further) in combinations(leading, 2):
         own_sizes, sizes = (
@@ -155,7 +137,7 @@ def pairs_of_two(space: EffectSpace, linear: Linear, alone: Sequence[Explanation
             for start, mean in zip((first, second), means, strict=True)
         )
         pairs.append(Explanation(begun, float(np.max(logs)) - np.log(SIZES), linear.log_evidence))
-    return sorted(pairs, key=lambda explanation: -explanation.log_evidence)[:PAIRED]
+    return sorted(pairs, key=attrgetter("log_evidence"), reverse=True)[:PAIRED]
 
 
 Key = tuple[frozenset[str], bool]
@@ -166,7 +148,6 @@ Key = tuple[frozenset[str], bool]
 class Posterior:
     """How probable every explanation is that was looked at."""
 
-    space: EffectSpace
     explanations: Mapping[frozenset[str], Explanation]
     probability: Mapping[Key, float]
     ended: bool = False  # Whether sets were left to first order since so many had been refitted
@@ -181,25 +162,24 @@ def most_of_nothing(campaign: Campaign) -> float:
 
     It is an upper bound: every effect that is looked at takes probability from it.
     """
-    space = EffectSpace(campaign)
-    start = null(space)
+    start = null(campaign)
     odds = np.log(UNKNOWN_CAUSE) - np.log1p(-UNKNOWN_CAUSE)
-    return float(special.expit(start.log_evidence - with_unknown_cause(space, start) - odds))
+    return float(special.expit(start.log_evidence - with_unknown_cause(campaign, start) - odds))
 
 
 def explain(campaign: Campaign) -> Posterior:
     """Compare sets of effects: the most promising one is refitted, and what goes on from it joins the others."""
-    space = EffectSpace(campaign)
-    start = null(space)
-    nothing = Explanation((), start.log_evidence, np.inf, linear=start, with_unknown=with_unknown_cause(space, start))
+    start = null(campaign)
+    unknown = with_unknown_cause(campaign, start)
+    nothing = Explanation((), start.log_evidence, np.inf, linear=start, with_unknown=unknown)
     explanations = {frozenset[str](): nothing}
-    alone = with_one_more(space, nothing)
+    alone = with_one_more(campaign, nothing)
     promised = {frozenset[str](): {frozenset(explanation.names): explanation.log_evidence for explanation in alone}}
-    for explanation in (*alone, *pairs_of_two(space, start, alone)):
+    for explanation in (*alone, *pairs_of_two(campaign, start, alone)):
         _propose(explanations, explanation)
     # A large effect's own curvature may spoil what it promises to first order
-    likeliest = max(alone, key=lambda explanation: explanation.log_evidence, default=nothing)
-    prior = min(EXPECTED_EFFECTS / max(len(space.variants), 1), LIKELIEST)
+    likeliest = max(alone, key=attrgetter("log_evidence"), default=nothing)
+    prior = min(EXPECTED_EFFECTS / max(len(campaign.variants), 1), LIKELIEST)
     odds, least, in_vain, ended = float(np.log(prior) - np.log1p(-prior)), np.log(LOOKED_AT), 0, False
     for refits in count():
         logs = _log_posterior(explanations, odds)
@@ -226,16 +206,16 @@ def explain(campaign: Campaign) -> Posterior:
         if refits == MOST_REFITS:
             ended = True
             break
-        explanations[best] = _refitted(space, explanations[best])
+        explanations[best] = _refitted(campaign, explanations[best])
         better = _log_posterior({best: explanations[best]}, odds)[best, False] > logs[top, False]
         in_vain = 0 if better else in_vain + 1
         if explanations[best].fit is not None:
             promised[best] = {}
-            for explanation in with_one_more(space, explanations[best]):
+            for explanation in with_one_more(campaign, explanations[best]):
                 promised[best][frozenset(explanation.names)] = explanation.log_evidence
                 _propose(explanations, explanation)
     probability = {key: float(np.exp(value - total)) for key, value in logs.items()}
-    return Posterior(space, explanations, probability, ended or len(top) >= MOST_EFFECTS)
+    return Posterior(explanations, probability, ended or len(top) >= MOST_EFFECTS)
 
 
 def _as_promising(
@@ -300,22 +280,22 @@ def _log_posterior(explanations: Mapping[frozenset[str], Explanation], odds: flo
     return result
 
 
-def _refitted(space: EffectSpace, explanation: Explanation) -> Explanation:
+def _refitted(campaign: Campaign, explanation: Explanation) -> Explanation:
     """An explanation at its refit, with the evidence of the linear model there."""
-    campaign, observations = space.campaign, space.campaign.observations
+    observations = campaign.observations
     fit = refit(campaign.whitening, explanation.starts)
     value = np.array([(fit.effects[k].parameters[p.name] - p.null) / (0.5 * p.width) for k, p in fit.free])
     there = ~(fit.active & (np.abs(value) < 1e-9))
     free = [pair for pair, moves in zip(fit.free, there, strict=True) if moves]
     if {k for k, p in free if not p.nonlinear and not p.beside} != set(range(len(fit.effects))):
         # An effect of size zero explains nothing
-        return replace(explanation, log_evidence=-np.inf, with_unknown=-np.inf, linear=null(space))
+        return replace(explanation, log_evidence=-np.inf, with_unknown=-np.inf, linear=null(campaign))
     families: dict[tuple[int, str], list[int]] = {}  # amplitudes that share a size, each with those beside it
     for j, (k, p) in enumerate(free):
         if not p.nonlinear:
             families.setdefault((k, p.beside or p.name), []).append(j)
     slopes = -0.5 * fit.jacobian[:, there]
-    errors = [space.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
+    errors = [campaign.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
     columns = np.concatenate([slopes, *errors], axis=1)
     linear = of_sizes(
         fit.whitened_residual + slopes @ value[there],
@@ -329,5 +309,5 @@ def _refitted(space: EffectSpace, explanation: Explanation) -> Explanation:
         log_evidence=linear.log_evidence,
         fit=fit,
         linear=linear,
-        with_unknown=with_unknown_cause(space, linear),
+        with_unknown=with_unknown_cause(campaign, linear),
     )

@@ -160,11 +160,10 @@ def _variances(
     for c in judged:
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(sigma[c], step / np.sqrt(12.0))
-    taken = bool(0 in used and assumed[0] and distance_m is None)
     return sigma, {
         "mount_m": float(result[0]),
         "test_mount_m": float(wide[0]),
-        "mount_assumed": taken,
+        "mount_assumed": bool(0 in used and assumed[0] and distance_m is None),
         "run": result[1:-1],
         "test_run": wide[1:-1],
         "stop_m": float(result[-1]),

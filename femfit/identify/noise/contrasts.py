@@ -56,9 +56,7 @@ class Contrasts:
     free: float  # Its degrees of freedom
     along: FloatArray  # Coordinates along the random effects, shape (k,)
     columns: FloatArray  # Of the random effects in them, shape (k, q)
-    cost: float = (
-        0.0  # -2 log of the restricted likelihood, the variance at its best and random effects taken for fixed
-    )
+    cost: float = 0.0  # -2 log restricted likelihood, the variance at its best and random effects taken for fixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +101,7 @@ def restricted_estimate(
     likelihood = _likelihood(channels, group, second, scale, weight)
     low = np.log(scale) + np.log(NO_VARIANCE)
     x = np.log(scale if start is None else start)
-    cost, slope, curvature = likelihood(x)
+    (cost, slope, curvature), moved = likelihood(x), np.inf
     for _ in range(SEARCH_STEPS):
         free = (x > low + 1e-9) | (slope < 0.0)
         step = np.zeros(len(x))
@@ -118,24 +116,18 @@ def restricted_estimate(
                 break
             step /= 2.0
         else:
-            return _components(x, low, curvature, converged=False)
+            break
         moved = float(np.abs(there - x).max())
         x, (cost, slope, curvature) = there, after
         if moved < SETTLED_STEP:
-            return _components(x, low, curvature, converged=True)
-    return _components(x, low, curvature, converged=False)
-
-
-def _components(x: FloatArray, low: FloatArray, curvature: FloatArray, converged: bool) -> Components:
-    """The curvature is that of -2 log L in log x, so that the variance of log x is twice its inverse.
-
-    A variance at the lower end of the search is none, and its spread is that there.
-    """
+            break
+    # The curvature is that of -2 log L in log x, so that the variance of log x is twice its inverse. A variance at the
+    # lower end of the search is none, and its spread is that there
     variance = np.where(x > low + 1e-9, np.exp(x), 0.0)
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     inverse = np.linalg.pinv(curvature / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
     squared = 2.0 * np.exp(2.0 * x)
-    return Components(variance, squared * np.diag(inverse), squared / size**2, converged)
+    return Components(variance, squared * np.diag(inverse), squared / size**2, moved < SETTLED_STEP)
 
 
 def _likelihood(

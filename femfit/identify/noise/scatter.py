@@ -69,11 +69,14 @@ def channel_design(
     those of single rows are.
     """
     stops_known = stops_known or not repeats
-    here = repeated_readings(observations)[c][0] if repeats else np.flatnonzero(observations.channel == c)
+    here = np.flatnonzero(observations.channel == c)
+    cell, cells = np.zeros(len(here), dtype=np.intp), 0
+    if repeats:
+        here, start, cell = repeated_readings(observations)[c]
+        cells = len(start)
     effects = random_effects(observations)
     made = np.sum(uncertain_settings(observations, stops_known)[here] ** 2, axis=1)
     weight = 1.0 / np.sqrt(1.0 + made / sigma**2) if sigma else np.ones(len(here))
-    cell = repeated_readings(observations)[c][2] if repeats else np.zeros(len(here), dtype=np.intp)
     patterns = (drift_patterns if repeats else smooth_patterns)(observations)
     # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it
     common = np.stack([observations.distance_slope[here], observations.distance_curvature[here]], axis=1)
@@ -81,11 +84,7 @@ def channel_design(
     if repeats:
         fixed = _within(fixed, cell)
     random = effects.columns[here] * ((effects.differences > 0.0)[effects.group] & ~(effects.of_stops & stops_known))
-    cells, basis, residual = (
-        int(cell.max()) + 1 if repeats else 0,
-        orthonormal_basis(fixed),
-        observations.residual[here],
-    )
+    basis, residual = orthonormal_basis(fixed), observations.residual[here]
     design = ChannelDesign(here, cell, cells, basis, random, chain_of(observations, here), weight, residual)
     if stops_known or design.free >= LEAST_REPEATS:
         return design

@@ -20,9 +20,8 @@ stretch begins at rest.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Self
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 from scipy.linalg import lapack
@@ -35,7 +34,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import changed_by, circuit_of, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
-from femfit.identify.observations import WithoutCache
+from femfit.identify.observations import TEMPERATURES
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import Point, at_rest
@@ -255,17 +254,16 @@ def states_along(
     fresh, step = first[1:], np.diff(time)
     moves = ~fresh & (step > 0.0)  # neighbouring windows share a node
     velocity, rate = (np.divide(np.diff(x), step, out=np.zeros_like(step), where=moves) for x in (distance, current))
-    i, constant = (0.5 * (x[1:] + x[:-1]) for x in (current, motional_constant))
+    i, constant = (_between(x) for x in (current, motional_constant))
+    names = (*TEMPERATURES, "time_s", "elapsed")
+    halfway: dict[str, Any] = {name: _between(np.broadcast_to(getattr(conditions, name), time.shape)) for name in names}
     moving = replace(
         conditions,
         branch=np.sign(rate),
         velocity_m_s=velocity,
         current_rate_A_s=rate,
         motional_V=constant * velocity,
-        coil_temperature_C=_between(conditions.coil_temperature_C),
-        magnet_temperature_C=_between(conditions.magnet_temperature_C),
-        time_s=_between(conditions.time_s),
-        elapsed=_between(conditions.elapsed),
+        **halfway,
     )
     at_zero, at_one = (
         memory.rate({name: np.full_like(i, z) for name in memory.names}, i, moving, added.parameters)
@@ -280,10 +278,9 @@ def states_along(
     return result
 
 
-def _between(condition: FloatArray | float) -> FloatArray | float:
-    """A condition on the steps between nodes."""
-    values = np.asarray(condition)
-    return 0.5 * (values[1:] + values[:-1]) if values.ndim else condition
+def _between(values: FloatArray) -> FloatArray:
+    """Values at nodes on the steps between these."""
+    return 0.5 * (values[1:] + values[:-1])
 
 
 _LAST_POINTS = 4
@@ -291,20 +288,13 @@ _LAST_POINTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class RememberedPoints(WithoutCache):
+class RememberedPoints:
     """A motion as effects make it, kept while only effects on mass, circuit or readings change."""
 
     base: ActuatorModel
-
-    @cached_property
-    def known(self) -> dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]]:
-        """By motion and parameters, with the effects themselves, so that their addresses stay theirs."""
-        return {}
-
-    @cached_property
-    def still(self) -> list[EddiesAlong]:
-        """The last eddy currents and distances."""
-        return []
+    # By motion and parameters, with the effects themselves, so that their addresses stay theirs
+    known: dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]] = field(default_factory=dict)
+    still: list[EddiesAlong] = field(default_factory=list)  # The last eddy currents and distances
 
     def eddies(self, eddy: EddyCurrents, distance: FloatArray) -> EddiesAlong:
         """Eddy currents along distances, worked out once for these very arrays."""

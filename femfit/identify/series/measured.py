@@ -9,7 +9,7 @@ J. W. Tukey, Exploratory Data Analysis (Addison-Wesley, 1977), section 2: the me
 do not move.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -44,14 +44,16 @@ class SensorNoise:
     values: FloatArray
 
 
-def propagated(mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorNoise]) -> FloatArray:
+def propagated(
+    mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorNoise], further: FloatArray | float = 0.0
+) -> FloatArray:
     """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N).
 
     White noise adds up in squares. The error of a converter whose input hardly moves over a window, whose means have
     the weights ``mean``, is the same in all samples up to a few jumps; noise of the size of a step makes it white
-    (dither), motion over several averages it.
+    (dither), motion over several averages it. To these come errors of the variance ``further``, of shape (n,).
     """
-    total = np.zeros(mean.shape[0])
+    total = np.zeros(mean.shape[0]) + further
     for weights, sensor in sensors:
         total += sensor.white**2 * np.asarray(weights.power(2).sum(axis=1)).ravel()
         if sensor.step:
@@ -118,9 +120,8 @@ def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
         result[here] = values
         return result
 
-    slopes, series = base.magnetics.slopes(d, each), np.zeros((each.shape[1],) * 2)
-    if base.circuits:
-        series = base.series_inductances_H
+    slopes = base.magnetics.slopes(d, each)
+    series = base.series_inductances_H if base.circuits else np.zeros((each.shape[1],) * 2)
     flux, pull, seen_T = base.magnetics.flux_linkage(d, each), np.zeros_like(d), np.zeros_like(d)
     if base.eddy is not None:
         first = np.diff(samples.run[here], prepend=np.nan) != 0.0
@@ -146,21 +147,13 @@ def sensor_noise(
 
     For the current the driving voltage says it; no noise is smaller than the converter's step over sqrt(12).
     """
-    usable = np.where(samples.usable, 0.0, np.nan)
-    explained = {
-        "distance_m": usable,
-        **{
-            name: usable + current
-            for name, current in zip(samples.currents, _driven(base, samples, field).T, strict=True)
-        },
-        "hall_V": usable + field.hall,
-        "force_N": usable + field.force,
-    }
+    driven = dict(zip(samples.currents, _driven(base, samples, field).T, strict=True))
+    explained = {"distance_m": np.zeros_like(field.force), **driven, "hall_V": field.hall, "force_N": field.force}
     result = {}
     for name, model in explained.items():
         values = samples.columns[name]
-        step = converter_step(values)
-        white = max(white_noise(values - model, samples.segment), step / np.sqrt(12.0))
+        step, misfit = converter_step(values), np.where(samples.usable, values - model, np.nan)
+        white = max(white_noise(misfit, samples.segment), step / np.sqrt(12.0))
         result[name] = SensorNoise(float(declared.get(name, white)), step, values)
     return result
 
@@ -168,11 +161,9 @@ def sensor_noise(
 def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatArray:
     """The currents (N, n) that commanded voltages and motion give, up to what is smooth; zeros where none is known."""
     result = np.zeros((len(samples.time), len(samples.currents)))
-    if not base.circuits:
+    if not base.circuits or all(np.isnan(samples.columns[name]).all() for name in samples.commands):
         return result
     volts = np.stack([samples.columns[name] for name in samples.commands], axis=1)
-    if not np.isfinite(volts).any():
-        return result
     here, current = samples.usable, samples.current.reshape(result.shape)
     step = np.diff(samples.time, prepend=samples.time[:1])[:, None]
     held = np.concatenate([volts[:1], volts[:-1]])
@@ -184,32 +175,26 @@ def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatA
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
-    """The model's side of a balance without effects, linear in a part of its :class:`SampleField`."""
-
-    fixed: FloatArray | float  # What depends on no field
-    weights: sparse.csr_array
-    part: Literal["force", "flux", "hall"]
-    circuit: int | None = None  # Place of the circuit, of a flux linkage
-
-    def __call__(self, field: SampleField) -> FloatArray:
-        """The side in each of n windows."""
-        values: FloatArray = getattr(field, self.part)
-        return np.asarray(self.fixed + self.weights @ (values if self.circuit is None else values[:, self.circuit]))
-
-
-@dataclass(frozen=True, eq=False)
 class MeasuredChannel:
     """A channel's n windows: both sides of its balance, the model's without effects, and whether samples are enough.
 
-    ``sigma`` is what the sensors' noise makes of their difference; NaN where a sensor's noise is not known.
+    ``sigma`` is what the sensors' noise makes of their difference; NaN where a sensor's noise is not known. The model's
+    side is linear in a part of its :class:`SampleField`.
     """
 
     name: str
     measured: FloatArray
-    predict: Prediction
     sigma: FloatArray
     valid: BoolArray
+    weights: sparse.csr_array  # Of the part, shape (n, N)
+    part: Literal["force", "flux", "hall"]
+    circuit: int | None = None  # Place of the circuit, of a flux linkage
+    fixed: FloatArray | float = 0.0  # What depends on no field
+
+    def predict(self, field: SampleField) -> FloatArray:
+        """The model's side in each window."""
+        values: FloatArray = getattr(field, self.part)
+        return np.asarray(self.fixed + self.weights @ (values if self.circuit is None else values[:, self.circuit]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,19 +217,16 @@ class Recorded:
         return [(carried(weights, along), self.noise[name]) for name, along in currents]
 
 
-def measure_balances(record: Recorded, windows: Windows) -> list[MeasuredChannel]:
-    """Both sides of every balance that record and model allow."""
-    result, samples = [], record.samples
+def measure_balances(record: Recorded, windows: Windows) -> Iterator[MeasuredChannel]:
+    """Both sides of every balance that the model allows."""
     if record.base.motion is not None:
-        result.append(_force_balance(record, record.base.motion, windows))
+        yield _force_balance(record, record.base.motion, windows)
     for k, name in enumerate(voltage_balances(record.base)):
-        if np.isfinite(samples.columns[samples.commands[k]]).any():
-            result.append(_voltage_balance(record, name, k, windows))
-    return [channel for channel in result if channel.valid.any()]
+        yield _voltage_balance(record, name, k, windows)
 
 
-def measure_sensors(record: Recorded, windows: Windows) -> list[MeasuredChannel]:
-    """What every sensor read that the record and the model have, and what it should have read.
+def measure_sensors(record: Recorded, windows: Windows) -> Iterator[MeasuredChannel]:
+    """What every sensor of the model read, and what it should have read.
 
     Where the body rests on a stop, the recorded distance should be where that is drawn.
     """
@@ -253,24 +235,18 @@ def measure_sensors(record: Recorded, windows: Windows) -> list[MeasuredChannel]
     parts = [("force_N", "force", field.force_d, field.force_i, nominal.force_N)]
     if record.base.sensor is not None:
         parts.append(("hall_V", "hall", field.hall_d, field.hall_i, nominal.hall_swing_V))
-    result = []
     for name, kind, along_distance, along_current, scale in parts:
-        values = samples.columns[name]
-        if not np.isfinite(values).any():
-            continue
+        values, least = samples.columns[name], (METHOD_ACCURACY * scale) ** 2
         weights = record.weights(windows, np.isfinite(values))
         of_distance = carried(weights.mean, along_distance), noise["distance_m"]
-        of_currents = record.of_currents(weights.mean, along_current)
-        sigma = propagated(weights.mean, (weights.mean, noise[name]), of_distance, *of_currents)
-        measured = weights.mean @ np.nan_to_num(values)
-        predict, sigma = Prediction(0.0, weights.mean, kind), np.hypot(sigma, METHOD_ACCURACY * scale)
-        result.append(MeasuredChannel(name, measured, predict, sigma, weights.valid))
+        sensors = (weights.mean, noise[name]), of_distance, *record.of_currents(weights.mean, along_current)
+        sigma, measured = propagated(weights.mean, *sensors, further=least), weights.mean @ np.nan_to_num(values)
+        yield MeasuredChannel(name, measured, sigma, weights.valid, weights.mean, kind)
     weights = record.weights(windows, np.isfinite(samples.stop_m))
-    sigma = propagated(weights.mean, (weights.mean, noise["distance_m"]))
-    stop = Prediction(weights.mean @ np.nan_to_num(samples.stop_m), sparse.csr_array(weights.mean.shape), "force")
     measured, least = weights.mean @ np.nan_to_num(samples.columns["distance_m"]), METHOD_ACCURACY * nominal.travel_m
-    result.append(MeasuredChannel(REST, measured, stop, np.hypot(sigma, least), weights.valid))
-    return [channel for channel in result if channel.valid.any()]
+    sigma = propagated(weights.mean, (weights.mean, noise["distance_m"]), further=least**2)
+    stop, none = weights.mean @ np.nan_to_num(samples.stop_m), sparse.csr_array(weights.mean.shape)
+    yield MeasuredChannel(REST, measured, sigma, weights.valid, none, "force", fixed=stop)
 
 
 def _force_balance(record: Recorded, motion: Mechanics, windows: Windows) -> MeasuredChannel:
@@ -279,12 +255,12 @@ def _force_balance(record: Recorded, motion: Mechanics, windows: Windows) -> Mea
     distance = np.nan_to_num(samples.columns["distance_m"])
     stiffness = field.force_d - motion.static_gradient(distance)
     of_distance = motion.mass_kg * state.curvature + carried(state.mean, stiffness), record.noise["distance_m"]
-    sigma = propagated(state.mean, of_distance, *record.of_currents(state.mean, field.force_i))
+    sensors = of_distance, *record.of_currents(state.mean, field.force_i)
+    sigma = propagated(state.mean, *sensors, further=(METHOD_ACCURACY * nominal.force_N) ** 2)
     friction = motion.friction(state.slope @ distance, nominal.sample_time_s)
     load = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + friction
     measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance) + load
-    predict, sigma = Prediction(0.0, state.mean, "force"), np.hypot(sigma, METHOD_ACCURACY * nominal.force_N)
-    return MeasuredChannel(FORCE_BALANCE, measured, predict, sigma, state.valid)
+    return MeasuredChannel(FORCE_BALANCE, measured, sigma, state.valid, state.mean, "force")
 
 
 def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> MeasuredChannel:
@@ -295,9 +271,10 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, held)
     of_currents = record.of_currents(slope, field.inductance[:, k])
     of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
-    sigma = propagated(mean, *of_currents, (carried(slope, field.force_i[:, k]), noise["distance_m"]))
     volts, variance = between_samples(samples, k, held, nominal.sample_time_s)
-    sigma = np.hypot(sigma, np.sqrt(driven.power(2) @ variance))
+    of_distance = carried(slope, field.force_i[:, k]), noise["distance_m"]
+    further = driven.power(2) @ variance + (METHOD_ACCURACY * nominal.voltage_V) ** 2
+    sigma = propagated(mean, *of_currents, of_distance, further=further)
     here = np.flatnonzero(samples.usable)
     # Between samples currents settle towards the held commands, i'' = -L^-1 R i', by which a trapezoid over them is
     # h^2 i'' / 12 short
@@ -305,5 +282,4 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     rate = np.linalg.pinv(np.median(field.inductance[here], axis=0))[k] * base.resistances_ohm
     settling = ohms * step**2 / 12.0 * (each @ rate)
     fixed = ohms * (mean @ each[:, k]) + slope @ settling
-    predict, sigma = Prediction(fixed, slope, "flux", k), np.hypot(sigma, METHOD_ACCURACY * nominal.voltage_V)
-    return MeasuredChannel(name, driven @ volts, predict, sigma, valid)
+    return MeasuredChannel(name, driven @ volts, sigma, valid, slope, "flux", k, fixed)

@@ -9,7 +9,7 @@ References
 F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383: the median of magnitudes and its scatter.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import prod
@@ -18,14 +18,14 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.estimate.record import with_distance
 from femfit.identify.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, SLOPE_STEP, TURNS_OF_MISFIT
 from femfit.identify.noise.scatter import beside_patterns
-from femfit.identify.observations import InTheirRuns, Observations, WithoutCache, model_tolerance
+from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedPoints,
@@ -45,7 +45,7 @@ from femfit.identify.series.measured import (
 )
 from femfit.identify.series.samples import take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
-from femfit.identify.series.weights import lay_windows, window_weights
+from femfit.identify.series.weights import lay_windows
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
@@ -62,12 +62,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     """
     base, series = model.without_effects, with_distance(model, series)
     samples = take_samples(model, series)
-    distance = np.nan_to_num(samples.columns["distance_m"])
-    windows = lay_windows(base, samples.time, samples.stretch, samples.usable, distance, samples.current)
-    windows = replace(windows, segment=samples.segment[np.searchsorted(samples.stretch, windows.segment)])
-    # At an impact no path is smooth
-    smooth = samples.usable & ~samples.touches
-    windows = windows.select(window_weights(windows, samples.time, samples.segment, smooth).valid)
+    windows = lay_windows(base, samples)
     if not len(windows.centre_s):
         raise TableError(
             f"{series.source} must have stretches of at least {1e3 * windows.length_s:.3g} ms without a gap in "
@@ -78,7 +73,8 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     noise = sensor_noise(base, samples, sampled, series.declared_noise)
     views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
     record = Recorded(base, nominal, samples, sampled, noise)
-    measured = measure_balances(record, views[0].windows), measure_sensors(record, views[1].windows)
+    every = measure_balances(record, views[0].windows), measure_sensors(record, views[1].windows)
+    measured = [[channel for channel in of_view if channel.valid.any()] for of_view in every]
     if not any(measured):
         raise TableError(
             f"{series.source} must hold what a balance needs: distances of a moving body of known mass, the commanded "
@@ -93,46 +89,39 @@ def _assembled(
     series: TimeSeries,
     record: Recorded,
     views: tuple[View, View],
-    measured: tuple[list[MeasuredChannel], list[MeasuredChannel]],
+    measured: Sequence[Sequence[MeasuredChannel]],
 ) -> Observations:
     """The channels that were measured in both views, one after the other."""
     channels, nominal = [*measured[0], *measured[1]], record.nominal
-    names = tuple(channel.name for channel in channels)
-    pieces = [np.flatnonzero(channel.valid) for channel in channels]
+    rows = {channel.name: np.flatnonzero(channel.valid) for channel in channels}
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
-    sigma = [channel.sigma[piece] for channel, piece in zip(channels, pieces, strict=True)]
-    usual = [float(np.median(values)) for values in sigma]
-    scale = [np.where(np.isfinite(u), u / values, 1.0) for u, values in zip(usual, sigma, strict=True)]
-    number = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
+    sigma = {channel.name: channel.sigma[rows[channel.name]] for channel in channels}
+    usual = {name: float(np.median(values)) for name, values in sigma.items()}
+    scale = {name: np.where(np.isfinite(u), u / sigma[name], 1.0) for name, u in usual.items()}
+    names, stacked = tuple(rows), Stacking(rows, scale)
+    number = stacked.channel
     offset = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
     sides = zip(views, (model_balances, model_readings), measured, strict=True)
-    prediction = _SeriesPrediction(
-        model,
-        [(view, side) for view, side, of_view in sides if of_view],
-        record,
-        channels,
-        dict(zip(names, pieces, strict=True)),
-        dict(zip(names, scale, strict=True)),
-    )
+    recorded = [(view, side) for view, side, of_view in sides if of_view]
+    prediction = _SeriesPrediction(model, recorded, record, channels, stacked)
     change, present = prediction.change, model.effects
     step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
     # What a bench would have to read to show as much as each balance does
     fluxes = zip(voltage_balances(model.without_effects), flux_columns(model.circuit_names), strict=True)
     tolerance, shown = _tolerance(model, covariates), {FORCE_BALANCE: "force_N", **dict(fluxes)}
-    row = np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)])
     return Observations(
         channels=names,
         channel=number,
-        row=row,
-        value=prediction.stacked({channel.name: channel.measured for channel in channels}),
+        row=np.concatenate([piece + start for piece, start in zip(rows.values(), offset, strict=True)]),
+        value=stacked({channel.name: channel.measured for channel in channels}),
         covariates=covariates,
         given=(*series.given, *(shown[name] for name in names if name in shown)),
-        prediction=InTheirRuns(prediction, covariates["run"].to_numpy(dtype=int)[row]),
+        prediction=prediction,
         distance_slope=(change(present, step) - change(present, -step)) / (2.0 * step),
         distance_curvature=(change(present, step) - 2.0 * change(present) + change(present, -step)) / step**2,
         nominal=nominal,
-        declared_noise={name: s for name, s in zip(names, usual, strict=True) if np.isfinite(s)},
+        declared_noise={name: noise for name, noise in usual.items() if np.isfinite(noise)},
         tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
         setting_columns=np.zeros((len(number), 2)),
         findings=(*series.findings, *record.samples.findings),
@@ -149,9 +138,7 @@ class _SeriesPrediction(WithoutCache):
     sides: Sequence[tuple[View, Side]]  # Those of which a channel was recorded
     record: Recorded
     channels: Sequence[MeasuredChannel]
-    # Windows that count, and the factor that gives them one noise, per channel
-    rows: Mapping[str, IntArray]
-    scale: Mapping[str, FloatArray]
+    stacked: Stacking  # Of the windows that count, by the factor that gives them one noise
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
         """Slopes are differences: states and eddy currents at a node follow from all nodes before, one by one."""
@@ -189,10 +176,6 @@ class _SeriesPrediction(WithoutCache):
 
         return predicted
 
-    def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Values of the windows as one vector, channel after channel."""
-        return np.concatenate([self.scale[name] * values[name][piece] for name, piece in self.rows.items()])
-
     def change(self, effects: Sequence[AddedEffect], shift: float = 0.0) -> FloatArray:
         """What effects, and a shift of the recorded distance, change."""
         return self._at(effects, shift) - self._without if effects or shift else np.zeros_like(self._without)
@@ -218,9 +201,7 @@ class _SeriesPrediction(WithoutCache):
 def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:
     """Misfit of the model to its own source in each channel; of the flux linkage as fast as it changes here."""
     misfits, box = model_tolerance(model), model.validity
-    result = {name: value for name, value in misfits.items() if name in ("force_N", "hall_V")}
-    if "force_N" in misfits:
-        result[FORCE_BALANCE] = misfits["force_N"]
+    result = {**misfits, FORCE_BALANCE: misfits.get("force_N", 0.0)}
     if "flux_linkage_Wb" in misfits:
         rates = np.hypot(
             covariates["velocity_m_s"] / (box.distance_max_m - box.distance_min_m),

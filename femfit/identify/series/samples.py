@@ -140,10 +140,7 @@ def held_from(samples: Samples, k: int) -> BoolArray:
     """Whether the command of a circuit is known from each usable sample to the next one."""
     here = np.flatnonzero(samples.usable)
     result = np.zeros(len(samples.time), dtype=bool)
-    if len(here) < 2:
-        return result
-    step = np.diff(samples.time[here])
-    inside = np.diff(samples.segment[here]) == 0
+    step, inside = np.diff(samples.time[here]), np.diff(samples.segment[here]) == 0
     usual = np.median(step[inside]) if inside.any() else 0.0
     uneven = inside.any() and float(np.quantile(step[inside], 0.9)) > EVEN * usual
     result[here[:-1]] = inside & (uneven | (step < EVEN * usual))
@@ -164,12 +161,8 @@ def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: floa
         Time in s from one command of the driver to its next.
     """
     volts = samples.columns[samples.commands[k]]
-    here, mean, rise, step = (
-        np.flatnonzero(samples.usable),
-        np.nan_to_num(volts),
-        np.zeros(len(volts)),
-        np.diff(samples.time),
-    )
+    here, step = np.flatnonzero(samples.usable), np.diff(samples.time)
+    mean, rise = np.nan_to_num(volts), np.zeros(len(volts))
     if not held.any():
         return mean, rise
     rise[here[:-1]] = np.where(held[here[:-1]], np.nan_to_num(np.diff(volts[here])), 0.0)

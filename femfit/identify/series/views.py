@@ -20,11 +20,10 @@ from scipy import sparse
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.identify.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN
+from femfit.identify.observations import TEMPERATURES, circumstances
 from femfit.identify.series.balances import Motion
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, window_weights
-
-_TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +47,7 @@ def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     rows = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
     weights = window_weights(rows, time, row, np.ones(len(time), dtype=bool))
     over_samples = window_weights(windows, samples.time, samples.segment, samples.usable)
-    rates = over_samples.slope @ _known(samples, "distance_m"), over_samples.slope @ _known(samples, "current_A")
-    covariates = _covariates(samples, windows, over_samples.mean, rates, nominal)
+    covariates = _covariates(samples, windows, over_samples.mean, over_samples.slope, nominal)
     return View(windows, covariates, _motion(samples, windows, covariates, nominal, level, slope), weights)
 
 
@@ -63,14 +61,11 @@ def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     bump = np.maximum(1.0 - place**2, 0.0) ** 2
     shape = len(windows.centre_s), len(time)
     bump /= np.bincount(row, bump)[row]
-    mean = sparse.csr_array((bump, (row, np.arange(len(time)))), shape=shape)
-    none = sparse.csr_array(shape)
-    thirds = Windows(windows.centre_s, windows.segment, MIDDLE * windows.length_s)
-    over_samples = window_weights(thirds, samples.time, samples.segment, samples.usable)
-    rates = mean @ (slope @ _known(samples, "distance_m")), mean @ (slope @ _known(samples, "current_A"))
-    covariates = _covariates(samples, windows, mean @ level, rates, nominal)
+    mean, none = sparse.csr_array((bump, (row, np.arange(len(time)))), shape=shape), sparse.csr_array(shape)
+    covariates = _covariates(samples, windows, mean @ level, mean @ slope, nominal)
     motion = _motion(samples, windows, covariates, nominal, level, slope)
-    return View(thirds, covariates, motion, Weights(mean, none, none, over_samples.valid))
+    thirds = Windows(windows.centre_s, windows.segment, MIDDLE * windows.length_s)
+    return View(thirds, covariates, motion, Weights(mean, none, none, np.ones(shape[0], dtype=bool)))
 
 
 def _smoothed(
@@ -113,10 +108,10 @@ def _covariates(
     samples: Samples,
     windows: Windows,
     mean: sparse.csr_array,
-    rates: tuple[FloatArray, FloatArray],
+    slope: sparse.csr_array,
     nominal: Nominal,
 ) -> pd.DataFrame:
-    """What is known of every window."""
+    """What is known of every window, by weights of its means and of its mean derivatives."""
     nearest = _nearest(samples, windows)
     run, labels = pd.factorize(samples.run[nearest])
     start = np.array([samples.time[samples.run == label].min() for label in labels])
@@ -127,7 +122,7 @@ def _covariates(
     current = mean @ _known(samples, "current_A")
     new = np.diff(run, prepend=-1) != 0
     temperatures, magnitude = {}, abs(mean)
-    for name in _TEMPERATURES:  # the mean over the samples of a window that have it; NaN where none has
+    for name in TEMPERATURES:  # the mean over the samples of a window that have it; NaN where none has
         values = samples.columns[name]
         share = np.asarray(magnitude @ np.isfinite(values).astype(np.float64))
         total = np.asarray(magnitude @ np.nan_to_num(values))
@@ -144,8 +139,8 @@ def _covariates(
             "order": order,
             "elapsed": before[run] + order,
             "time_s": within,
-            "velocity_m_s": rates[0],
-            "current_rate_A_s": rates[1],
+            "velocity_m_s": slope @ _known(samples, "distance_m"),
+            "current_rate_A_s": slope @ _known(samples, "current_A"),
         }
     )
 
@@ -199,9 +194,7 @@ def _motion(
         voltage_V=volts,
         at=Conditions(
             nominal=nominal,
-            branch=covariates["branch"].to_numpy()[row],
-            coil_temperature_C=covariates["coil_temperature_C"].to_numpy()[row],
-            magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy()[row],
+            **circumstances(covariates.iloc[row]),
             time_s=within,
             elapsed=within + windows.length_s * campaign,
             velocity_m_s=slope @ _known(samples, "distance_m"),

@@ -33,6 +33,7 @@ from femfit.identify.constants import (
     USUAL_SAMPLES,
     WIDEST_GAP,
 )
+from femfit.identify.series.samples import Samples
 from femfit.model.actuator_model import ActuatorModel
 
 
@@ -43,10 +44,6 @@ class Windows:
     centre_s: FloatArray
     segment: IntArray
     length_s: float
-
-    def select(self, keep: BoolArray) -> "Windows":
-        """Some of the windows."""
-        return Windows(self.centre_s[keep], self.segment[keep], self.length_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,29 +143,23 @@ def _covered(
             yield k, here, s
 
 
-def lay_windows(
-    model: ActuatorModel,
-    time: FloatArray,
-    segment: IntArray,
-    usable: BoolArray,
-    distance: FloatArray,
-    current: FloatArray,
-) -> Windows:
-    """Windows of equal length over every segment of a record; no window where no segment is long enough."""
-    numbers = np.unique(segment)
-    starts, ends = (np.array([time[segment == k][pick] for k in numbers]) for pick in (0, -1))
-    total = float(np.sum(ends - starts))
-    spacing = np.diff(time)[np.diff(segment) == 0]
-    usual = float(np.median(spacing)) if len(spacing) else 0.0
-    wanted = min(TIME_CONSTANTS / _pole(model, distance[usable], current[usable]), total / LEAST_WINDOWS)
-    length = max(wanted, USUAL_SAMPLES * usual, total / MOST_WINDOWS)
-    counts = (
-        np.floor((ends - starts) / length * (1.0 + 1e-9)).astype(int)
-        if length > 0.0
-        else np.zeros(len(numbers), dtype=int)
-    )
-    centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(starts, counts, strict=True)]
-    return Windows(np.concatenate(centre), np.repeat(numbers, counts), length)
+def lay_windows(model: ActuatorModel, samples: Samples) -> Windows:
+    """Windows of equal length over every stretch of a record, without an impact, at which no path is smooth.
+
+    There is no window where no stretch is long enough.
+    """
+    time, stretch, usable = samples.time, samples.stretch, samples.usable
+    _, first = np.unique(stretch, return_index=True)
+    last = np.append(first[1:], len(time)) - 1
+    spans, spacing = time[last] - time[first], np.diff(time)[np.diff(stretch) == 0]
+    total, usual = float(np.sum(spans)), float(np.median(spacing)) if len(spacing) else 0.0
+    pole = _pole(model, np.nan_to_num(samples.columns["distance_m"])[usable], samples.current[usable])
+    length = max(min(TIME_CONSTANTS / pole, total / LEAST_WINDOWS), USUAL_SAMPLES * usual, total / MOST_WINDOWS)
+    counts = np.floor(spans / max(length, 1e-300) * (1.0 + 1e-9)).astype(int)
+    centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(time[first], counts, strict=True)]
+    windows = Windows(np.concatenate(centre), np.repeat(samples.segment[first], counts), length)
+    valid = window_weights(windows, time, samples.segment, usable & ~samples.touches).valid
+    return Windows(windows.centre_s[valid], windows.segment[valid], length)
 
 
 def _pole(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> float:
