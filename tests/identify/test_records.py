@@ -16,6 +16,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.record import converter_step
+from femfit.identify.bench import placed
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.components import estimate_noise
@@ -26,6 +27,7 @@ from femfit.identify.series.observations import series_observations
 from femfit.identify.series.samples import between_samples, held_from, take_samples
 from femfit.identify.series.views import local_polynomials
 from femfit.identify.series.weights import Windows, window_weights
+from femfit.identify.signatures import why_untestable
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyMagnetics
 from femfit.model.with_effects import nominal_of, with_effects
@@ -453,3 +455,28 @@ def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(mo
     assert np.isnan(samples.columns["hall_V"][limited == 4.999]).all()
     assert np.isfinite(take_samples(analogue, series).columns["hall_V"]).all()
     assert "clipped" in {finding.code for finding in samples.findings}
+
+
+SWITCHED, COMMANDS = solenoid(), ([0.0, 0.02, 0.08], [0.0, 12.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def worn():
+    """Logs of a device whose near stop stands 0.1 mm further away."""
+    near = SWITCHED.motion.near_stop
+    further = replace(near, distance_m=near.distance_m + 0.1e-3)
+    device = replace(SWITCHED, motion=replace(SWITCHED.motion, near_stop=further))
+    early = switched([0.0, 0.01, 0.07], COMMANDS[1], 0.11, model=device)
+    return logged([switched(*COMMANDS, 0.12, model=device), early], seed=2)
+
+
+def test_a_worn_stop_is_named_with_its_size(worn):
+    found = diagnose(SWITCHED, worn)
+    assert found.missing[0].name == "stop_position"
+    added = found.missing[0].parameters["near"] * (SWITCHED.validity.distance_max_m - SWITCHED.validity.distance_min_m)
+    assert added == pytest.approx(0.1e-3, abs=0.02e-3)
+
+
+def test_a_body_without_stops_has_none_to_be_wrong(worn):
+    free = replace(SWITCHED, motion=replace(SWITCHED.motion, near_stop=None, far_stop=None))
+    assert "no stop" in why_untestable(effect_by_name("stop_position"), placed(free, worn))

@@ -7,6 +7,8 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from femfit.identify.misfit import MeasuredCurves
 from femfit.report.bench_report import SCALAR
@@ -16,8 +18,10 @@ from femfit.report.field_figures import colour_limit, field_figure, flux_levels
 from femfit.report.loop_report import closed_loop_figure, loop_figures
 from femfit.report.misfit_figures import curves_figure
 from femfit.report.model_figures import at_supply, force_curves_figure, hall_figure, stroke_figure, sweep_grid
-from femfit.report.style import svg_uri, words
+from femfit.report.style import quantity, svg_uri, words
 
+PREFIX = {"p": 1e-12, "n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
+POWER = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|H|%|s|Hz|µm)[^()]*\)")
 
 
@@ -157,3 +161,17 @@ def test_a_record_has_points_without_curves_and_without_anything_added_one_colum
 @pytest.mark.parametrize("covariate", SCALAR)
 def test_each_covariate_of_a_misfit_has_its_label(covariate):
     assert words("covariates", covariate)
+
+
+def number(written):
+    """What a reader reads."""
+    mantissa, _, power = written.replace("−", "-").partition("·10")
+    return float(mantissa) * 10.0 ** float(power.translate(POWER) or 0)
+
+
+@given(st.floats(1e-12, 1e8), st.integers(2, 6), st.sampled_from([1.0, -1.0]))
+def test_a_quantity_read_again_is_the_value_to_its_digits(magnitude, digits, sign):
+    written, unit = quantity(sign * magnitude, "T", digits).split("\u00a0")
+    assert number(written) * PREFIX[unit.removesuffix("T")] == pytest.approx(
+        sign * magnitude, rel=0.51 * 10 ** (1 - digits)
+    )

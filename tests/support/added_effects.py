@@ -20,3 +20,8 @@ def usual(effect, share=1.0):
 def under_effects(model, *chosen):
     """A model with effects, each as a pair of name and parameters."""
     return with_effects(model, [added(name, **parameters) for name, parameters in chosen])
+
+
+def usually(model, *names, share=1.0 / 3.0):
+    """A model with effects of a share of their usual size."""
+    return with_effects(model, [usual(effect_by_name(name), share) for name in names])

@@ -12,7 +12,9 @@ from femfit.core.errors import UsageError
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.targets.c_code import export_c
 from femfit.targets.estimator import words_of
+from femfit.targets.splined import splined
 from femfit.targets.targets import export
+from support.added_effects import usually
 from support.readings import LASER
 from support.replays import damped, logs
 
@@ -193,3 +195,11 @@ def test_a_record_without_a_column_or_that_is_not_read_to_its_end_is_refused(lev
     ended = subprocess.run([program, record], capture_output=True, text=True, check=False)
     assert ended.returncode == 2
     assert message in ended.stderr
+
+
+def test_the_difference_that_is_printed_contains_that_of_the_splines(levitation_model, tmp_path):
+    paths, difference = export_c(usually(levitation_model, "core_saturation"), tmp_path, None, "ukf", "float")
+    assert 2e-7 < difference < 3e-6  # single precision alone is off by 3e-8 m
+    _, error = splined(usually(levitation_model, "core_saturation"))
+    text = next(path for path in paths if path.name == "README.md").read_text()
+    assert f"within {error:.1g} of the largest" in " ".join(text.split())

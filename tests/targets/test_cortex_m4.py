@@ -11,11 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femfit.effects.catalogue import effect_by_name
 from femfit.estimate.kalman_filter import kalman_filter
-from femfit.model.with_effects import with_effects
 from femfit.targets.c_code import export_c
-from support.added_effects import usual
+from support.added_effects import usually
 from support.readings import LASER
 
 zig = pytest.importorskip("ziglang", reason="no compiler for the chip: the extra arm is not installed")
@@ -126,8 +124,7 @@ CASES = {  # Instructions and bytes of flash, at most
 def test_a_step_on_the_chip(levitation_model, tmp_path, label):
     kind, sensor, effects, most_instructions, most_flash = CASES[label]
     laser = replace(LASER, name="laser")
-    model = with_effects(levitation_model, [usual(effect_by_name(name), 1.0 / 3.0) for name in effects])
-    model = replace(model, other_sensors=(laser,))
+    model = replace(usually(levitation_model, *effects), other_sensors=(laser,))
     export_c(model, tmp_path / "c", (sensor,), kind, "float")
     chip, first = Chip(program(tmp_path / "c")), [0.022, 0.0, 0.4]
     filter_ = kalman_filter(model, kind, sensors=(sensor,))

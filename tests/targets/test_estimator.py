@@ -16,12 +16,12 @@ from femfit.core.errors import MissingPartError, RunDirectoryError, UsageError
 from femfit.device.electrics import CurrentSensor, Drive
 from femfit.device.mechanics import Stop
 from femfit.estimate.kalman_filter import kalman_filter
-from femfit.model.json_file import write_model
 from femfit.simulation.plant import Plant
 from femfit.targets import estimator
 from femfit.targets.estimator import FILE, NEW, export_estimator
+from femfit.targets.splined import NEAR, splined
 from femfit.targets.targets import TARGETS, export
-from support.added_effects import under_effects
+from support.added_effects import under_effects, usually
 from support.eddies import with_eddies
 from support.halves import cut_in_two
 from support.readings import LASER, predict_sensors
@@ -324,13 +324,6 @@ def test_a_model_without_a_part_is_refused_before_anything_is_written(levitation
     assert not (tmp_path / "out").exists()
 
 
-def test_a_model_file_is_exported_and_the_result_says_what_to_read(levitation_model, tmp_path):
-    write_model(levitation_model, tmp_path / "model.json")
-    result = export(str(tmp_path / "model.json"), str(tmp_path / "out"))
-    assert str(tmp_path / "out" / "README.md") in str(result)
-    assert set(result.files) == {file for file in (tmp_path / "out").rglob("*") if file.is_file()}
-
-
 def test_an_unknown_target_lists_the_known_ones():
     with pytest.raises(UsageError, match=r"one of: estimator .*instead received 'fmu'"):
         export("model.json", "out", to="fmu")
@@ -343,3 +336,28 @@ def test_a_name_cannot_become_a_part_of_the_program(levitation_model, tmp_path):
     odd = replace(levitation_model, sensor=None, other_sensors=(replace(LASER, name='a"; b'),))
     with pytest.raises(UsageError, match="must begin with a letter"):
         export_estimator(odd, tmp_path / "refused")
+
+
+@pytest.mark.parametrize("name", ["one circuit", "solenoid", "law", "eddies"])
+def test_a_saturating_core_is_followed_by_splines_as_near_as_they_say(model_kind, name):
+    model = usually(model_kind(name), "core_saturation", "coil_temperature")
+    light, error = splined(model)
+    assert light is not model
+    assert 0.0 < error <= NEAR
+    box, random = model.validity, np.random.default_rng(0)
+    d = random.uniform(box.distance_min_m, box.distance_max_m, 500)
+    i = random.uniform(*box.current_limits_A[0], 500)
+    for quantity in ("force", "flux_linkage"):
+        wanted, found = (getattr(one, quantity)(d, i) for one in (model, light))
+        assert (
+            np.abs(found - wanted).max() <= 1.5 * error * np.abs(wanted).max()
+        )  # between the points that were looked at
+    if model.sensor is not None:
+        wanted, found = (one.sensor.field.field(d, i[:, None]) for one in (model, light))
+        assert np.abs(found - wanted).max() <= 1.5 * error * np.abs(wanted).max()
+    assert (light.circuits, light.motion, light.effects) == (model.circuits, model.motion, model.effects)
+
+
+def test_what_splines_do_not_lighten_stays_as_it_is(levitation_model, model_kind):
+    unchanged = levitation_model, usually(levitation_model, "magnet_temperature"), model_kind("saturating")
+    assert all(splined(model) == (model, 0.0) for model in unchanged)
