@@ -1,4 +1,4 @@
-"""Recorded time series: what the file holds, what is wrong with clock, sensors and units, and several files together."""
+"""Recorded time series: what the file holds, what is wrong with clock, sensors and units; several files together."""
 
 import numpy as np
 import pandas as pd
