@@ -109,16 +109,17 @@ class ProcessGraph:
 
     @property
     def steps(self) -> list[tuple[GraphFunction, Callable[[], GraphFunction]]]:
-        """The steps of a sample, of which the first remembers samples, and what makes the slopes of each."""
+        """The steps of a sample, of which the first remembers samples, and what makes each with its slopes below it."""
         first = self._step_named("moved", self.moved)
         later = self._step_named("moved on", self.moved_on) if self.samples else first
         return [first, *[later] * (self.model.sample_step.count - 1)]
 
     def _step_named(self, name: str, make: Callable[[SX, SX], SX]) -> tuple[GraphFunction, Callable[[], GraphFunction]]:
-        def slope(x: SX, voltage: SX) -> SX:
-            return ca.vec(ca.jacobian(make(x, voltage), x))
+        def with_slope(x: SX, voltage: SX) -> SX:
+            after = make(x, voltage)
+            return ca.vertcat(after, ca.vec(ca.jacobian(after, x)))
 
-        return self.function(name, make), lambda: self.function(f"{name} slope", slope)
+        return self.function(name, make), lambda: self.function(f"{name} with slope", with_slope)
 
     def moved(self, x: SX, voltage: SX) -> SX:
         """All states the first step of a sample later; so of that which remembers samples."""
@@ -172,11 +173,10 @@ class ProcessGraph:
     def transition_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """Jacobians of :meth:`transition`, (N, n, n)."""
         result: FloatArray | None = None
-        for step, slope in self.steps:
-            columns = self._values(slope(), states, inputs)
+        for _, with_slope in self.steps:
+            states, columns = np.split(self._values(with_slope(), states, inputs), [self.order], axis=1)
             slopes = columns.reshape(len(states), self.order, self.order).swapaxes(1, 2)
             result = slopes if result is None else slopes @ result
-            states = self._values(step, states, inputs)
         assert result is not None  # noqa: S101  a sample has a step
         return result
 

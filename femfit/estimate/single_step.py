@@ -118,6 +118,8 @@ class StepFunction:
         shapes = (("x", n), ("P", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
         x, matrix, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
 
+        stepped: dict[int, tuple[Any, Any, Any]] = {}  # By a state itself: a step and its slopes share their work
+
         def of_each(function: ca.Function, points: Any) -> Any:
             return ca.horzcat(*(function(point, u) for point in ca.horzsplit(points)))
 
@@ -129,11 +131,14 @@ class StepFunction:
                 x = move(x, u)
             return x
 
-        def moved_slope(x: Any) -> Any:
-            result = symbol.eye(n)
-            for move, (_, make_slope) in zip(moves, graph.steps, strict=True):
-                result, x = slope(make_slope(), x) @ result, move(x, u)
-            return result
+        def with_slope(x: Any) -> tuple[Any, Any]:
+            if id(x) not in stepped:
+                after, result = x, symbol.eye(n)
+                for _, make in graph.steps:
+                    after, columns = ca.vertsplit(made(make())(after, u), [0, n, n + n * n])
+                    result = ca.reshape(columns, n, n) @ result
+                stepped[id(x)] = x, after, result
+            return stepped[id(x)][1:]
 
         def read_slope(name: str, x: Any) -> Any:
             return slope(graph.reading_slope(name), x)
@@ -145,8 +150,8 @@ class StepFunction:
             total=ca.sum2,
             unit=symbol.eye(n),
             noise=ca.DM(filter_.process.process_covariance),
-            moved=lambda points, _: ca.horzcat(*map(moved, ca.horzsplit(points))),
-            moved_slope=lambda x, _: moved_slope(x),
+            moved=lambda at, _: ca.horzcat(*map(moved, ca.horzsplit(at))) if points > 1 else with_slope(at)[0],
+            moved_slope=lambda x, _: with_slope(x)[1],
             read=[partial(of_each, look) for look in looks],
             read_slope=[partial(read_slope, output.name) for output in outputs],
         )

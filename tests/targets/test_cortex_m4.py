@@ -116,6 +116,7 @@ CASES = {  # Instructions and bytes of flash, at most
     "ukf, Hall element": ("ukf", "hall", (), 10_100, 14_336),
     "ukf, six effects": ("ukf", "hall", STATIC, 12_000, 16_384),
     "ukf, hysteresis": ("ukf", "hall", ("hysteresis",), 52_000, 33_792),
+    "ekf, saturating core": ("ekf", "hall", ("core_saturation",), 13_200, 26_624),
     "ukf, saturating core": ("ukf", "hall", ("core_saturation",), 31_000, 18_432),
 }
 
