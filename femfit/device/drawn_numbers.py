@@ -27,7 +27,6 @@ STEP = {"mm": 1e-3}
 """Numerical: by how much a number is changed either way, in its unit; outlines are linear in their coordinates."""
 
 SHARE_STEP = 1e-4  # numerical: the same of a share
-SHARES = 1.0 + SHARE_STEP, 1.0 - SHARE_STEP
 
 
 @dataclass(frozen=True)
@@ -213,7 +212,7 @@ def _turns(data: Mapping[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]
     for coil in actuator.coils:
         wound = [
             tuple(replace(each, turns=each.turns * factor) if each is coil else each for each in actuator.coils)
-            for factor in SHARES
+            for factor in (1.0 + SHARE_STEP, 1.0 - SHARE_STEP)
         ]
         ends = [replace(actuator, coils=coils) for coils in wound]
         alone = sum(winding.circuit == coil.circuit for winding in actuator.coils) == 1
@@ -240,7 +239,8 @@ def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
             recoil = key.kind == "permeability" and material.remanence_T
             kind = "recoil_permeability" if recoil else key.kind
             effect = "remanence" if kind == "remanence" and len(magnets) == 1 else ""
-            ends = [_with_material(actuator, name, key.field, factor) for factor in SHARES]
+            shares = 1.0 + SHARE_STEP, 1.0 - SHARE_STEP
+            ends = [_with_material(actuator, name, key.field, factor) for factor in shares]
             yield _share(joined("materials", name, path), kind, value, *ends, effect=effect)
 
 
