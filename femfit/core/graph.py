@@ -298,10 +298,14 @@ class GraphFunction:
         return [x.numel() for x in self.inputs]
 
     @cached_property
+    def operations(self) -> int:
+        """Instructions of one point, without the rows' own."""
+        return sum(tape.function.n_instructions() for tape, _ in self.stages)
+
+    @property
     def _few(self) -> float:
         """Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic."""
-        count = sum(tape.function.n_instructions() for tape, _ in self.stages)
-        return NUMPY_US * count / (CALL_US + INSTRUCTION_US * count)
+        return NUMPY_US * self.operations / (CALL_US + INSTRUCTION_US * self.operations)
 
     def __call__(self, *inputs: FloatArray) -> FloatArray:
         """The output (entries, N) of inputs (entries, N), or (entries,) where one holds for all points."""

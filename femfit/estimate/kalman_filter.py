@@ -46,8 +46,8 @@ class ExtendedFilter(Filter):
 
     def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
         """F P F' + Q."""
-        slope = of.moved_slope(mean, inputs)
-        return of.moved(mean, inputs), of.product(of.product(slope, matrix), of.turned(slope)) + of.noise
+        moved, slope = of.moved_with_slope(mean, inputs)
+        return moved, of.product(of.product(slope, matrix), of.turned(slope)) + of.noise
 
     def corrected(
         self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any

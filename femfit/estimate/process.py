@@ -80,15 +80,22 @@ class FilterProcess(ProcessGraph):
             return first
         return self.from_rest(first.reshape(-1, self.base)).reshape(*first.shape[:-1], self.order)
 
-    def state_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
-        """df/dx of shape (N, n, n): exact, or of a large graph differences over a first estimate's deviations."""
+    def with_slopes(self, states: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """States one sample later, (N, n), and df/dx, (N, n, n).
+
+        The slopes are exact, or of a large graph differences over a first estimate's deviations.
+        """
         if self.light:
-            return self.transition_jacobian(states, inputs)
-        return central_differences(
+            return self.transition_with_slopes(states, inputs)
+        return self.transition(states, inputs), central_differences(
             lambda points: self.transition(points, np.concatenate([inputs] * (2 * self.order))),
             states,
             np.sqrt(np.diag(self.start_covariance)),
         )
+
+    def state_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
+        """df/dx of :meth:`with_slopes`, shape (N, n, n)."""
+        return self.with_slopes(states, inputs)[1]
 
 
 class FilterOutcome(IntEnum):

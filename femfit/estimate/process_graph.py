@@ -104,8 +104,7 @@ class ProcessGraph:
     @cached_property
     def light(self) -> bool:
         """Whether exact Jacobians, and a step as one function, are made in a second; else differences serve."""
-        stages = self.function("moved", self.moved).stages
-        return sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
+        return self.function("moved", self.moved).operations <= MOST_EXACT
 
     @property
     def steps(self) -> list[tuple[GraphFunction, Callable[[], GraphFunction]]]:
@@ -170,15 +169,15 @@ class ProcessGraph:
             states = self._values(step, states, inputs)
         return states
 
-    def transition_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Jacobians of :meth:`transition`, (N, n, n)."""
+    def transition_with_slopes(self, states: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """:meth:`transition` and its Jacobians, (N, n, n)."""
         result: FloatArray | None = None
         for _, with_slope in self.steps:
             states, columns = np.split(self._values(with_slope(), states, inputs), [self.order], axis=1)
             slopes = columns.reshape(len(states), self.order, self.order).swapaxes(1, 2)
             result = slopes if result is None else slopes @ result
         assert result is not None  # noqa: S101  a sample has a step
-        return result
+        return states, result
 
     def measure(self, name: str, states: FloatArray) -> FloatArray:
         """Readings (N,) of a sensor in states (N, n)."""

@@ -40,7 +40,7 @@ class Terms(NamedTuple):
     unit: Any
     noise: Any  # Q
     moved: Callable[[Any, Any], Any]  # (points, inputs) -> points one sample later
-    moved_slope: Callable[[Any, Any], Any]  # df/dx of one state
+    moved_with_slope: Callable[[Any, Any], tuple[Any, Any]]  # Of one state, and df/dx
     read: Sequence[Callable[[Any], Any]]  # Of each sensor: points -> a row of readings
     read_slope: Sequence[Callable[[Any], Any]]  # dh/dx of one state, a row
 
@@ -58,8 +58,9 @@ def in_arrays(process: FilterProcess) -> Terms:
         states = points.reshape(len(points), -1).T
         return as_points(process.transition(states, every.reshape(len(states), *inputs.shape[1:])), points)
 
-    def slope(points: FloatArray, inputs: FloatArray) -> FloatArray:
-        return process.state_jacobian(points[:, 0].T, inputs).transpose(1, 2, 0)
+    def moved_with_slope(state: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        after, slope = process.with_slopes(state[:, 0].T, inputs)
+        return as_points(after, state), slope.transpose(1, 2, 0)
 
     def reading(output: Output, points: FloatArray) -> FloatArray:
         return as_points(process.measure(output.name, points.reshape(len(points), -1).T), points)
@@ -75,7 +76,7 @@ def in_arrays(process: FilterProcess) -> Terms:
         unit=np.eye(process.order)[:, :, None],
         noise=process.process_covariance[:, :, None],
         moved=moved,
-        moved_slope=slope,
+        moved_with_slope=moved_with_slope,
         read=[partial(reading, output) for output in process.outputs],
         read_slope=[partial(reading_slope, output) for output in process.outputs],
     )
@@ -118,30 +119,23 @@ class StepFunction:
         shapes = (("x", n), ("P", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
         x, matrix, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
 
-        stepped: dict[int, tuple[Any, Any, Any]] = {}  # By a state itself: a step and its slopes share their work
-
         def of_each(function: ca.Function, points: Any) -> Any:
             return ca.horzcat(*(function(point, u) for point in ca.horzsplit(points)))
-
-        def slope(function: GraphFunction, x: Any) -> Any:
-            return ca.reshape(made(function)(x, u), -1, n)
 
         def moved(x: Any) -> Any:
             for move in moves:
                 x = move(x, u)
             return x
 
-        def with_slope(x: Any) -> tuple[Any, Any]:
-            if id(x) not in stepped:
-                after, result = x, symbol.eye(n)
-                for _, make in graph.steps:
-                    after, columns = ca.vertsplit(made(make())(after, u), [0, n, n + n * n])
-                    result = ca.reshape(columns, n, n) @ result
-                stepped[id(x)] = x, after, result
-            return stepped[id(x)][1:]
+        def moved_with_slope(x: Any, _: Any) -> tuple[Any, Any]:
+            result = symbol.eye(n)
+            for _, make in graph.steps:
+                x, columns = ca.vertsplit(made(make())(x, u), [0, n, n + n * n])
+                result = ca.reshape(columns, n, n) @ result
+            return x, result
 
         def read_slope(name: str, x: Any) -> Any:
-            return slope(graph.reading_slope(name), x)
+            return ca.reshape(made(graph.reading_slope(name))(x, u), -1, n)
 
         terms = Terms(
             product=ca.mtimes,
@@ -150,8 +144,8 @@ class StepFunction:
             total=ca.sum2,
             unit=symbol.eye(n),
             noise=ca.DM(filter_.process.process_covariance),
-            moved=lambda at, _: ca.horzcat(*map(moved, ca.horzsplit(at))) if points > 1 else with_slope(at)[0],
-            moved_slope=lambda x, _: with_slope(x)[1],
+            moved=lambda points, _: ca.horzcat(*map(moved, ca.horzsplit(points))),
+            moved_with_slope=moved_with_slope,
             read=[partial(of_each, look) for look in looks],
             read_slope=[partial(read_slope, output.name) for output in outputs],
         )

@@ -235,10 +235,8 @@ class ResponseTable:
         row = row_of(self._table, [self._borders], [d])
         x, polynomial_of = (d - row[0]) * row[1], polynomial((DEGREE + 1,))
         entries = [polynomial_of(coefficients, x) for coefficients in ca.vertsplit(row[2:], DEGREE + 1)]
-        size, below = (
-            len(entries) // 3,
-            ca.Sparsity.lower(self._count),
-        )  # column by column, as the entries are row by row
+        # Column by column, as the entries are row by row
+        size, below = len(entries) // 3, ca.Sparsity.lower(self._count)
         parts = (SX(below, ca.vertcat(*entries[first : first + size])) for first in (0, size, 2 * size))
         return [ca.densify(ca.tril2symm(part)) for part in parts]
 

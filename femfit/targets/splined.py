@@ -17,10 +17,11 @@ from scipy.interpolate import make_interp_spline
 
 from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import FloatArray
+from femfit.fit.basis import clamped_knots
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.hall import HallSpline
-from femfit.model.magnetics import CoenergySpline
+from femfit.model.magnetics import CoenergySpline, derivatives_of
 
 SPLINES = ((4, 3), (8, 3), (8, 4), (16, 4))
 """Chosen: cells along the distance and along the current, and degree; at 3 inductances are continuous."""
@@ -49,7 +50,7 @@ def splined(model: ActuatorModel) -> tuple[ActuatorModel, float]:
     for cells, degree in SPLINES:
         changed = _interpolated(model, exact, coordinate, cells, degree)
         field = _field(changed)
-        if _operations(field) >= _operations(exact):
+        if field.operations >= exact.operations:
             break
         error = float(np.max(np.abs(field(points)[1:] - wanted).max(axis=1) / np.abs(wanted).max(axis=1)))
         if error <= NEAR:
@@ -58,16 +59,13 @@ def splined(model: ActuatorModel) -> tuple[ActuatorModel, float]:
 
 
 def _field(model: ActuatorModel) -> GraphFunction:
-    """(d, i) -> W', its slopes, and the field at a Hall element, apart from what effects make of its reading."""
+    """(d, i) -> W', force, flux linkage, and the field at a Hall element apart from effects of its reading."""
     with building():
-        at = SX.sym("at", 2)
-        coenergy = SX(model.magnetics.with_memory({})(at[0], at[1]))
-        hall = [] if model.sensor is None else [SX(model.sensor.field.with_memory({})(at[0], at[1]))]
-        return GraphFunction([at], ca.vertcat(coenergy, ca.gradient(coenergy, at), *hall))
-
-
-def _operations(function: GraphFunction) -> int:
-    return sum(tape.function.n_instructions() for tape, _ in function.stages)
+        d, i = SX.sym("d"), SX.sym("i")
+        coenergy = SX(model.magnetics.with_memory({})(d, i))
+        parts = derivatives_of(("value", "force", "flux_linkage"), coenergy, d, i).values()
+        hall = [] if model.sensor is None else [SX(model.sensor.field.with_memory({})(d, i))]
+        return GraphFunction([ca.vertcat(d, i)], ca.vertcat(*parts, *hall))
 
 
 def _interpolated(
@@ -76,8 +74,7 @@ def _interpolated(
     """The model with splines through the values at Greville's abscissae."""
     box = model.validity
     ends = np.sort(coordinate.of(np.array([box.distance_min_m, box.distance_max_m])))
-    limits = np.stack([ends, box.current_limits_A[0]])
-    axes = np.pad(np.linspace(limits[:, 0], limits[:, 1], cells + 1, axis=1), ((0, 0), (degree, degree)), mode="edge")
+    axes = [clamped_knots(np.linspace(a, b, cells + 1), degree) for a, b in (ends, box.current_limits_A[0])]
     u, i = (np.convolve(knots, np.full(degree, 1.0 / degree), mode="valid")[1:-1] for knots in axes)
     at = np.stack([x.ravel() for x in np.meshgrid(coordinate.distance(u), i, indexing="ij")])
 

@@ -42,7 +42,7 @@ def test_the_steady_filter_of_an_unstable_body_reaches_the_formula(rho):
         gradient=lambda _name, x: np.tile([1.0, 0.0], (len(x), 1)),
         plausible=lambda x: np.ones(len(x), dtype=bool),
         process_covariance=density * np.array([[step**3 / 3.0, step**2 / 2.0], [step**2 / 2.0, step]]),
-        state_jacobian=lambda x, _u: np.broadcast_to(advance, (len(x), 2, 2)),
+        with_slopes=lambda x, _u: (x @ advance.T, np.broadcast_to(advance, (len(x), 2, 2))),
     )
     filter_ = ExtendedFilter(process)
     state = filter_.start(np.zeros(2), np.diag([1e-8, 1e-4]))
