@@ -43,26 +43,26 @@ ALONE = 10
 LARGEST = 2_000_000
 """Chosen: characters of C up to which a compiler takes tens of seconds at most; beyond, minutes."""
 
+BLOCK = 4096
+"""Chosen: points whose inputs are gathered at a time, which a processor keeps at hand."""
+
 KEPT = 200
 """Conventional: compiled functions that stay in the cache; the one not used for longest goes first."""
 
 
 _POINTS = """
-CASADI_SYMBOL_EXPORT int f_points(casadi_int n, const double** x, const casadi_int* strides, double* y,
-    const double** arg, double** res, casadi_int* iw, double* w) {{
+CASADI_SYMBOL_EXPORT int f_points(casadi_int n, const double* x, casadi_int step, double* y, casadi_int row) {{
   static const casadi_int sizes[] = {{ {sizes} }};
-  double in[{total}], out[{rows}];
-  casadi_int i, j, k;
+  const double* arg[{arg} + 1];
+  double *res[{res} + 1], w[{w} + 1], in[{total} + 1], out[{rows} + 1];
+  casadi_int iw[{iw} + 1], j, k;
   for (k = 0; k < n; k++) {{
-    double* to = in;
-    for (i = 0; i < {count}; i++) {{
-      const double* from = x[i] + k * strides[2 * i + 1];
-      arg[i] = to;
-      for (j = 0; j < sizes[i]; j++, from += strides[2 * i]) *to++ = *from;
-    }}
+    for (j = 0; j < {total}; j++) in[j] = x[j * step + k];
+    arg[0] = in;
+    for (j = 1; j < {count}; j++) arg[j] = arg[j - 1] + sizes[j - 1];
     res[0] = out;
     if (f(arg, res, iw, w, 0)) return 1;
-    for (j = 0; j < {rows}; j++) y[j * n + k] = out[j];
+    for (j = 0; j < {rows}; j++) y[j * row + k] = out[j];
   }}
   return 0;
 }}
@@ -72,27 +72,26 @@ CASADI_SYMBOL_EXPORT int f_points(casadi_int n, const double** x, const casadi_i
 class Library:
     """A compiled function of vectors."""
 
-    def __init__(self, path: Path, rows: int) -> None:
+    def __init__(self, path: Path, function: ca.Function) -> None:
         self.function = ca.external("f", str(path))
-        self._rows, library = rows, ctypes.CDLL(str(path))
-        sizes = (ctypes.c_longlong * 4)()
-        library.f_work(*(ctypes.byref(sizes, 8 * k) for k in range(4)))
-        self._points, self._work = library.f_points, tuple(int(size) + 1 for size in sizes)
-        self._points.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 7]
+        self._entries, self._rows = function.nnz_in(), function.nnz_out(0)
+        self._points = ctypes.CDLL(str(path)).f_points
+        self._points.argtypes = (ctypes.c_longlong, *(ctypes.c_void_p, ctypes.c_longlong) * 2)
 
     def __call__(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
         """The output (entries, count) of inputs (entries, count), or (entries,) where one holds for all points."""
-        inputs = [np.asarray(x, dtype=np.float64) for x in inputs]
-        inputs = [x if all(step % 8 == 0 for step in x.strides) else np.ascontiguousarray(x) for x in inputs]
-        places = np.array([x.ctypes.data for x in inputs], dtype=np.int64)
-        strides = [x.strides if x.ndim == 2 and x.shape[1] > 1 else (x.strides[0], 0) for x in inputs]
-        steps, result = np.array(strides, dtype=np.int64) // 8, np.empty((self._rows, count))
-        work = [np.empty(size) for size in self._work]  # eight bytes each: pointers, integers, doubles
-        arrays = [places, steps, result, *work]
-        if self._points(count, *(array.ctypes.data for array in arrays)):
-            raise FloatingPointError(
-                "A compiled function could not be worked out."
-            )  # CasADi's functions of SX always can
+        block = min(count, BLOCK)
+        given, result = np.empty((self._entries, block)), np.empty((self._rows, count))
+        for first in range(0, count, BLOCK):
+            points, end = min(block, count - first), 0
+            for x in inputs:
+                start, end = end, end + len(x)
+                alike = x.ndim == 2 and x.shape[1] == 1
+                given[start:end, :points] = x if alike else x[:, first : first + points] if x.ndim == 2 else x[:, None]
+            if self._points(points, given.ctypes.data, block, result[:, first:].ctypes.data, count):
+                raise FloatingPointError(
+                    "A compiled function could not be worked out."
+                )  # CasADi's functions of SX always can
         return result
 
 
@@ -137,7 +136,7 @@ class Compilation:
         if self._work is not None and self._work.done():
             self._over = True
             try:
-                self._library = Library(self._work.result(), self.function.nnz_out(0))
+                self._library = Library(self._work.result(), self.function)
             except (OSError, RuntimeError, AttributeError) as error:  # no cache, or what lies there is not a library
                 _warn(str(error))
 
@@ -145,8 +144,8 @@ class Compilation:
         generator, f = ca.CodeGenerator("f.c"), self.function
         generator.add(f)
         sizes = [f.nnz_in(k) for k in range(f.n_in())]
-        facts = {"sizes": ", ".join(map(str, sizes)), "count": len(sizes)}
-        facts |= {"total": sum(sizes) + 1, "rows": f.nnz_out(0)}
+        facts = {"sizes": ", ".join(map(str, sizes)), "count": len(sizes), "total": sum(sizes), "rows": f.nnz_out(0)}
+        facts |= {"arg": f.sz_arg(), "res": f.sz_res(), "iw": f.sz_iw(), "w": f.sz_w()}
         return str(generator.dump()) + _POINTS.format(**facts)
 
 

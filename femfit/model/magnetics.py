@@ -86,15 +86,16 @@ class OfCurrents(ABC):
                 at = SX.sym("d"), SX.sym("i", n)
                 parts = derivatives_of(names, SX(self.expression(*at)), *at)
                 self._known[names, n] = GraphFunction([ca.vertcat(*at)], ca.vertcat(*parts.values()))
-        axes = [AXES[name] for name in names]
         points = np.broadcast_shapes(d.shape, i.shape[:-1])
         x = np.empty((1 + n, *points))
         x[0] = d
         for k in range(n):
             x[1 + k] = i[..., k]
-        values = self._known[names, n](x.reshape(1 + n, -1))
-        pieces = np.split(values, np.cumsum([n**count for count in axes])[:-1])
-        return [piece.T.reshape((*points, *[n] * count)) for piece, count in zip(pieces, axes, strict=True)]
+        values, pieces, end = self._known[names, n](x.reshape(1 + n, -1)), [], 0
+        for name in names:
+            first, end = end, end + n ** AXES[name]
+            pieces.append(values[first:end].T.reshape((*points, *[n] * AXES[name])))
+        return pieces
 
     @cached_property
     def _known(self) -> Memo:
