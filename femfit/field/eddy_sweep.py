@@ -6,7 +6,7 @@ there, and at distances between, say how far the patterns are off.
 
 import math
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.sweep_task import AGAIN, FormsTask, MeshGroup, Patterns, ProbeTask
+from femfit.field.sweep_task import AGAIN, FormsTask, MeshGroup, Patterns, ProbeTask, Solve
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import EddyTable, Transfers
 from femfit.tables.signatures import ImpedanceSlopes
@@ -40,10 +40,6 @@ SHIFTS_BEYOND = 3.0  # of the lowest and the highest frequency, to either side
 LOWEST_HZ = 1e-3  # of frequencies that are solved for
 
 PATTERNS_NAME = "eddy_patterns.npz"
-
-Done = Callable[[Any, dict[str, Any]], None]
-Solve = Callable[[Sequence[Any], Done], None]
-"""Solves tasks, and hands each and its result over."""
 
 
 def eddy_sweep(

@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +18,7 @@ from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.point_rows import bias_currents, current_points, swept_currents
 from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
-from femfit.field.sweep_task import (
-    AGAIN,
-    DistanceTask,
-    Done,
-    MeshGroup,
-    Result,
-    solve_in_processes,
-    solve_task,
-    versions,
-)
+from femfit.field.sweep_task import AGAIN, DistanceTask, Done, MeshGroup, Result, solvers, versions
 from femfit.field.tolerance import SolverSettings, settings_for
 from femfit.tables.eddy_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
@@ -123,18 +113,18 @@ def run_sweep(
         finished.add(task.key)
         report()
 
-    with Journal(directory, JournalHeader(configuration["hash"], configuration["parts"])) as journal:
+    header = JournalHeader(configuration["hash"], configuration["parts"])
+    with Journal(directory, header) as journal, solvers(workers) as solve:
         finished = names & journal.finished.keys()
         report()
         unfinished = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
-        _solve_all([task for task in unfinished if task.chooses], record, workers)
+        solve([task for task in unfinished if task.chooses], record)
         others = [task for task in unfinished if not task.chooses]
-        _solve_all(_at_levels(others, journal, record), record, workers)
+        solve(_at_levels(others, journal, record), record)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
         rows = sweep_rows(sweep, solved | failed)
         eddy, slopes = None, None
         if harmonic:
-            solve = partial(_solve_all, workers=workers)
             patterns, biases = directory / PATTERNS_NAME, bias_currents(sweep.actuator, rows)
             eddy, slopes = eddy_sweep(
                 sweep.actuator, journal, patterns, configuration["hash"], solve, of_impedances, biases
@@ -194,14 +184,6 @@ def _at_levels(tasks: Sequence[DistanceTask], journal: Journal, record: Done[Dis
         else:
             ready.append(task.at_level(first.get("choice")))
     return ready
-
-
-def _solve_all(tasks: Sequence[Any], done: Done[Any], workers: int) -> None:
-    if workers == 1 or len(tasks) < 2:
-        for task in tasks:
-            done(task, solve_task(task))
-    else:
-        solve_in_processes(tasks, solve_task, done, workers)
 
 
 def _write(table: SweepTable, actuator: Actuator, directory: Path, journal: Journal) -> None:

@@ -8,10 +8,12 @@ pool.
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,7 +23,7 @@ from femfit import __version__
 from femfit.core.errors import FemfitError, FieldSolverError
 from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
-from femfit.core.processes import kept_interrupts, process_pool
+from femfit.core.processes import ProcessPool, kept_interrupts, process_pool
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
@@ -30,9 +32,11 @@ from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem
 
 Task = TypeVar("Task")
 Result = dict[str, Any]
-Solve = Callable[[Task], Result]
 Done = Callable[[Task, Result], None]
 """Takes a task and its result here, as they come."""
+
+Solve = Callable[[Sequence[Any], Done[Any]], None]
+"""Solves tasks, in any order."""
 
 AGAIN = "again"
 """Mark of a result that the machine, not the task, is to blame for: the same command tries it again."""
@@ -43,25 +47,42 @@ SPARE = 1
 """Tasks handed out beyond the workers, so that none waits for its next one."""
 
 
-def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task], workers: int) -> None:
-    """Solve tasks in processes of this machine; the result is :data:`DIED` where the task's own process died."""
-    waiting = deque(tasks)
-    while waiting:
-        out: dict[Future[Result], Task] = {}
-        pool = process_pool(workers)  # starts them as tasks come
-        try:
-            while waiting or out:
-                while waiting and len(out) < workers + SPARE:
-                    out[pool.submit(solve, waiting[0])] = waiting[0]
-                    waiting.popleft()
-                for future in wait(out, return_when=FIRST_COMPLETED).done:
-                    result = future.result()
-                    done(out.pop(future), result)
-        except BrokenProcessPool:
-            for task in out.values():
-                done(task, _alone(task, solve))
-        finally:
-            pool.shutdown(wait=False, kill_workers=True)  # nothing is left to do, or the user will not wait for it
+@contextmanager
+def solvers(workers: int) -> Iterator[Solve]:
+    """Processes of this machine that solve one round of tasks after the other, so that each loads and meshes once.
+
+    The result is :data:`DIED` where the task's own process died.
+    """
+    pools: list[ProcessPool] = []
+
+    def solve(tasks: Sequence[Any], done: Done[Any]) -> None:
+        waiting = deque(tasks)
+        while waiting and workers == 1:
+            done(waiting[0], solve_task(waiting.popleft()))
+        while waiting:
+            out: dict[Future[Result], Any] = {}
+            if not pools:
+                pools.append(process_pool(workers))
+                for _ in range(workers):  # while the first task chooses a level
+                    pools[0].submit(import_module, "femfit.field.problem")
+            try:
+                while waiting or out:
+                    while waiting and len(out) < workers + SPARE:
+                        out[pools[0].submit(solve_task, waiting[0])] = waiting[0]
+                        waiting.popleft()
+                    for future in wait(out, return_when=FIRST_COMPLETED).done:
+                        result = future.result()
+                        done(out.pop(future), result)
+            except BrokenProcessPool:
+                pools.pop().shutdown(wait=False, kill_workers=True)
+                for task in out.values():
+                    done(task, _alone(task))
+
+    try:
+        yield solve
+    finally:  # nothing is left to do, or the user will not wait for it
+        for pool in pools:
+            pool.shutdown(wait=False, kill_workers=True)
 
 
 def versions() -> dict[str, str]:
@@ -69,10 +90,10 @@ def versions() -> dict[str, str]:
     return {"femfit": __version__, "ngsolve": version("ngsolve")}
 
 
-def _alone(task: Task, solve: Solve[Task]) -> Result:
+def _alone(task: Any) -> Result:
     pool = process_pool(1)
     try:
-        return dict(pool.submit(solve, task).result())
+        return dict(pool.submit(solve_task, task).result())
     except BrokenProcessPool:
         return DIED
     finally:
@@ -198,10 +219,9 @@ class MeshCache:
     def problem(self, group: MeshGroup) -> "FieldProblem":
         """The group's field problem, made where it is not the one that was asked for last."""
         if self._problem is None or group != self._group:
-            with kept_interrupts():  # NGSolve turns one that hits its import into an error of its own
-                from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
+            from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
 
-                from femfit.field.problem import prepare  # noqa: PLC0415
+            from femfit.field.problem import prepare  # noqa: PLC0415
 
             SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
             self.clear()

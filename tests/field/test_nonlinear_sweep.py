@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from femfit.field import newton as current_path
-from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
 from femfit.field.point_rows import NO_CONVERGENCE
 from femfit.field.sweep import run_sweep
@@ -52,7 +51,7 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(actuator, 
     assert summarise(table)["failed"] == 1
     assert len(read_sweep_table(tmp_path).valid_rows()) == 3
     sweep_task.MESHES.clear()
-    monkeypatch.setattr(sweep_module, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
+    monkeypatch.setattr(sweep_task, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
     again = run_sweep(few, tmp_path, workers=1, settings=QUICK)  # its journal is read, missing fields and all
     pd.testing.assert_frame_equal(again.rows, table.rows, check_exact=True)
 

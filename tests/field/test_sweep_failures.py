@@ -15,7 +15,6 @@ import pytest
 from femfit.core.errors import FieldSolverError
 from femfit.device.rewrite import read_variants, variants_from_toml
 from femfit.field import moving_mesh, sweep_task
-from femfit.field import sweep as sweep_module
 from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
@@ -60,7 +59,7 @@ def assert_only_20_mm_failed(table, whole, reason):
 )
 def test_a_worker_without_memory_or_killed_costs_its_own_rows_only(case, tmp_path, monkeypatch, fault, reason):
     sweep, whole, _ = case
-    monkeypatch.setattr(sweep_module, "solve_task", fault)
+    monkeypatch.setattr(sweep_task, "solve_task", fault)
     assert_only_20_mm_failed(run_sweep(sweep, tmp_path, workers=2, settings=QUICK), whole, reason)
     monkeypatch.undo()  # the machine has its memory back: the same command solves what it could not
     again = run_sweep(sweep, tmp_path, workers=1, settings=QUICK)

@@ -5,7 +5,6 @@ import json
 import pandas as pd
 import pytest
 
-from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
 from femfit.field import tolerance as tolerance_module
 from femfit.field.sweep import run_sweep
@@ -61,9 +60,9 @@ def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole
 def test_a_worker_that_dies_at_a_level_costs_that_group_until_the_command_is_given_again(
     actuator, whole, tmp_path, monkeypatch
 ):
-    solve = sweep_module.solve_task
+    solve = sweep_task.solve_task
     monkeypatch.setattr(
-        sweep_module, "solve_task", lambda task: dict(DIED) if task.distance == DISTANCES[0] else solve(task)
+        sweep_task, "solve_task", lambda task: dict(DIED) if task.distance == DISTANCES[0] else solve(task)
     )
     assert summarise(run(actuator, tmp_path))["failures"] == {DIED["status"]: 4}
     monkeypatch.undo()

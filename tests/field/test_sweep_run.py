@@ -12,7 +12,7 @@ import pytest
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.device.parts import NonlinearMaterial
-from femfit.field import sweep as sweep_module
+from femfit.field import sweep_task
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
 from femfit.field.tolerance import SolverSettings
@@ -70,7 +70,7 @@ def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_
     assert not any(state.changed for state in whole[2])
     assert states[-1].changed == ("the drawing",)
     assert not edited.rows["force_N"].equals(whole[1].rows["force_N"])
-    monkeypatch.setattr(sweep_module, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
+    monkeypatch.setattr(sweep_task, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
     again = run_sweep(few, solved, workers=1, settings=QUICK, progress=back.append)
     assert back[0].points_done == back[0].points == len(again.rows)
     pd.testing.assert_frame_equal(whole[1].rows, again.rows, check_exact=True)

@@ -8,6 +8,7 @@ import shutil
 import pytest
 
 import femfit
+from femfit.field.sweep_task import solvers
 from support.actuators import GEOMETRY, rig_at
 from support.small_records import coil_record, loop_record
 
@@ -36,12 +37,7 @@ def bench(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def one_process(monkeypatch):
     """Sweeps are solved here: what an example prints does not depend on it, and a process takes 3 s to start."""
-
-    def here(tasks, solve, done, _workers):
-        for task in tasks:
-            done(task, solve(task))
-
-    monkeypatch.setattr("femfit.field.sweep.solve_in_processes", here)
+    monkeypatch.setattr("femfit.field.sweep.solvers", lambda _workers: solvers(1))
 
 
 SLOW = ("CalibrationResult", "calibrate", "observe", "suggest", "write_report")

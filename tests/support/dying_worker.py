@@ -6,7 +6,7 @@ import resource
 import signal
 from pathlib import Path
 
-from femfit.field.sweep import solve_task
+from femfit.field.sweep_task import solve_task
 
 LEFT = 40_000_000
 """Bytes, enough to think and too few to solve: a field of order 9 takes some hundreds of millions."""
