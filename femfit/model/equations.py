@@ -121,18 +121,6 @@ class Equations:
         """Time derivative of the state."""
         return self._function("rates", lambda at: self._rates(at.state, at))
 
-    def flow(self, driven: tuple[int, ...] = ()) -> GraphFunction:
-        """Time derivative of the state without dry friction, and after it the voltages that the circuits' drivers give.
-
-        Parameters
-        ----------
-        driven : tuple of int
-            The circuits whose currents have the rates in A/s that stand in the place of their voltages.
-        """
-        return self._function(
-            ("flow", driven), lambda at: ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
-        )
-
     @property
     def rates_slope(self) -> GraphFunction:
         """Jacobian of :attr:`rates` by the state, column after column."""
@@ -192,6 +180,18 @@ class Equations:
     def rates_at(self, state: SX, voltage: SX) -> SX:
         """Time derivative of an expression's state, of a free body."""
         return self._rates(state, _expressed(state, voltage))
+
+    def flow_at(self, state: SX, values: SX, driven: tuple[int, ...]) -> tuple[SX, SX]:
+        """Time derivative of an expression's state without dry friction, and the voltages that the drivers give.
+
+        Parameters
+        ----------
+        values : SX
+            Voltages of the circuits.
+        driven : tuple of int
+            The circuits whose currents have the rates in A/s that stand in the place of their voltages.
+        """
+        return self._flow(state, _expressed(state, values), driven=driven, dry_friction=False)
 
     def step_at(self, state: SX, voltage: SX, length: SX | float, free: SX | None = None, **options: Any) -> SX:
         """An expression's state a step in s later.

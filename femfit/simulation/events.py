@@ -119,9 +119,10 @@ class Walk:
         """The body starts, comes to a stop or leaves it, or stands still."""
         system, mode, lines = self.system, self.mode, self.lines
         if mode.held:
+            moment = system.moment(mode, lines)
 
             def over(time: float, state: FloatArray, way: int = 1) -> float:
-                return way * system.net_force(mode, lines, time, state) - system.breakaway_N
+                return way * float(moment(time, state)[-1]) - system.breakaway_N
 
             ways = [way for way, blocked in ((1, "far"), (-1, "near")) if mode.support != blocked]
             return [Watch(partial(over, way=way), 1.0, partial(self._start, way)) for way in ways]
@@ -175,7 +176,7 @@ class Walk:
         if state_of_drive == FOLLOWING:
 
             def volts(time: float, state: FloatArray) -> float:
-                return feed.flow(mode.feed, lines, time, state[:size]).voltage_V[k]
+                return feed.voltages(mode.feed, lines, time, state[:size])[k]
 
             slack = 1e-9 * winding.voltage_scale_V
             return [
@@ -230,7 +231,7 @@ class Walk:
         self.mode = replace(self.mode, held=False, support=None, sliding=self._slides(direction))
 
     def _net(self) -> float:
-        return self.system.net_force(self.mode, self.lines, self.time, self.state)
+        return float(self.system.moment(self.mode, self.lines)(self.time, self.state)[-1])
 
     def _rest_or_move(self, support: Side | None, net: float, event: str = "") -> None:
         """A body at rest stays so, which is told as an event, or moves where the net force in N takes it."""

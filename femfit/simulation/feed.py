@@ -10,14 +10,19 @@ at_min       it is ahead of the command, at its smallest voltage
 ===========  ==========================================================================================
 
 Each circuit has a mode of its own: of some the voltages are given, of the others the rates of their currents, and their
-voltages follow from :meth:`femfit.model.equations.Equations.flow`.
+voltages follow from :meth:`femfit.model.equations.Equations.flow_at`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 
+import casadi as ca
+from casadi import SX
+
+from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import FloatArray
+from femfit.core.results import remembered
 from femfit.device.electrics import Circuit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import command_limits
@@ -41,16 +46,6 @@ class Line:
     def at(self, time: float) -> float:
         """In V or A."""
         return self.value + self.slope * (time - self.start_s)
-
-
-@dataclass(frozen=True)
-class Flow:
-    """What circuits, eddy currents and the body's net force are at one moment."""
-
-    net_N: float  # On the body along growing distance, without stops and dry friction
-    voltage_V: list[float]  # That the circuits' drivers give
-    rates: FloatArray  # Of the state, without stops and dry friction
-    diode_V: list[float]  # Of the diodes that currents go on through, else 0; the source of such a one gives nothing
 
 
 @dataclass(frozen=True)
@@ -80,10 +75,6 @@ class Winding:
         """Larger of its two ends."""
         return max(abs(self.circuit.voltage_max_V), abs(self.circuit.voltage_min_V))
 
-    def within(self, voltage: float) -> float:
-        """The voltage, as far as the driver gives it."""
-        return min(max(voltage, self.circuit.voltage_min_V), self.circuit.voltage_max_V)
-
     def given(self, mode: str, line: Line, time: float, current: float) -> tuple[float, bool, float]:
         """Its voltage or its current's rate, whether it is the rate, and the drop of its diode where that conducts."""
         if mode == BLOCKED:
@@ -107,30 +98,46 @@ class Feed:
     model: ActuatorModel
     windings: tuple[Winding, ...]
 
-    def flow(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Flow:
-        """Currents and net force in a mode; ``state`` is (distance, velocity, currents, states of effects)."""
+    def given(
+        self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray
+    ) -> tuple[list[float], tuple[int, ...], list[float]]:
+        """What the drivers give in a mode; ``state`` is (distance, velocity, currents, states of effects).
+
+        Returns
+        -------
+        values : list of float
+            Voltage of each circuit, or the rate of its current.
+        driven : tuple of int
+            The circuits of which it is the rate.
+        drops : list of float
+            Of the diodes that currents go on through, else 0; the source of such a one gives nothing.
+        """
         given = [
             winding.given(mode, line, time, current)
             for winding, mode, line, current in zip(self.windings, modes, lines, state[2:].tolist(), strict=False)
         ]
-        values, driven = [value for value, _, _ in given], [k for k, (_, is_rate, _) in enumerate(given) if is_rate]
-        drops = [drop for _, _, drop in given]
-        flow = self._solved(state, values, driven, drops)
+        values = [value for value, _, _ in given]
+        driven = tuple([k for k, (_, is_rate, _) in enumerate(given) if is_rate])
         limited = [k for k in driven if self.windings[k].bandwidth]
         for _ in limited:  # an amplifier gives no more than its voltage, which the others then feel
-            volts = {k: self.windings[k].within(flow.voltage_V[k]) for k in limited if k in driven}
-            if not (over := {k: volt for k, volt in volts.items() if volt != flow.voltage_V[k]}):
+            volts = self._solved(state, values, driven)
+            ends = {k: self.windings[k].circuit for k in limited if k in driven}
+            within = {k: min(max(volts[k], end.voltage_min_V), end.voltage_max_V) for k, end in ends.items()}
+            if not (over := {k: volt for k, volt in within.items() if volt != volts[k]}):
                 break
             values = [over.get(k, value) for k, value in enumerate(values)]
-            driven = [k for k in driven if k not in over]
-            flow = self._solved(state, values, driven, drops)
-        return flow
+            driven = tuple([k for k in driven if k not in over])
+        return values, driven, [drop for _, _, drop in given]
 
-    def _solved(self, state: FloatArray, values: list[float], driven: list[int], drops: list[float]) -> Flow:
-        """The flow where the circuits' voltages are given, and the currents' rates of those that are driven."""
-        found = self.model.equations.flow(tuple(driven)).point(state, values, (0.0, 0.0, 1.0))
-        rates, volts = found[: self.model.order], found[self.model.order :].tolist()
-        return Flow(float(self.model.require_motion().mass_kg * rates[1]), volts, rates, drops)
+    def voltages(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> list[float]:
+        """That the circuits' drivers give in a mode, in V."""
+        values, driven, _ = self.given(modes, lines, time, state)
+        return self._solved(state, values, driven)
+
+    def _solved(self, state: FloatArray, values: list[float], driven: tuple[int, ...]) -> list[float]:
+        """The drivers' voltages where those of the circuits are given, and the currents' rates of those driven."""
+        found = moment_function(self.model, driven).point(state, values, [0.0] * len(values), [0.0] * MODE_NUMBERS)
+        return found[len(found) - len(values) :].tolist()
 
     def settled(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Modes:
         """The modes that hold from now on, where a command may have jumped."""
@@ -144,7 +151,7 @@ class Feed:
                 if settled[k] == BLOCKED and self.conducts(tuple(settled), k, lines, time, state) > 0.0:
                     settled[k] = CONDUCTING
                 elif settled[k] == FOLLOWING:
-                    needed = self.flow(tuple(settled), lines, time, state).voltage_V[k]
+                    needed = self.voltages(tuple(settled), lines, time, state)[k]
                     above, below = needed > winding.circuit.voltage_max_V, needed < winding.circuit.voltage_min_V
                     settled[k] = AT_MAX if above else AT_MIN if below else FOLLOWING
             if tuple(settled) == before:
@@ -167,5 +174,47 @@ class Feed:
         """Above zero where source or diode of a blocked circuit would drive a positive current, in V."""
         winding = self.windings[k]
         source, _, _ = winding.given(CONDUCTING, lines[k], time, float(state[2 + k]))
-        needed = self.flow(modes, lines, time, state).voltage_V[k]
+        needed = self.voltages(modes, lines, time, state)[k]
         return source - needed - _TINY * winding.voltage_scale_V
+
+
+MODE_NUMBERS = 6
+
+
+@remembered
+def _moments(_: ActuatorModel) -> dict[tuple[int, ...], GraphFunction]:
+    """Those of :func:`moment_function` that were made."""
+    return {}
+
+
+def moment_function(model: ActuatorModel, driven: tuple[int, ...]) -> GraphFunction:
+    """The derivative of state and energies, the net force, and the drivers' voltages.
+
+    A function of the state, of what :meth:`Feed.given` says, and of a mode's numbers: whether the body is held, the dry
+    friction in N, and of a stop that is pressed the direction away from it, its distance in m, its stiffness in N/m and
+    its damping in N s/m.
+    """
+    known = _moments(model)
+    if driven not in known:
+        motion, windings, n = model.require_motion(), model.windings, len(model.circuits)
+        with building():
+            inputs = [SX.sym("x", model.order), SX.sym("given", n), SX.sym("drops", n), SX.sym("mode", MODE_NUMBERS)]
+            state, given, drops, mode = inputs
+            held, friction, away, end, stiffness, damper = ca.vertsplit(mode)
+            rates, volts = model.equations.flow_at(state, given, driven)
+            contact = away * ca.fmax(0.0, stiffness * (away * (end - state[0])) - damper * (away * state[1]))
+            net = motion.mass_kg * rates[1] + contact
+            velocity = ca.if_else(held, 0.0, state[1])
+            acceleration = ca.if_else(held, 0.0, (net - friction) / motion.mass_kg)
+            currents = state[2 : windings.end]
+            lost = SX(windings.resistances_ohm) * currents**2
+            energies = [
+                ca.dot(currents[:n], ca.if_else(drops, 0.0, volts)),
+                ca.sum1(lost[:n]),
+                ca.sum1(lost[n:]),
+                ca.dot(currents[:n], drops),
+                (motion.viscous_N_s_per_m * velocity + friction) * velocity,
+                -contact * velocity,
+            ]
+            known[driven] = GraphFunction(inputs, ca.vertcat(velocity, acceleration, rates[2:], *energies, net, volts))
+    return known[driven]

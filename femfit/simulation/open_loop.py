@@ -187,10 +187,7 @@ def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatA
             rows.append(command if winding.diode_V is None else np.where(command > 0.0, command, -winding.diode_V))
         return np.array(rows).reshape(len(rows), len(time))
     return np.array(
-        [
-            feed.flow(modes, stretch.lines, t, state[: system.size]).voltage_V
-            for t, state in zip(time, states.T, strict=True)
-        ]
+        [feed.voltages(modes, stretch.lines, t, state[: system.size]) for t, state in zip(time, states.T, strict=True)]
     ).T
 
 

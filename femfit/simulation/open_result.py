@@ -60,10 +60,6 @@ class EnergyBalance:
         stored = (self.magnetic_J, self.kinetic_J, self.springs_J, self.potential_J)
         return max(self.source_J, 0.0) + sum(max(-growth, 0.0) for growth in stored)
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
-        return {**asdict(self), "supplied_J": self.supplied_J}
-
 
 def balance(
     model: ActuatorModel, mechanics: Mechanics, first: FloatArray, last: FloatArray, gone: FloatArray
@@ -180,7 +176,7 @@ class OpenLoop(Printed):
             ],
             "events": [asdict(event) for event in self.events],
             "step": None if self.step is None else asdict(self.step),
-            "energy": self.energy.to_dict(),
+            "energy": asdict(self.energy) | {"supplied_J": self.energy.supplied_J},
             "left_domain": [{"name": name, "time_s": time} for name, time in self.left_domain],
             "extrapolated": self.extrapolated,
             "notes": list(self.notes),

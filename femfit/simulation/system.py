@@ -19,7 +19,7 @@ pull.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -28,9 +28,10 @@ from scipy.optimize import brentq
 
 from femfit.core.errors import SimulationError
 from femfit.core.numerics import FloatArray
+from femfit.core.tape import Caller
 from femfit.device.mechanics import Mechanics, Stop
 from femfit.model.dynamics import state_scale
-from femfit.simulation.feed import Feed, Line, Modes
+from femfit.simulation.feed import MODE_NUMBERS, Feed, Line, Modes, moment_function
 
 LEAST_RESTITUTION = 0.01
 """Conventional: a stop that gives way and returns nothing would need infinite damping; it returns a ten thousandth of
@@ -149,41 +150,27 @@ class System:
         beyond = float(state[0]) - self.stops[side].distance_m
         return -beyond if side == "near" else beyond
 
-    def contact(self, mode: Mode, state: FloatArray) -> float:
-        """Force of a stop that gives way, along growing distance, in N."""
-        if mode.touching is None:
-            return 0.0
-        away, stop = (1.0 if mode.touching == "near" else -1.0), self.stops[mode.touching]
-        pushed = (stop.stiffness_N_per_m or 0.0) * self.depth(mode.touching, state)
-        return away * max(0.0, pushed + damping(stop, self.mechanics.mass_kg) * (-away * float(state[1])))
+    def moment(self, mode: Mode, lines: Lines) -> Callable[[float, FloatArray], FloatArray]:
+        """In a mode the derivative of the state, and after it the net force without dry friction and rigid stops."""
+        feed, size, stop = self.feed, self.size, self.stops.get(mode.touching) if mode.touching else None
+        numbers = [float(mode.held), mode.sliding * self.mechanics.coulomb_N, *[0.0] * (MODE_NUMBERS - 2)]
+        if stop is not None:
+            away, mass = (1.0 if mode.touching == "near" else -1.0), self.mechanics.mass_kg
+            numbers[2:] = away, stop.distance_m, stop.stiffness_N_per_m or 0.0, damping(stop, mass)
 
-    def net_force(self, mode: Mode, lines: Lines, time: float, state: FloatArray) -> float:
-        """On the body along growing distance, without dry friction and rigid stops."""
-        flow = self.feed.flow(mode.feed, lines, time, state[: self.size])
-        return flow.net_N + self.contact(mode, state)
+        def asked(time: float, state: FloatArray) -> tuple[Caller, list[float], list[float]]:
+            values, driven, drops = feed.given(mode.feed, lines, time, state[:size])
+            return moment_function(feed.model, driven).point, values, drops
 
-    def rates(self, mode: Mode, lines: Lines) -> Callable[[float, FloatArray], FloatArray]:
-        """The derivative of the state in a mode."""
-        size, mechanics, n = self.size, self.mechanics, len(self.feed.windings)
-        resistances, friction = self.feed.model.windings.resistances_ohm.tolist(), mode.sliding * mechanics.coulomb_N
+        # What stays as it is need not be asked for again
+        steady = not any(line.slope or w.bandwidth for line, w in zip(lines, feed.windings, strict=True))
+        always = asked(0.0, np.zeros(size)) if steady else None
 
-        def derivative(time: float, state: FloatArray) -> FloatArray:
-            flow = self.feed.flow(mode.feed, lines, time, state[:size])
-            contact = self.contact(mode, state)
-            _, speed, *currents = state[: 2 + len(resistances)].tolist()
-            velocity = 0.0 if mode.held else speed
-            lost = [ohm * i**2 for ohm, i in zip(resistances, currents, strict=True)]
-            by_source = [i * u for i, u, drop in zip(currents, flow.voltage_V, flow.diode_V, strict=False) if not drop]
-            by_diode = sum(i * drop for i, drop in zip(currents, flow.diode_V, strict=False))
-            rubbed, given = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity, -contact * velocity
-            result = np.empty(size + len(ENERGIES))
-            result[:size] = flow.rates
-            result[0] = velocity
-            result[1] = 0.0 if mode.held else (flow.net_N + contact - friction) / mechanics.mass_kg
-            result[size:] = sum(by_source), sum(lost[:n]), sum(lost[n:]), by_diode, rubbed, given
-            return result
+        def at(time: float, state: FloatArray) -> FloatArray:
+            function, values, drops = always or asked(time, state)
+            return function(state[:size], values, drops, numbers)[: size + len(ENERGIES) + 1]
 
-        return derivative
+        return at
 
 
 def integrated(
@@ -202,19 +189,17 @@ def integrated(
     SimulationError
         If the motion cannot be followed.
     """
+    moment = system.moment(mode, lines)
     functions = []
     for of, direction in events:
-
-        def value(time: float, state: FloatArray, of: Reading = of) -> float:
-            return of(time, state)
-
-        value.terminal, value.direction = True, direction  # type: ignore[attr-defined]
+        value: Any = partial(of)
+        value.terminal, value.direction = True, direction
         functions.append(value)
     fastest = _fastest_rate(system, mode, state)
     stiff = fastest * (span[1] - span[0]) > STIFF
     with np.errstate(over="ignore", invalid="ignore"):
         solution = solve_ivp(
-            system.rates(mode, lines),
+            lambda time, state: moment(time, state)[:-1],
             span,
             state,
             method="LSODA" if stiff else "DOP853",
