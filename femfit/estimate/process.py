@@ -188,7 +188,7 @@ def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
     G. H. Golub and C. F. Van Loan, Matrix Computations (Johns Hopkins, 2013), section 4.2.5.
     """
     runs, order, _ = matrices.shape
-    if 2 * runs < order**3:
+    if runs < order**3:
         with suppress(np.linalg.LinAlgError):
             return np.asarray(np.linalg.cholesky(matrices), np.float64), np.ones(runs, dtype=np.bool_)
     factor = np.zeros((order, order, runs))  # each entry's values of all runs are neighbours

@@ -84,11 +84,18 @@ def currents_for_force(
 ) -> FloatArray:
     """Currents that give a force, within :func:`current_ranges`; where none give it, those that come near to it.
 
-    Currents ``near`` the solution are where several circuits look alone, so that a loop does not jump to far ones.
+    One circuit's is found by Newton's iteration from the current of the largest force: dF/di rises towards it in an
+    unsaturated actuator, so that it approaches the root from one side. From currents ``near`` the solution a few steps
+    are tried first; they are where several circuits look alone, so that a loop does not jump to far ones.
     """
     if len(model.circuits) == 1:
-        flat = current_for_force(model, distance, force, None if near is None else near[..., 0])
-        return flat[..., None]
+        strongest = np.full(np.shape(distance), np.inf if _rises(model) else -np.inf)
+        if near is None:
+            return _newton(model, distance, force, strongest, _NEWTON_STEPS)[0][..., None]
+        current, converged = _newton(model, distance, force, near[..., 0], _STEPS_FROM_NEAR)
+        if not converged.all():
+            current = np.where(converged, current, _newton(model, distance, force, strongest, _NEWTON_STEPS)[0])
+        return current[..., None]
     distance, force = np.broadcast_arrays(np.asarray(distance, float), np.asarray(force, float))
     start = None if near is None else np.reshape(near, (distance.size, -1))
     currents = nearest_currents(model, distance.ravel(), force.ravel(), _bias(model), current_ranges(model), start)
@@ -108,24 +115,6 @@ def currents_for_acceleration(
     """
     force = model.require_motion().force_to_accelerate(distance, velocity, acceleration)
     return currents_for_force(model, distance, force, near)
-
-
-def current_for_force(
-    model: ActuatorModel, distance: FloatArray, force: FloatArray, near: FloatArray | None = None
-) -> FloatArray:
-    """The current of one circuit that gives a force: F(d, i) = force, kept between those of :func:`current_ranges`.
-
-    Newton's iteration from the current of the largest force: dF/di rises towards it in an unsaturated actuator, so that
-    it approaches the root from one side. Where no current of the range gives the force, the nearer end is returned.
-    From currents ``near`` the solution a few steps are tried first.
-    """
-    strongest = np.full(np.shape(distance), np.inf if _rises(model) else -np.inf)
-    if near is None:
-        return _newton(model, distance, force, strongest, _NEWTON_STEPS)[0]
-    current, converged = _newton(model, distance, force, near, _STEPS_FROM_NEAR)
-    if converged.all():
-        return current
-    return np.where(converged, current, _newton(model, distance, force, strongest, _NEWTON_STEPS)[0])
 
 
 @remembered

@@ -1,5 +1,6 @@
 """Close the loop around a model, and say whether it held, how well, and if not, why."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
@@ -18,8 +19,8 @@ from femfit.simulation.adjust import adjusted, choose
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS, UNCERTAIN
 from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, ObserverName, design_loop
-from femfit.simulation.experiment import CERTAIN, Experiment, LoopRuns
-from femfit.simulation.loop import LoopProgress
+from femfit.simulation.experiment import CERTAIN, Experiment, LoopRuns, run_together
+from femfit.simulation.loop import LoopOutcome, LoopProgress, LoopResult
 from femfit.simulation.margins import Margins
 from femfit.simulation.summary import Choice, LoopSummary, Spread
 from femfit.simulation.why_lost import why_lost
@@ -154,7 +155,7 @@ def close_loop(
     options: dict[str, Any] = {"runs": runs, "duration_s": duration, "recorded": recorded, "plant": truth}
     options["progress"] = progress
     if choice is None:
-        return run_loops(design, experiment, random, **options)
+        return run_loops(design, [experiment], random, **options)[0]
     return _first_that_holds(choice, design, experiment, random, options)
 
 
@@ -172,17 +173,17 @@ def _first_that_holds(
     lost: list[ControllerName] = []
     for name in [name for name, margins in choice.items() if margins.stable]:
         noise = deepcopy(random)
-        summary = run_loops(design, replace(experiment, controller=name), noise, advised=False, **options)
+        (summary,) = run_loops(design, [replace(experiment, controller=name)], noise, advised=False, **options)
         if summary.held == summary.runs:
             random.bit_generator.state = noise.bit_generator.state
             return replace(summary, choice=Choice(choice, tuple(lost)))
         lost.append(name)
-    return replace(run_loops(design, experiment, random, **options), choice=Choice(choice))
+    return replace(run_loops(design, [experiment], random, **options)[0], choice=Choice(choice))
 
 
 def run_loops(
     design: LoopDesign,
-    experiment: Experiment,
+    experiments: Sequence[Experiment],
     random: np.random.Generator,
     *,
     runs: int,
@@ -191,8 +192,10 @@ def run_loops(
     plant: ActuatorModel | None = None,
     progress: LoopProgress | None = None,
     advised: bool = True,
-) -> LoopSummary:
-    """Repeat one experiment and sum it up while it runs: nothing is stored but what is to be recorded.
+) -> list[LoopSummary]:
+    """Repeat experiments that differ by their controllers alone, and sum each up while it runs on the same noise.
+
+    Nothing is stored but what is to be recorded.
 
     Parameters
     ----------
@@ -200,35 +203,40 @@ def run_loops(
         Whether it is found out why runs are lost, by trials.
     """
     steps = max(1, round(duration_s / design.model.sample_time_s))
-    supported = design.steps(SUPPORT_TIME_CONSTANTS)
-    loop = LoopRuns(design, experiment, deepcopy(random), runs, steps, steps, supported, plant, progress)
+    supported, noise = design.steps(SUPPORT_TIME_CONSTANTS), deepcopy(random)
+    loops = [
+        LoopRuns(design, experiment, noise, runs, steps, steps, supported, plant, progress)
+        for experiment in experiments
+    ]
     if steps > MOST_STEPS:
         raise DomainError(
             f"A run must have at most {MOST_STEPS:.3g} samples; instead received {duration_s:g} s, {float(steps):.3g} "
             "samples. Simulate fewer seconds."
         )
-    result = loop.result("closed loop", random, recorded=recorded)
-    held, statistics = result.held, result.statistics
+    results = run_together(loops, "closed loop", random, recorded=recorded)
+    return [_summary(loop, result, advised=advised) for loop, result in zip(loops, results, strict=True)]
+
+
+def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummary:
+    held, statistics, duration = result.held, result.statistics, loop.steps * loop.design.model.sample_time_s
     quality, band = statistics.consistency(held)
     tracking = _spread(statistics.tracking_rms_m[held])
     findings = []
-    if held.any() and plant is None and loop.grows:
+    if held.any() and loop.plant is None and loop.grows:
         growth = loop.growth_per_s
-        numbers: dict[str, Any] = {
-            "growth_per_s": growth,
-            "tracking_rms_m": tracking.median,
-            "grown": growth * duration_s > CERTAIN,
-        }
-        findings.append(finding("limit-cycle", size=growth, **numbers))
+        grown = growth * duration > CERTAIN
+        findings.append(
+            finding("limit-cycle", size=growth, growth_per_s=growth, grown=grown, tracking_rms_m=tracking.median)
+        )
     if quality > UNCERTAIN:
         findings.append(finding("innovations", size=quality, excess=quality))
     return LoopSummary(
-        design=design,
-        experiment=experiment,
-        plant=plant.name if plant is not None else None,
-        runs=runs,
-        steps=steps,
-        outcomes=result.counts(),
+        design=loop.design,
+        experiment=loop.experiment,
+        plant=loop.plant.name if loop.plant is not None else None,
+        runs=loop.runs,
+        steps=loop.steps,
+        outcomes=Counter(LoopOutcome(code).name for code in result.outcome.tolist()),
         first_loss_s=None if held.all() else float(np.nanmin(result.outcome_time_s)),
         last_loss_s=None if held.all() else float(np.nanmax(result.outcome_time_s)),
         estimate_rms_m=_spread(statistics.estimate_rms_m[held]),

@@ -6,7 +6,7 @@ The linear position controller: proportional, integral and derivative of the dis
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -85,13 +85,9 @@ class Backstepping(Controller):
 
     def with_parts(self, changed: Mapping[str, float]) -> "Backstepping":
         """By their names."""
-        gains = {"current": self.current_gain_ohm, **self.parts, **changed}
-        return replace(
-            self,
-            position_gain=gains["position"],
-            velocity_gain=gains["velocity"],
-            current_gain_ohm=gains["current"],
-        )
+        fields = {"position": "position_gain", "velocity": "velocity_gain", "current": "current_gain_ohm"}
+        gains: dict[str, Any] = {fields[name]: gain for name, gain in changed.items()}
+        return replace(self, **gains)
 
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """The class's equations, clamped."""

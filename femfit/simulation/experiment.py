@@ -1,5 +1,6 @@
 """An experiment on a loop, and the same again on the same noise, as it was or with something taken away."""
 
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -90,37 +91,20 @@ class LoopRuns:
         # The current that a linear controller adds to its own
         path = Reference(r, v, a, currents_for_acceleration(model, r, a, v))
         return ClosedLoop(
-            plant=Plant(self._truth if e.force_scale == 1.0 else with_force_scale(self._truth, e.force_scale)),
-            sensors=design.loop_sensors(self._truth),
+            plant=Plant(self.truth if e.force_scale == 1.0 else with_force_scale(self.truth, e.force_scale)),
+            sensors=design.loop_sensors(self.truth),
             errors=e,
             observer=design.observer(e.observer),
-            controller=design.controller(e.controller),
+            controllers=(design.controller(e.controller),),
             reference=path.at(slice(0, self.steps)),
             latency=design.latency,
         )
 
     @property
-    def _truth(self) -> ActuatorModel:
+    def truth(self) -> ActuatorModel:
+        """The model of what moves."""
         model = self.design.model
         return model if self.plant is None else replace(self.plant, sample_time_s=model.sample_time_s)
-
-    def result(self, stage_name: str, random: np.random.Generator | None = None, **options: Any) -> LoopResult:
-        """Run them, which the progress is told by a name; options are those of :func:`femfit.simulation.loop.run_loop`.
-
-        Parameters
-        ----------
-        random : Generator or None
-            A copy of the noise where None.
-        """
-        rest = operating_point(self._truth, self.experiment.targets_m[0]).state
-        return run_loop(
-            self.loop,
-            np.tile(rest, (self.runs, 1)),
-            deepcopy(self.random) if random is None else random,
-            supported_steps=self.supported_steps,
-            show=self.progress and partial(self.progress, stage_name),
-            **options,
-        )
 
     def held(self, trial: str) -> BoolArray | None:
         """Which runs are held this time, on the same noise; None where no such loop can be designed.
@@ -131,7 +115,7 @@ class LoopRuns:
             What is tried, as the progress says it.
         """
         try:
-            return self.result(f"why runs are lost, {trial}", recorded=0).held
+            return run_together([self], f"why runs are lost, {trial}", recorded=0)[0].held
         except (DomainError, FilterError):
             return None
 
@@ -147,3 +131,30 @@ class LoopRuns:
             return self.growth_per_s * self.path_steps * self.design.model.sample_time_s > 1.0
         except (DomainError, FilterError):
             return False
+
+
+def run_together(
+    loops: Sequence[LoopRuns], stage_name: str, random: np.random.Generator | None = None, **options: Any
+) -> list[LoopResult]:
+    """Run loops that differ by their controllers alone in one batch, on the same noise; the result of each.
+
+    Options are those of :func:`femfit.simulation.loop.run_loop`.
+
+    Parameters
+    ----------
+    stage_name : str
+        What the progress is told.
+    random : Generator or None
+        A copy of the noise where None.
+    """
+    first = loops[0]
+    controllers = tuple(loop.design.controller(loop.experiment.controller) for loop in loops)
+    rest = operating_point(first.truth, first.experiment.targets_m[0]).state
+    return run_loop(
+        replace(first.loop, controllers=controllers),
+        np.tile(rest, (len(loops) * first.runs, 1)),
+        deepcopy(first.random) if random is None else random,
+        supported_steps=first.supported_steps,
+        show=first.progress and partial(first.progress, stage_name),
+        **options,
+    )

@@ -2,12 +2,13 @@
 
 At sample k: the sensors read the plant as it was their delay ago, the observer makes an estimate of the readings and
 the command held since sample k - 1, the controller answers with a command that acts for a sample, at once or after the
-latency. A run that is lost stops there; its series are NaN from then on and it never enters a mean.
+latency. A run that is lost stops there; its series are NaN from then on and it never enters a mean. Several controllers
+have equal shares of a batch, one after the other, which meet the same noise.
 
 How far a simulation of several parts is: a callable that is told the part, the samples done and all of them.
 """
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -57,7 +58,7 @@ class ClosedLoop:
     sensors: tuple[LoopSensor, ...]
     errors: SensorErrors
     observer: Observer
-    controller: Controller
+    controllers: tuple[Controller, ...]  # Each of as many runs
     reference: Reference
     latency: int = 0  # Samples from a reading to the command that it leads to
 
@@ -107,14 +108,6 @@ class LoopResult:
     outcome: IntArray  # A :class:`LoopOutcome` each; shape (runs,)
     outcome_time_s: FloatArray  # When it was lost; NaN for runs that were held; shape (runs,)
 
-    def outcomes(self) -> tuple[LoopOutcome, ...]:
-        """The outcome of every run."""
-        return tuple(LoopOutcome(int(code)) for code in self.outcome)
-
-    def counts(self) -> dict[str, int]:
-        """Runs by the name of their outcome."""
-        return dict(Counter(outcome.name for outcome in self.outcomes()))
-
     @property
     def held(self) -> BoolArray:
         """Which runs were held, shape (runs,)."""
@@ -129,8 +122,8 @@ def run_loop(
     supported_steps: int = 0,
     recorded: int | None = None,
     show: Show | None = None,
-) -> LoopResult:
-    """Run a batch of closed loops.
+) -> list[LoopResult]:
+    """Run a batch of closed loops; of each controller there is a result.
 
     Parameters
     ----------
@@ -142,30 +135,31 @@ def run_loop(
     show : callable or None
         Takes the samples done and all of them, now and then.
     recorded : int or None
-        Number of runs whose series are kept; None: all.
+        Number of runs of each controller whose series are kept; None: all.
     """
     model, step = loop.plant.model, loop.plant.model.sample_time_s
     n, runs, steps = len(model.circuits), len(start), len(loop.reference.distance)
-    recorded_runs = slice(0, runs if recorded is None else min(recorded, runs))
-    record = np.full((steps, recorded_runs.stop, 6 + 3 * n + len(loop.sensors)), np.nan)
+    share = runs // len(loop.controllers)
+    controlled = [(each, slice(k * share, (k + 1) * share)) for k, each in enumerate(loop.controllers)]
+    recorded_runs = np.flatnonzero(np.arange(runs) % share < (runs if recorded is None else recorded))
+    record = np.full((steps, len(recorded_runs), 6 + 3 * n + len(loop.sensors)), np.nan)
     sums = np.zeros((4, runs))
     state = loop.plant.start(start)
     belief = state[:, : 2 + n]
     history = History(loop.sensors, state)
     last = np.full((runs, len(loop.sensors)), np.nan)
     observed: Any = loop.observer.start(belief)
-    memory = np.zeros((runs, loop.controller.words))
+    memories = [np.zeros((share, controller.words)) for controller in loop.controllers]
     rest = np.clip(resting_command(model, belief[:, 2:]), *limits_of(model))
     on_their_way = deque([rest] * (loop.latency + 1), maxlen=loop.latency + 1)  # the oldest of them acts
     watch, touched = _Watch(model, runs), np.zeros((2, runs), dtype=np.bool_)
     for k in range(-supported_steps, steps):
         values = true_readings(model, loop.sensors, history, max(k, 0) * step)
-        readings = read_sensors(loop.sensors, loop.errors, last, values, k, max(k, 0) * step, random)
+        readings = read_sensors(loop.sensors, loop.errors, last, values, k, max(k, 0) * step, random, len(controlled))
         last = np.where(np.isnan(readings), last, readings)
-        first = k == -supported_steps
         observed = (
             loop.observer.update(observed, readings)
-            if first
+            if k == -supported_steps
             else loop.observer.step(observed, on_their_way[0], readings)
         )
         estimate, quality = observed.mean[:, : 2 + n], innovation_quality(observed)
@@ -178,9 +172,13 @@ def run_loop(
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
         belief = estimate if all_alive else np.where(alive[:, None], estimate, start)
         reference = loop.reference.at(k)
-        command, memory = loop.controller.command(memory, belief, reference)
+        answers = [
+            controller.command(memory, belief[which], reference)
+            for memory, (controller, which) in zip(memories, controlled, strict=True)
+        ]
+        command, memories = np.concatenate([given for given, _ in answers]), [memory for _, memory in answers]
         on_their_way.append(command)
-        if recorded_runs.stop:
+        if len(recorded_runs):
             columns = (state[:, : 2 + n], belief, command, readings, np.broadcast_to(reference.distance, runs), quality)
             row = np.column_stack([column[recorded_runs] for column in columns])
             record[k] = row if all_alive else np.where(alive[recorded_runs, None], row, np.nan)
@@ -196,14 +194,17 @@ def run_loop(
     outcome, when = watch.end()
     mean = np.where(outcome == _HELD, sums, np.nan) / steps
     with np.errstate(invalid="ignore"):
-        quality = mean[2] / mean[3]
-    return LoopResult(
-        time_s=step * np.arange(steps, dtype=np.float64),
-        series=_series(record, n, len(loop.sensors)),
-        statistics=LoopStatistics(np.sqrt(mean[0]), np.sqrt(mean[1]), quality, sums[3]),
-        outcome=outcome,
-        outcome_time_s=when,
-    )
+        statistics = np.stack([np.sqrt(mean[0]), np.sqrt(mean[1]), mean[2] / mean[3], sums[3]])
+    return [
+        LoopResult(
+            time_s=step * np.arange(steps, dtype=np.float64),
+            series=_series(rows, n, len(loop.sensors)),
+            statistics=LoopStatistics(*statistics[:, which]),
+            outcome=outcome[which],
+            outcome_time_s=when[which],
+        )
+        for rows, (_, which) in zip(np.split(record, len(controlled), axis=1), controlled, strict=True)
+    ]
 
 
 def _series(record: FloatArray, circuits: int, sensors: int) -> TimeSeries:

@@ -119,11 +119,7 @@ def usable_coil_pole(model: ActuatorModel, point: OperatingPoint) -> float:
     """
     usable = USABLE_PART / model.sample_time_s
     poles = [
-        point.coil_pole_rad_s
-        if circuit.drive.kind == "voltage"
-        else np.inf
-        if circuit.drive.bandwidth_Hz is None
-        else 2.0 * np.pi * circuit.drive.bandwidth_Hz
+        point.coil_pole_rad_s if circuit.drive.kind == "voltage" else 2 * np.pi * (circuit.drive.bandwidth_Hz or np.inf)
         for circuit in model.circuits
     ]
     return float(min(*poles, usable))
@@ -207,13 +203,8 @@ def rest_distance(model: ActuatorModel) -> float:
     stable = np.flatnonzero((forces[:-1] > 0.0) & (forces[1:] <= 0.0))
     if len(stable):
         return float(brentq(lambda place: float(sum(acting(place))), places[stable[-1]], places[stable[-1] + 1]))
-    if near is not None:
-        return near.distance_m
-    if far is not None:
-        return far.distance_m
-    if model.reference_distances_m:
-        return model.reference_distances_m[0]
-    return 0.5 * (box.distance_min_m + box.distance_max_m)
+    stops = [stop.distance_m for stop in (near, far) if stop is not None]
+    return next(iter([*stops, *model.reference_distances_m]), 0.5 * (box.distance_min_m + box.distance_max_m))
 
 
 def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -> dict[str, FloatArray]:

@@ -96,8 +96,7 @@ class Sensing(Printed):
             "sensors": list(self.sensors),
             "runs": self.runs,
             "errors": {
-                name: {"rms_m": error, "claimed_m": claimed, "bound_m": bound}
-                for name, (error, claimed, bound) in self.errors.items()
+                name: dict(zip(("rms_m", "claimed_m", "bound_m"), of, strict=True)) for name, of in self.errors.items()
             },
         }
 

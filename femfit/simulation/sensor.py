@@ -152,6 +152,7 @@ def read_sensors(
     sample: int,
     time: float,
     random: np.random.Generator,
+    alike: int = 1,
 ) -> FloatArray:
     """Take the readings of one sample.
 
@@ -161,6 +162,8 @@ def read_sensors(
         The readings before, and what the sensors would read without these errors.
     sample : int
         Number of the sample; a slow sensor is not read at each.
+    alike : int
+        Equal parts of the runs that meet the same noise.
 
     Returns
     -------
@@ -170,7 +173,9 @@ def read_sensors(
     result, runs, faulty = np.empty_like(values), len(values), errors.faulty or sensors[0].name
     for k, sensor in enumerate(sensors):
         # Always both, so that switching one error on leaves the other's random numbers as they were
-        white, lost = random.standard_normal(runs), random.random(runs)
+        white, lost = (
+            np.concatenate([draw(runs // alike)] * alike) for draw in (random.standard_normal, random.random)
+        )
         if sample % sensor.period:
             result[:, k] = np.nan
             continue

@@ -13,7 +13,6 @@ import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.files import json_ready
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.close_loop import run_loops
@@ -93,20 +92,15 @@ def closed_loop_study(
     if not design.controllers:
         raise DomainError(" ".join(design.why_no(name) for name in CONTROLLERS))
     samples = len(design.targets_m) * math.ceil(design.step_s / design.model.sample_time_s)
-    loops, rows = [], []
-    for name in design.controllers:
-        experiment = Experiment(name, FILTER, design.targets_m)
-        options: dict[str, Any] = {"runs": RUNS, "recorded": RUNS, "advised": False, "progress": progress}
-        duration = samples * design.model.sample_time_s
-        loop = run_loops(design, experiment, np.random.default_rng(seed), duration_s=duration, **options)
-        loops.append(loop)
+    experiments = [Experiment(name, FILTER, design.targets_m) for name in design.controllers]
+    options: dict[str, Any] = {"runs": RUNS, "recorded": RUNS, "advised": False, "progress": progress}
+    duration = samples * design.model.sample_time_s
+    loops, rows = run_loops(design, experiments, np.random.default_rng(seed), duration_s=duration, **options), []
+    for loop in loops:
         held, series = loop.result.held, loop.result.series
         measured = {} if design.why_no_direct else {"direct": direct_distance(design, series)}
         for measurement, distance in (measured | {FILTER: series.estimated_distance_m}).items():
-            rms = _rms((distance - series.distance_m)[:, held])
-            rows.append(StepRow(name, measurement, rms, loop.held, loop.runs))
+            errors = (distance - series.distance_m)[:, held]
+            rms = float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")
+            rows.append(StepRow(loop.experiment.controller, measurement, rms, loop.held, loop.runs))
     return ClosedLoopStudy(design, seed, tuple(loops), tuple(rows))
-
-
-def _rms(errors: FloatArray) -> float:
-    return float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")

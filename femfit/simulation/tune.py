@@ -193,16 +193,9 @@ def _start(bench: Bench) -> Pid:
     coil, rate = -A[2, 2], max(point.natural_rad_s, constants.SLOWEST_OVER_HIGHEST * usable_coil_pole(model, point))
     per_command = abs(A[1, 2] * B[2]) / coil
     kp = constants.FIRST_STIFFNESS * (rate**2 + coil * rate) / per_command
+    ki, kd = constants.FIRST_INTEGRAL * rate * kp, constants.FIRST_DAMPING * kp / rate
     along = tuple(point.direction.tolist())
-    return pid_of_parts(
-        model,
-        kp,
-        constants.FIRST_INTEGRAL * rate * kp,
-        constants.FIRST_DAMPING * kp / rate,
-        constants.FIRST_FILTER * rate,
-        current,
-        along,
-    )
+    return pid_of_parts(model, kp, ki, kd, constants.FIRST_FILTER * rate, current, along)
 
 
 def inner_current_gain(model: ActuatorModel, point: OperatingPoint) -> float:

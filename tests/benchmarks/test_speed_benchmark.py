@@ -133,7 +133,7 @@ def test_a_thousand_loops_of_one_second(levitation_model, observer):
     design = design_loop(levitation_model)
     experiment = Experiment("backstepping", observer, design.targets_m)
     summary, wall = seconds(
-        lambda: run_loops(design, experiment, np.random.default_rng(1), runs=1000, duration_s=1.0),
+        lambda: run_loops(design, [experiment], np.random.default_rng(1), runs=1000, duration_s=1.0)[0],
         clock=time.perf_counter,
     )
     print(f"\n1000 loops of {summary.steps} steps, {observer}: {wall:.1f} s on the wall", dict(summary.outcomes))

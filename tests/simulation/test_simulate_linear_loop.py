@@ -91,7 +91,7 @@ def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(desig
     )  # which believes the body to be at rest
     start = operating_point(loop.model, 0.026).state + off
     quiet = replace(noisy, sensors=tuple(sensors), observer=observer)
-    result = run_loop(quiet, start[None], np.random.default_rng(0))
+    (result,) = run_loop(quiet, start[None], np.random.default_rng(0))
     size = np.abs(result.series.distance_m[:, 0] - 0.026)
     # Five windows, of less than a turn of the slowest pair of poles; rounding leaves 7e-17 m
     window = np.array([size[k : k + 200].max() for k in range(200, 1600, 200)])

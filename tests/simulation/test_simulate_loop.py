@@ -29,7 +29,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(design):
 def test_a_sensor_that_sticks_loses_the_magnet_by_name(design):
     result = run(design, Experiment("backstepping", "ukf", (0.022,), stuck_after_s=0.1), steps=1000)
     assert not result.held.any()
-    assert set(result.outcomes()) <= {LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.FILTER_DIVERGED}
+    assert set(result.outcome.tolist()) <= {LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.FILTER_DIVERGED}
     assert np.all(result.outcome_time_s > 0.1)
 
 
@@ -37,7 +37,7 @@ def test_a_sensor_that_sticks_loses_the_magnet_by_name(design):
 def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, scale, outcome):
     design = design_loop(levitation_model, noise=0.0)
     result = run(design, Experiment("pid", "direct", (0.026,), force_scale=scale), supported_steps=0)
-    assert set(result.outcomes()) == {outcome}
+    assert set(result.outcome.tolist()) == {outcome}
     lost = int(np.round(result.outcome_time_s[0] / design.model.sample_time_s))
     assert np.isfinite(result.series.distance_m[:lost]).all()
     assert np.isnan(result.series.distance_m[lost:]).all()
@@ -46,7 +46,7 @@ def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, s
 
 def test_a_diverging_filter_is_named_and_says_what_to_do(design):
     result = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
-    assert set(result.outcomes()) == {LoopOutcome.FILTER_DIVERGED}
+    assert set(result.outcome.tolist()) == {LoopOutcome.FILTER_DIVERGED}
     assert np.isnan(result.statistics.estimate_rms_m).all()
 
 
@@ -55,7 +55,7 @@ def test_a_current_beyond_the_model_is_named(levitation_model):
     narrow = replace(levitation_model, validity=ValidityBox.of_currents((0.015, 0.045), (0.0, 0.37)))
     design = design_loop(levitation_model)
     result = run(design, Experiment("pid", "direct", (0.022,)), supported_steps=0, plant=narrow)
-    assert LoopOutcome.CURRENT_OUT_OF_RANGE in set(result.outcomes())
+    assert LoopOutcome.CURRENT_OUT_OF_RANGE in set(result.outcome.tolist())
 
 
 def test_without_noise_the_direct_measurement_is_the_distance(levitation_model):
@@ -67,8 +67,8 @@ def test_without_noise_the_direct_measurement_is_the_distance(levitation_model):
 
 
 def test_monte_carlo_counts_every_run_and_stores_none(design):
-    summary = run_loops(
-        design, Experiment("backstepping", "ukf", (0.022,)), np.random.default_rng(0), runs=30, duration_s=0.1
+    (summary,) = run_loops(
+        design, [Experiment("backstepping", "ukf", (0.022,))], np.random.default_rng(0), runs=30, duration_s=0.1
     )
     assert dict(summary.outcomes) == {"HELD": 30}
     assert (summary.runs, summary.steps) == (30, 200)
@@ -78,7 +78,7 @@ def test_monte_carlo_counts_every_run_and_stores_none(design):
 
 def test_time_series_are_written_up_to_the_loss(design, tmp_path):
     experiment = Experiment("backstepping", "direct", (0.022,))
-    lost = run_loops(design, experiment, np.random.default_rng(1), runs=2, duration_s=0.3, recorded=2)
+    (lost,) = run_loops(design, [experiment], np.random.default_rng(1), runs=2, duration_s=0.3, recorded=2)
     lost.write_csv(tmp_path / "loops" / "series.csv")
     table = np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)
     series = lost.result.series

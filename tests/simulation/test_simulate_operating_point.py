@@ -11,7 +11,7 @@ from femfit.device.electrics import Circuit
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
 from femfit.simulation.adjust import adjusted
-from femfit.simulation.allocation import current_for_force, limited
+from femfit.simulation.allocation import currents_for_force, limited
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.operating_point import operating_point, solve_riccati
@@ -23,22 +23,22 @@ from support.one_current import flat, within
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_current_for_force_inverts_the_force_wherever_the_driver_ends(levitation_model, sign):
+def test_currents_for_force_inverts_the_force_wherever_the_driver_ends(levitation_model, sign):
     ends = sorted((sign * levitation_model.circuit.voltage_min_V, sign * 3.0)) if sign > 0.0 else (-3.0, 0.0)
     circuit = replace(levitation_model.circuit, voltage_min_V=ends[0], voltage_max_V=ends[1])
     limits = {} if sign > 0.0 else {"low": -1.2, "high": 0.0}
     model = replace(levitation_model, circuits=(circuit,), validity=within(levitation_model.validity, **limits))
     d, i = np.meshgrid(np.linspace(0.02, 0.032, 7), sign * np.linspace(0.2, 1.0, 7))
-    np.testing.assert_allclose(current_for_force(model, d, flat(model.magnetics).force(d, i)), i, rtol=1e-9)
+    np.testing.assert_allclose(currents_for_force(model, d, flat(model.magnetics).force(d, i))[..., 0], i, rtol=1e-9)
 
 
 @pytest.mark.parametrize("currents", [None, (0.25, 0.9)])
-def test_current_for_force_stops_at_the_clamp_and_within_the_model(levitation_model, currents):
+def test_currents_for_force_stops_at_the_clamp_and_within_the_model(levitation_model, currents):
     circuit, model = levitation_model.circuit, levitation_model
     if currents:
         model = replace(model, validity=ValidityBox.of_currents((0.015, 0.045), currents))
     ends = currents or np.array([circuit.voltage_min_V, circuit.voltage_max_V]) / circuit.resistance_ohm
-    np.testing.assert_allclose(current_for_force(model, np.full(2, 0.025), np.array([-1.0, 1.0])), ends)
+    np.testing.assert_allclose(currents_for_force(model, np.full(2, 0.025), np.array([-1.0, 1.0]))[..., 0], ends)
 
 
 def test_targets_are_derived_where_the_model_has_none_and_its_hall_element_is_not_saturated(levitation_model):
@@ -74,7 +74,7 @@ def test_the_reference_leaves_half_of_the_voltage_to_the_feedback(levitation_mod
     circuit, motion = levitation_model.circuit, levitation_model.motion
     distance, _, acceleration = reference_steps(targets, 3000, 1e-3, rate)
     wanted = motion.mass_kg * (motion.gravity_m_s2 - acceleration)
-    voltage = circuit.resistance_ohm * current_for_force(levitation_model, distance, wanted)
+    voltage = circuit.resistance_ohm * currents_for_force(levitation_model, distance, wanted)[..., 0]
     assert voltage.min() > circuit.voltage_min_V + 0.1
     assert voltage.max() < circuit.voltage_max_V - 0.3
     narrower = replace(levitation_model, circuits=(replace(circuit, voltage_min_V=0.7, voltage_max_V=2.5),))

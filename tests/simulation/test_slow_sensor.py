@@ -64,8 +64,8 @@ def test_the_band_of_the_innovations_counts_the_readings(slow):
     prompt = replace(slow.model.other_sensors[0], name="prompt", sample_time_s=None)
     model = replace(slow.model, other_sensors=(*slow.model.other_sensors, prompt))
     experiment = Experiment("backstepping", "ekf", (DISTANCE,))
-    loop = run_loops(
-        design_loop(model), experiment, np.random.default_rng(1), runs=3, duration_s=80 * model.sample_time_s
+    (loop,) = run_loops(
+        design_loop(model), [experiment], np.random.default_rng(1), runs=3, duration_s=80 * model.sample_time_s
     )
     assert loop.held == 3
     band = chi2.ppf([0.025, 0.975], 300) / 300
@@ -224,10 +224,10 @@ def held(truth, believed, kind="ukf", **options):
         loop_sensors(truth, ("hall",), {"hall": truth.sensor.noise_V}, truth.sample_time_s),
         SensorErrors(),
         kalman_filter(believed, kind, commanded=True, **options),
-        design_backstepping(truth, [point]),
+        (design_backstepping(truth, [point]),),
         Reference(*np.broadcast_to([[DISTANCE_M], [0.0], [0.0]], (3, STEPS)), np.zeros((STEPS, 1))),
     )
-    series = run_loop(loop, start, np.random.default_rng(0)).series
+    series = run_loop(loop, start, np.random.default_rng(0))[0].series
     error = (series.estimated_distance_m - series.distance_m)[STEPS // 2 :]
     return error, series.normalised_innovation_squared[STEPS // 2 :].mean()
 

@@ -7,7 +7,7 @@ from femfit.model.with_effects import with_effects
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import design_loop
-from femfit.simulation.experiment import LoopRuns
+from femfit.simulation.experiment import LoopRuns, run_together
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
@@ -20,7 +20,8 @@ from femfit.tables.time_series_checks import check_clock
 def run(design, experiment, *, runs=4, steps=600, seed=1, supported_steps=300, plant=None):
     """The result of an experiment on a design's loop, all runs recorded."""
     random = np.random.default_rng(seed)
-    return LoopRuns(design, experiment, random, runs, steps, steps, supported_steps, plant).result("loop")
+    loop = LoopRuns(design, experiment, random, runs, steps, steps, supported_steps, plant)
+    return run_together([loop], "loop")[0]
 
 
 def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
@@ -34,11 +35,11 @@ def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
         sensors=design.loop_sensors(plant),
         errors=SensorErrors(),
         observer=design.observer("ukf"),
-        controller=design_backstepping(design.model, design.points),
+        controllers=(design_backstepping(design.model, design.points),),
         reference=Reference(*path, np.zeros((steps, 1))),
     )
     start = [design.targets_m[0], 0.0, operating_point(design.model, design.targets_m[0]).currents_A[0]]
-    result = run_loop(
+    (result,) = run_loop(
         loop,
         np.repeat([start], runs, axis=0),
         np.random.default_rng(seed),
