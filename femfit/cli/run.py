@@ -1,8 +1,10 @@
 """``femfit run``: the whole main job in turn."""
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -10,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
-from femfit.cli.output import said
+from femfit.cli.output import said, sweep_progress
 from femfit.core.files import MODEL, PAGE
+from femfit.core.processes import process_pool
 
 if TYPE_CHECKING:
     from femfit.simulation.study import ClosedLoopStudy
@@ -56,12 +59,11 @@ def run(
         Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
         stay without it.
     """
-    from femfit.cli.output import sweep_progress
-    from femfit.core.processes import process_pool
     from femfit.device.load import remarks
     from femfit.field.sweep_rows import failed_points, summarise
     from femfit.heat.find_temperatures import temperatures_at_supply
     from femfit.model.several_magnetics import NETWORK
+    from femfit.report.actuator_report import draw_figures
     from femfit.report.page import ReportContent
     from femfit.report.write import hashes, with_field
     from femfit.simulation.open_loop import motion_at_supply
@@ -72,8 +74,7 @@ def run(
     model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
     seconds: dict[str, float] = {}
     step = partial(_step, seconds)
-    for remark in remarks(parts):
-        print(remark)
+    sys.stdout.writelines(f"{remark}\n" for remark in remarks(parts))
     with step("sweep") as say:
         processes = workers or len(os.sched_getaffinity(0))
         with sweep_progress(parts.name) as progress:
@@ -84,7 +85,7 @@ def run(
         reference = _fit(table, "coenergy", model_file)
         say(said("run", "fit", reference), *reference.notes)
     with process_pool(1) as pool:
-        loop = pool.submit(_close_loop, reference.model, seed, model_file)  # beside the ranking: each takes a core
+        loop = pool.submit(_close_loop, reference.model, seed, model_file)  # beside all that does without it
         with step("open loop") as say:
             motion = motion_at_supply(reference.model)
             say(said("run", "motion", motion, parts.circuits))
@@ -97,27 +98,31 @@ def run(
         with step("export") as say:
             files, why = _or_why(partial(export_estimator, reference.model, output / "estimator"))
             say(f"none: {why}" if why else f"{output / 'estimator'}, {len(files or ())} files that need Python alone")
+        with step("pictures") as say:
+            content = with_field(ReportContent(reference.model, parts, table, ranked, motion=motion, heat=heat))
+            content = replace(content, pictures=tuple(draw_figures(content).items()))
+            say("of all but the loop")
         with step("close the loop") as say:
             study, no_study = loop.result()
             say(said("run", "loop", study, no_study))
     with step("report") as say:
-        written = hashes(file for file in (output / "sweep.parquet", model_file, law_file) if file.is_file())
-        results = {"fit": ranked, "study": study, "no_study": no_study, "motion": motion, "heat": heat}
-        content = ReportContent(reference.model, parts, table, **results, hashes=written)
-        ff.write_report(with_field(content, parts), page)
+        written = (file for file in (output / "sweep.parquet", model_file, law_file) if file.is_file())
+        ff.write_report(replace(content, study=study, no_study=no_study, hashes=hashes(written)), page)
         say(f"{page}, {page.stat().st_size / 1e6:.1f} MB")
-    data = {
-        "directory": str(output),
-        "sweep": summary,
-        "reference": reference.to_dict(),
-        "laws": ranked.to_dict(),
-        "open_loop": motion.to_dict() if motion else None,
-        "temperatures": heat.to_dict() if heat else None,
-        "closed_loop": study.data() if study else None,
-        "no_closed_loop": no_study,
-        "seconds": seconds,
-    }
-    return Outcome(f"{sum(seconds.values()):.1f} s in all", data)
+    return Outcome(
+        f"{sum(seconds.values()):.1f} s in all",
+        {
+            "directory": str(output),
+            "sweep": summary,
+            "reference": reference.to_dict(),
+            "laws": ranked.to_dict(),
+            "open_loop": motion.to_dict() if motion else None,
+            "temperatures": heat.to_dict() if heat else None,
+            "closed_loop": study.data() if study else None,
+            "no_closed_loop": no_study,
+            "seconds": seconds,
+        },
+    )
 
 
 @contextmanager

@@ -209,13 +209,7 @@ def simulate(
             return Outcome(study, study.data())
         recorded = 10 if csv is not None else 0 if picture is None else 1
         summary = ff.close_loop(
-            actuator,
-            **loop_options.keywords,
-            rng=seed,
-            sensors=sensor,
-            noise=white,
-            recorded=recorded,
-            progress=shown,
+            actuator, **loop_options.keywords, rng=seed, sensors=sensor, noise=white, recorded=recorded, progress=shown
         )
     files = [(csv, summary.write_csv), (picture, partial(write_picture, partial(closed_loop_figure, summary)))]
     return Outcome(summary, {"seed": seed, **summary.data()}, files)

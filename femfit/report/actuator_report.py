@@ -1,6 +1,7 @@
 """The report on an actuator: which chapters its kind asks for, and the numbers and figures in them."""
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib.metadata import version
 from typing import Any
@@ -21,12 +22,7 @@ from femfit.report.drawing import USUAL_KNEES, actuator_figure, iron_loads, mate
 from femfit.report.field_figures import field_figure, line_flux
 from femfit.report.field_sample import FieldSample
 from femfit.report.loop_report import loop_facts, loop_figures
-from femfit.report.model_figures import (
-    SweepGrid,
-    force_curves_figure,
-    hall_figure,
-    stroke_figure,
-)
+from femfit.report.model_figures import SweepGrid, force_curves_figure, hall_figure, stroke_figure
 from femfit.report.motion_figures import open_loop_figure
 from femfit.report.page import ReportContent, render
 from femfit.report.style import Drawing, data_uri, svg_uri
@@ -42,11 +38,16 @@ CUTAWAY, NO_CUTAWAY = "cutaway", "why there is no cut-away"
 
 
 def draw_figures(content: ReportContent, draw: Draw = draw_off_screen) -> dict[str, str]:
-    """Draw what a report shows, as data URIs by name."""
-    pictures = {name: svg_uri(make, name) for name, make in _figures(content).items()}
-    if content.actuator is not None and content.field is not None:
-        image, pictures[NO_CUTAWAY] = draw(content.actuator, content.field)
-        pictures[CUTAWAY] = "" if image is None else data_uri("image/png", image)
+    """Draw what a report shows and is not drawn yet, as data URIs by name."""
+    pictures = dict(content.pictures)
+    with ThreadPoolExecutor(1) as beside:  # the cut-away has a process of its own
+        cutaway = None
+        if content.actuator is not None and content.field is not None and CUTAWAY not in pictures:
+            cutaway = beside.submit(draw, content.actuator, content.field)
+        pictures |= {name: svg_uri(make, name) for name, make in _figures(content).items() if name not in pictures}
+        if cutaway is not None:
+            image, pictures[NO_CUTAWAY] = cutaway.result()
+            pictures[CUTAWAY] = "" if image is None else data_uri("image/png", image)
     return pictures
 
 

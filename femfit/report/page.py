@@ -52,10 +52,7 @@ def _environment() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("femfit.report"),
-        autoescape=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
+        loader=PackageLoader("femfit.report"), autoescape=True, lstrip_blocks=True, undefined=StrictUndefined
     )
     environment.filters |= {
         "quantity": quantity,
@@ -116,6 +113,7 @@ class ReportContent:
     field: FieldSample | None = None
     strongest: FieldSample | None = None
     hashes: tuple[tuple[str, str], ...] = ()  # Files and their SHA-256
+    pictures: tuple[tuple[str, str], ...] = ()  # Those that are drawn already: names and data URIs
 
     @cached_property
     def rows(self) -> FitRows | None:

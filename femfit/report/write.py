@@ -24,7 +24,6 @@ from femfit.simulation.open_loop import motion_at_supply
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
 if TYPE_CHECKING:
-    from femfit.device.parts import Actuator
     from femfit.report.field_sample import FieldSample
 
 MODEL_FILE = "model.json"
@@ -64,12 +63,11 @@ def _page(result: Any) -> str:
         return render_added(result)
     if isinstance(result, Diagnosis):
         return render_diagnosis(result)
-    if isinstance(result, ReportContent):
-        return render_report(result, draw_figures(result))
-    content = _content(result)
-    heat = None if content.actuator is None else temperatures_at_supply(content.actuator)
-    content = replace(content, motion=motion_at_supply(content.model), heat=heat)
-    return render_report(content, draw_figures(content))
+    if not isinstance(result, ReportContent):
+        content = _content(result)
+        heat = None if content.actuator is None else temperatures_at_supply(content.actuator)
+        result = replace(content, motion=motion_at_supply(content.model), heat=heat)
+    return render_report(result, draw_figures(result))
 
 
 def _content(result: Any) -> ReportContent:
@@ -103,15 +101,16 @@ def _table_content(
     model = fit.model if fit is not None else model
     assert model is not None  # noqa: S101 - fitted above
     content = ReportContent(model, actuator, table, fit, hashes=hashes)
-    return content if actuator is None else with_field(content, actuator)
+    return content if actuator is None else with_field(content)
 
 
-def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
-    """The content with the field solved at the points that a report shows."""
+def with_field(content: ReportContent) -> ReportContent:
+    """The content of a drawing and its sweep with the field solved at the points that a report shows."""
     from femfit.report.field_sample import sample_field
 
-    rows = content.rows
-    assert rows is not None  # noqa: S101 - a drawing comes with its sweep
+    actuator, rows = content.actuator, content.rows
+    assert actuator is not None  # noqa: S101
+    assert rows is not None  # noqa: S101
     points = picture_point(content, actuator, rows), strongest_point(actuator)
     samples: dict[Place, FieldSample] = {p: sample_field(actuator, *p) for p in dict.fromkeys(points)}
     return replace(content, field=samples[points[0]], strongest=samples[points[1]])
