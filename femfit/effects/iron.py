@@ -1,10 +1,10 @@
 """Saturation of an iron or ferrite core that the base model takes as linear.
 
-The core's saturating part takes a part of the ampere turns that grows with a high power of its flux. With x the flux of
-that part, y what is left of it and k its self-inductance, all relative, the co-energy falls by
-G(x) = min over y of g(y) + (x - y)^2 / 2k, g(y) = sum_n c_n |y|^n / n: the first term is what the part stores,
-the second what its demagnetising field withdraws, so a knee at large flux limits y instead of growing without end.
-For small c this is g(x), the change of energy at fixed flux.
+The core's saturating part takes a part of the ampere turns that grows with a high power of its flux: it stores
+g(y) = sum_n c_n |y|^n / n at the flux y and lies in series with all the rest, which stores y^2 / 2k with the winding's
+inductance k at this distance. The co-energy of both, max over y of y i - y^2 / 2k - g(y), is less than without the part
+by G(x) = min over y of g(y) + (x - y)^2 / 2k, with x = k i the flux without it, all relative: a knee at large flux
+limits y instead of growing without end. For small c this is g(x), the change of energy at fixed flux.
 
 x follows the flux linkage of the winding around the core, lambda = (part of the current) + (part of the magnet). The
 magnet's flux does not pass the core in the same way as the coil's, nor does the field at the Hall element depend on the
@@ -57,17 +57,23 @@ def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
     amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(p[f"mmf_loss_{n}"], 0.0)}
     if not amplitudes:
         return base(at.d, at.i, at.h)
-    lost = _envelope(flux / nominal.flux_linkage_Wb, amplitudes, _own_inductance(nominal))
+    inductance = np.maximum(slope(lambda i: linkage(i, at.h), at.i), _LEAST_INDUCTANCE * nominal.inductance_H)
+    own = inductance * nominal.peak_current_A / nominal.flux_linkage_Wb
+    lost = _envelope(flux / nominal.flux_linkage_Wb, amplitudes, own)
     return base(at.d, at.i, at.h) - nominal.flux_linkage_Wb * nominal.peak_current_A * lost
 
 
+_LEAST_INDUCTANCE = 0.01
+"""Numerical: over the largest one; a force law's co-energy has next to none."""
+
+
 def _own_inductance(nominal: Nominal) -> float:
-    """The saturating part's self-inductance, relative to the largest flux over the largest current."""
+    """The largest inductance, relative to the largest flux over the largest current."""
     return nominal.inductance_H * nominal.peak_current_A / nominal.flux_linkage_Wb
 
 
-def _envelope(x: SX, amplitudes: Mapping[int, Expression], own: float) -> SX:
-    """G(x) for own self-inductance k.
+def _envelope(x: SX, amplitudes: Mapping[int, Expression], own: Expression) -> SX:
+    """G(x) for the inductance k = ``own``.
 
     With a y that is constant but for two steps of Newton's, y is exact up to its third derivative, and G, which is
     least in y, up to its seventh.
@@ -88,7 +94,7 @@ _NONE = 1e-300
 """Numerical: in place of an amplitude of nought in a quotient."""
 
 
-def _nearer(y: Expression, x: Expression, amplitudes: Mapping[int, Expression], own: float) -> Expression:
+def _nearer(y: Expression, x: Expression, amplitudes: Mapping[int, Expression], own: Expression) -> Expression:
     """One step of Newton's on y + k g'(y) = x, whose left side is convex for positive y."""
     excess = y + own * _power_sum(y, amplitudes, 1) - x
     return y - excess / (1.0 + own * _power_sum(y, amplitudes, 2))

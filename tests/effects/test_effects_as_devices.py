@@ -1,9 +1,11 @@
 """Effects against devices that are drawn with what the effect adds, and against what an engineer would work out."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from femfit.device.mechanics import ForceTable, Mechanics, Spring
 from femfit.effects.conditions import Conditions
@@ -176,3 +178,23 @@ def test_the_plant_is_stopped_where_the_effect_says():
     shift = 0.02 * (model.validity.distance_max_m - model.validity.distance_min_m)
     assert changed.motion.near_stop.distance_m == pytest.approx(model.motion.near_stop.distance_m + shift)
     assert changed.motion.far_stop == model.motion.far_stop
+
+
+def test_a_saturating_core_lies_in_series_with_the_inductance_at_every_distance():
+    """At the flux that i - g'(flux) drives through the unsaturated device, force and flux are that device's."""
+    base = solenoid()
+    nominal, loss = nominal_of(base), 0.3
+    saturated = with_effects(base, [added("core_saturation", mmf_loss_6=loss)]).magnetics
+
+    def left(i, d):
+        def missed(x):
+            flux = base.magnetics.flux_linkage(d, np.array([x])).item() / nominal.flux_linkage_Wb
+            return x + nominal.peak_current_A * loss * flux**5 - i
+
+        return optimize.brentq(missed, 0.0, i, xtol=1e-14)
+
+    for d, i in product(D[:, None], (0.5, 1.0, 1.7)):
+        x, at = np.array([left(i, d)]), np.array([i])
+        assert saturated.force(d, at) == pytest.approx(base.magnetics.force(d, x), rel=1e-7)
+        assert saturated.flux_linkage(d, at) == pytest.approx(base.magnetics.flux_linkage(d, x), rel=1e-7)
+    assert left(1.7, D[:1]) < 0.97 * 1.7
