@@ -21,9 +21,14 @@ class Outcome:
     verdict: str
     classes: tuple[tuple[str, ...], ...]  # Each name with what it cannot be told from, itself first
     found: tuple[bool, ...]  # Per hidden error, whether some class has it
-    named_first: bool
+    named_first: bool  # Whether it is among those that the first name is as likely as
     certain: bool
     spurious: int  # Classes without any hidden error
+
+    @property
+    def alone(self) -> bool:
+        """Whether each hidden error was named, and nothing else would give the same readings as any name."""
+        return all(self.found) and all(len(members) == 1 for members in self.classes)
 
     @property
     def certain_and_wrong(self) -> bool:
@@ -48,7 +53,7 @@ def judge(number: int, key: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
         verdict=diagnosis["verdict"],
         classes=classes,
         found=tuple(any(says(members, right[name]) for members in classes) for name in hidden),
-        named_first=bool(classes) and says(classes[0][:1], every),
+        named_first=bool(classes) and says(diagnosis["missing"][0]["tie"], every),
         certain=bool(diagnosis["confident"]),
         spurious=sum(not says(members, every) for members in classes),
     )
@@ -126,10 +131,14 @@ _COUNTED: Mapping[str, tuple[Hit, Mapping[str, Hit]]] = {
         lambda outcome: len(outcome.hidden) == 1 and is_shown(outcome),
         {
             "it stood among the names": lambda outcome: all(outcome.found),
-            "it was named first": lambda outcome: outcome.named_first,
+            "it was named first, or as likely as the first": lambda outcome: outcome.named_first,
             "it was named and called certain": lambda outcome: all(outcome.found) and outcome.certain,
             "a wrong name was called certain": lambda outcome: outcome.certain_and_wrong,
         },
+    ),
+    "One error hidden, named alone in its class": (
+        lambda outcome: len(outcome.hidden) == 1 and is_shown(outcome) and outcome.alone,
+        {"it was called certain": lambda outcome: outcome.certain},
     ),
     "Two errors hidden": (
         lambda outcome: len(outcome.hidden) == 2 and is_shown(outcome),

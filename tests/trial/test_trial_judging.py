@@ -12,10 +12,11 @@ from femfit.trial.counts import Share, counts, judge, trial_lines
 KEY = {"level": 1.0, "hidden": {"hall_offset": 0.1}, "over_noise": {"hall_offset": {"hall_V": 1.0, "force_N": 0.0}}}
 
 
-def answer(*classes, channel="hall_V", certain=False, ranking=(), when=None):
+def answer(*classes, channel="hall_V", certain=False, ranking=(), when=None, tied=1):
+    every = [{"name": m[0], "class": list(m), "tie": list(m[:tied]), "when": when} for m in classes]
     return {
         "verdict": "named" if classes else "unexplained",
-        "missing": [{"name": members[0], "class": list(members), "when": when} for members in classes],
+        "missing": every,
         "where": {"channel": channel},
         "confident": certain,
         "ranking": [{"name": name} for name in ranking],
@@ -27,8 +28,16 @@ def shares(outcomes):
 
 
 def test_the_truth_counts_wherever_it_stands_in_a_class():
-    outcome = judge(1, KEY, answer(("external_field", "hall_offset"), ("force_gain",)))
+    names = ("external_field", "hall_offset"), ("force_gain",)
+    outcome = judge(1, KEY, answer(*names))
     assert (outcome.found, outcome.named_first, outcome.spurious) == ((True,), False, 1)
+    assert judge(1, KEY, answer(*names, tied=2)).named_first  # what data cannot tell apart is one
+
+
+def test_a_name_is_alone_where_no_other_gives_the_same_readings():
+    outcomes = [judge(k, KEY, answer(names, certain=k == 1)) for k, names in enumerate([("hall_offset",)] * 2)]
+    outcomes.append(judge(2, KEY, answer(("hall_offset", "external_field"))))
+    assert shares(outcomes)["One error hidden, named alone in its class", "it was called certain"] == Share(1, 2)
 
 
 def test_what_was_called_certain_and_wrong_is_counted():
