@@ -30,11 +30,12 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable, slope
+from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
 from femfit.model.decay import ResponseTable, decayed, eliminated, shares
-from femfit.model.drive import between, endless, met_stops
+from femfit.model.drive import LEAST_SPEED_M_S, between, endless, met_stops
 from femfit.model.sensing import AnySensor, reading_expression
 
 if TYPE_CHECKING:
@@ -105,6 +106,7 @@ class _AtFirst:
     way: tuple[SX, SX]  # The speed along which the body induces a voltage, and its growth
     linkage: SX
     motional_constant: SX
+    pull: SX  # By which all forces on the body grow with the currents
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +131,17 @@ class Equations:
         driven : tuple of int
             The circuits whose currents have the rates in A/s that stand in the place of their voltages.
         """
+        return self._function(("flow", driven), lambda at: self._flowing(at, driven))
+
+    def flow_slope(self, driven: tuple[int, ...] = ()) -> GraphFunction:
+        """Jacobian of :meth:`flow` by the state and what stands in the voltages' places, column after column."""
         return self._function(
-            ("flow", driven), lambda at: ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
+            ("flow slope", driven),
+            lambda at: ca.vec(ca.jacobian(self._flowing(at, driven), ca.vertcat(at.state, at.voltage))),
         )
+
+    def _flowing(self, at: _Symbols, driven: tuple[int, ...]) -> SX:
+        return ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
 
     @property
     def rates_slope(self) -> GraphFunction:
@@ -161,16 +171,24 @@ class Equations:
         function: GraphFunction = self._known[key][1]
         return function
 
-    @cached_property
+    @property
     def linear(self) -> bool:
         """Whether there are eddy currents, and the inductances of all windings depend on the distance alone."""
+        return self._losses is not None
+
+    @cached_property
+    def _losses(self) -> FloatArray | None:
+        """What currents take from their own windings in ohm, (m,), where the equations are linear in them."""
         model = self.model
         if model.eddy is None or model.memories:
-            return False
+            return None
         with building():
-            d, w = SX.sym("d"), SX.sym("w", model.windings.count)
-            inductance = ca.hessian(self.coenergy({})(d, w), w)[0]
-            return GraphFunction([d, w], ca.vec(inductance)).leaves_out(w)
+            d, v, w = SX.sym("d"), SX.sym("v"), SX.sym("w", model.windings.count)
+            linkage = ca.gradient(self.coenergy({})(d, w), w)
+            of_distance = GraphFunction([d, w], ca.vec(ca.jacobian(linkage, w))).leaves_out(w)
+            conditions = self.conditions(v, {}, -ca.jacobian(linkage, d) * v)
+            taken = self._circuits(SX.sym("u", len(model.circuits)), w, conditions)[2]
+            return np.array(ca.DM(taken)).ravel() if of_distance and taken.is_constant() else None
 
     def _responses(self, length: float) -> ResponseTable:
         key = "responses", length
@@ -178,7 +196,7 @@ class Equations:
             box, windings = self.model.validity, self.model.windings
             self._known[key] = ResponseTable(
                 lambda d: windings.magnetics.inductance(d, np.zeros((len(d), windings.count))) + windings.series_H,
-                windings.resistances_ohm,
+                cast("FloatArray", self._losses),
                 length,
                 (box.distance_min_m, box.distance_max_m),
             )
@@ -267,10 +285,11 @@ class Equations:
         first = w[0] if w.numel() else SX(0.0)
         motional = motional_constant * v
         conditions = self.conditions(v, memory, motional)
-        force = with_further_force(model.effects, force, d, first, conditions)
-        braked = at.step * motion.viscous_N_s_per_m / motion.mass_kg
-        freedom = at.free if way is None else at.free / (1.0 + 0.5 * braked)  # by the mean speed of a step
-        acceleration = freedom * motion.acceleration(d, v, force, model.sample_time_s)
+        further = SX(with_further_force(model.effects, 0.0, d, first, conditions))
+        force, pull = force + further, motional_constant + ca.gradient(further, w)
+        acceleration = motion.acceleration(d, v, force, model.sample_time_s)
+        freedom = at.free if way is None else at.free * shares(-at.step * _braking(acceleration, v, at.step))[0]
+        acceleration = freedom * acceleration
         if not w.numel():
             return ca.vertcat(v if way is None else v + 0.5 * at.step * acceleration, acceleration), at.voltage
         speed, gain = (v, SX(0.0)) if way is None else way(v, acceleration)
@@ -280,11 +299,8 @@ class Equations:
         places = list(driven)
         commanded, imposed = SX(at.voltage), at.voltage[places]
         commanded[places] = 0.0
-        resistances, volts = self._circuits(commanded, first, conditions)
-        driving = volts - resistances * w
-        # What a current takes from its own winding, of a supply that sags under it too
-        taken = -ca.diag(ca.jacobian(driving, w))
-        circuits = inductance, resistances if way is None else taken, driving + motional
+        resistances, volts, taken = self._circuits(commanded, w, conditions)
+        circuits = inductance, resistances if way is None else taken, volts - resistances * w + motional
         core = self._core(d, v, w, ca.jacobian(linkage[0], z).T)
         if way is None:
             total, _, driving = self._beside(memory, core, circuits, conditions, (places, imposed))
@@ -292,7 +308,7 @@ class Equations:
             if driven:
                 commanded[places] = self._commanded(volts[places] + more, first, conditions)
         else:
-            at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant)
+            at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant, pull)
             fed = self._beside(memory, core, circuits, conditions)
             v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
             if memory:  # half-way
@@ -353,10 +369,10 @@ class Equations:
                 parts[:, 0] += parts[:, 2:] @ more
         changed, lag = h * (means[:, 0] + h * ways[:, 1]), first.freedom / self.model.require_motion().mass_kg
         curved = ca.dot(changed, slope_by_currents @ changed)  # the mean square of even growth is 4/3 of this
-        late = first.acceleration / 2.0 - lag * (h * ca.dot(constant, ways[:, 0]) + curved / 6.0)
+        late = first.acceleration / 2.0 - lag * (h * ca.dot(first.pull, ways[:, 0]) + curved / 6.0)
         return (
             first.velocity + h * late,
-            first.acceleration - lag * (ca.dot(constant, changed) + 2.0 / 3.0 * curved),
+            first.acceleration - lag * (ca.dot(first.pull, changed) + 2.0 / 3.0 * curved),
             ends[:, 0] + h * means[:, 1],
         )
 
@@ -412,15 +428,15 @@ class Equations:
         rates, decays = found[: len(memory)], ca.vertsplit(found[len(memory) :])
         return rates if step is None else rates * ca.vertcat(*(shares(step * decay)[0] for decay in decays))
 
-    def _circuits(self, voltage: SX, first: SX, conditions: Conditions) -> tuple[SX, SX]:
-        """Resistances of all windings, and the voltages at them."""
+    def _circuits(self, voltage: SX, w: SX, conditions: Conditions) -> tuple[SX, SX, SX]:
+        """Resistances of all windings, the voltages at them, and what each current takes from its own in ohm."""
         model, windings = self.model, self.model.windings
         resistances = SX(windings.resistances_ohm)
         volts = ca.vertcat(voltage, SX.zeros(windings.count - voltage.numel()))
         if len(model.circuits) == 1:
             base = model.without_effects.circuits[0]
-            resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], first, conditions)
-        return resistances, volts
+            resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], w[0], conditions)
+        return resistances, volts, -ca.diag(ca.jacobian(volts - resistances * w, w))  # a supply that sags takes, too
 
     def _commanded(self, applied: SX, first: SX, conditions: Conditions) -> SX:
         """The voltages to command so that these are applied, from beyond a driver's dead zone on."""
@@ -499,6 +515,19 @@ def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:
         among = ca.diag(1.0 - free) + free @ free.T * gain
         more = free * eliminated(among, free * (missing - gain @ ((1.0 - free) * held))) + (1.0 - free) * held
     return limited(more)
+
+
+def _braking(acceleration: SX, velocity: SX, step: SX) -> SX:
+    """Slope of an acceleration by the velocity in 1/s, over a step in s.
+
+    Dry friction would throw back a body that it stops within the step: there the chord to rest is taken.
+    """
+    slope = ca.jacobian(acceleration, velocity)
+    if not ca.depends_on(slope, velocity):
+        return slope
+    turns = (ca.fabs(velocity) > LEAST_SPEED_M_S) * (velocity * (velocity + step * acceleration) < 0.0)
+    chord = (acceleration - ca.substitute(acceleration, velocity, 0.0)) / ca.if_else(turns, velocity, 1.0)
+    return ca.if_else(turns, chord, slope)
 
 
 def _slowed(change: SX, room: SX) -> SX:

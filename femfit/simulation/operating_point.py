@@ -3,8 +3,9 @@
 At rest F(d, i) = F_0(d), the weight with springs and load, and U_k = R_k i_k. Around that point, with
 x = (distance, velocity, i_1 .. i_n) and the viscous friction c,
 
-    x' = A x + B u,    A = [[0, 1, 0], [-S/m, -c/m, -k_m^T/m], [0, L^-1 k_m, -L^-1 R]],    B = [[0], [0], [L^-1]].
+    x' = A x + B u,    A = [[0, 1, 0], [-S/m, -c/m, -k_m^T/m], [0, L^-1 k_m, -L^-1 R]],    B = [[0], [0], [L^-1]],
 
+as the equations of motion say it, with what effects make of circuit, driver and friction; eddy currents left aside.
 S = F_d - F_0' < 0 makes the point unstable: the mechanical pole without back-EMF and friction is sqrt(-S/m).
 
 References
@@ -24,7 +25,8 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import circuit_terms, commands_currents, held_limits
+from femfit.model.drive import commands_currents, held_limits
+from femfit.model.dynamics import evaluated, state_scale, voltages_needed
 from femfit.model.hall import PickupSensor
 from femfit.model.sensors import predict_sensor, reading_of, sensors_of
 from femfit.simulation.constants import USABLE_PART
@@ -59,39 +61,51 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     motion = model.require_motion()
     currents = holding_currents(model, distance)
     _require_driven(model, distance, currents)
-    ohms, n = model.resistances_ohm, len(currents)
-    d, i = np.array([distance]), currents[None]
-    gradient = float((model.magnetics.slopes(d, i).force_gradient - motion.static_gradient(d))[0])
-    motional, inductance = (of_point[0] for of_point in circuit_terms(model, d, i)[1:])
-    mass = motion.mass_kg
-    inverse = np.linalg.inv(inductance)
+    still, n, mass = model.without_eddies, len(currents), motion.mass_kg
+    all_driven, states = tuple(range(n)), np.zeros((3, still.order))
+    states[:, 0], states[:, 2 : 2 + n] = distance, currents
+    states[:, 1] = [0.0, -state_scale(model)[1], state_scale(model)[1]]
+    slope = evaluated(still, still.equations.flow_slope(all_driven), states[0]).reshape(still.order + n, -1).T
+    needed = slope[still.order :]
+    inverse = np.linalg.inv(needed[:, still.order :])
     A, B = np.zeros((2 + n, 2 + n)), np.zeros((2 + n, n))
-    A[0, 1] = 1.0
-    A[1, 0], A[1, 1], A[1, 2:] = -gradient / mass, -motion.viscous_N_s_per_m / mass, -motional / mass
-    A[2:, 1], A[2:, 2:] = inverse @ motional, -inverse * ohms
+    A[0, 1], A[1], A[2:] = 1.0, slope[1, : 2 + n], -inverse @ needed[:, : 2 + n]
     B[2:] = inverse
-    along = motional / ohms  # the least copper loss for a force
-    along = resting_command(model, along)
+    # Friction that is dry brakes a body in motion by less than its slope at rest
+    _, slower, faster = evaluated(still, still.equations.flow(all_driven), states)[:, 1]
+    A[1, 1] = (faster - slower) / (2.0 * states[2, 1])
+    gradient = -mass * A[1, 0]
+    along = -mass * A[1, 2:] / model.resistances_ohm  # the least copper loss for a force
+    along = np.where(commands_currents(model), along, needed[:, 2 : 2 + n] @ along)
+    commands = resting_command(model, currents)
     constant = float(np.sqrt(max(-gradient / mass, 0.0)))
     growing = constant if np.all(commands_currents(model)) else max(float(np.linalg.eigvals(A).real.max()), 0.0)
     return OperatingPoint(
         distance_m=distance,
         currents_A=currents,
-        commands=resting_command(model, currents),
+        commands=commands,
         direction=along / np.abs(along).max(),
         unstable_pole_rad_s=constant,
         runaway_rad_s=growing,
         natural_rad_s=float(np.sqrt(abs(gradient) / mass)),
-        coil_pole_rad_s=float(np.min(np.linalg.eigvals(inverse * ohms).real)),
-        inductance_H=float(inductance[0, 0]),
+        coil_pole_rad_s=float(np.min(np.linalg.eigvals(-A[2:, 2:]).real)),
+        inductance_H=float(needed[0, still.order]),
         A=A,
         B=B,
     )
 
 
 def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
-    """Commands that hold currents of shape (..., n): R i, or the currents themselves for an amplifier."""
-    return np.where(commands_currents(model), currents, model.resistances_ohm * currents)
+    """Commands that hold currents of shape (..., n): voltages, or the currents themselves for an amplifier."""
+    return np.where(commands_currents(model), currents, resting_voltages(model, currents))
+
+
+def resting_voltages(model: ActuatorModel, currents: FloatArray) -> FloatArray:
+    """Voltages to command so that currents of shape (..., n) stay where the body rests; infinite for infinite ones."""
+    finite, box = np.isfinite(currents), model.validity
+    middle = np.full(np.shape(currents)[:-1], 0.5 * (box.distance_min_m + box.distance_max_m))
+    volts = voltages_needed(model, middle, np.zeros_like(middle), np.where(finite, currents, 0.0))[0]
+    return np.where(finite, volts, currents)
 
 
 def _require_driven(model: ActuatorModel, distance: float, currents: FloatArray) -> None:
