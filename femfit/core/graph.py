@@ -97,6 +97,8 @@ _LATE: ContextVar[_Late] = ContextVar("_LATE")
 _BUILDING = threading.RLock()
 """Held while expressions are made."""
 
+_MODE = ca.GlobalOptions.getNumpyMode()
+
 
 @contextmanager
 def building() -> Iterator[None]:
@@ -114,6 +116,8 @@ def building() -> Iterator[None]:
 def _after_fork() -> None:
     global _BUILDING  # noqa: PLW0603  a thread that the child does not have may hold it
     _BUILDING = threading.RLock()
+    if _LATE.get(None) is None:  # it was not this thread that built
+        ca.GlobalOptions.setNumpyMode(_MODE)
 
 
 if hasattr(os, "register_at_fork"):

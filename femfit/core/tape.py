@@ -6,7 +6,7 @@ whose library of mathematics is that of compiled code, too.
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -48,27 +48,58 @@ class _Elementary:
             first = end
 
 
-_UFUNCS: dict[str, Callable[..., Any]] = {
-    "ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide, "NEG": np.negative, "SQ": np.square,
-    "SQRT": np.sqrt, "FLOOR": np.floor, "FABS": np.abs, "FMAX": np.fmax, "FMIN": np.fmin, "SIGN": np.sign,
-    "LE": np.less_equal, "LT": np.less, "EQ": np.equal, "NE": np.not_equal, "NOT": np.logical_not,
-    "AND": np.logical_and, "OR": np.logical_or, "INV": np.reciprocal, "COPYSIGN": np.copysign,
-    "ASSIGN": np.positive, "TWICE": lambda x, out: np.add(x, x, out=out),
-    "IF_ELSE_ZERO": lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)),
-}  # fmt: skip
-_ELEMENTARY: dict[str, Callable[..., SX]] = {
-    "EXP": ca.exp, "EXPM1": ca.expm1, "LOG": ca.log, "LOG1P": ca.log1p, "TANH": ca.tanh, "SIN": ca.sin, "COS": ca.cos,
-    "TAN": ca.tan, "ATAN": ca.atan, "SINH": ca.sinh, "COSH": ca.cosh, "ASINH": ca.asinh,
-}  # fmt: skip
-_OF_TWO: dict[str, Callable[..., SX]] = {"ATAN2": ca.atan2, "POW": ca.power, "CONSTPOW": ca.power}
-_OPERATIONS = {
-    getattr(ca, f"OP_{name}"): function
-    for name, function in (
-        *_UFUNCS.items(),
-        *((name, _Elementary(function)) for name, function in _ELEMENTARY.items()),
-        *((name, _Elementary(function, operands=2)) for name, function in _OF_TWO.items()),
-    )
+class Operation(NamedTuple):
+    """An instruction of CasADi: over arrays, and in the text of a Python file."""
+
+    run: Callable[..., Any]
+    form: str
+
+
+_OPERATIONS: dict[str, Operation] = {
+    "ADD": Operation(np.add, "{} + {}"),
+    "SUB": Operation(np.subtract, "{} - {}"),
+    "MUL": Operation(np.multiply, "{} * {}"),
+    "DIV": Operation(np.divide, "{} / {}"),
+    "NEG": Operation(np.negative, "-{}"),
+    "SQ": Operation(np.square, "{0} * {0}"),
+    "TWICE": Operation(lambda x, out: np.add(x, x, out=out), "2.0 * {}"),
+    "INV": Operation(np.reciprocal, "1.0 / {}"),
+    "ASSIGN": Operation(np.positive, "{}"),
+    "SQRT": Operation(np.sqrt, "sqrt({})"),
+    "FLOOR": Operation(np.floor, "floor({})"),
+    "CEIL": Operation(np.ceil, "ceil({})"),
+    "FABS": Operation(np.abs, "abs({})"),
+    "SIGN": Operation(np.sign, "sign({})"),
+    "COPYSIGN": Operation(np.copysign, "copysign({}, {})"),
+    "FMAX": Operation(np.fmax, "fmax({}, {})"),
+    "FMIN": Operation(np.fmin, "fmin({}, {})"),
+    "LE": Operation(np.less_equal, "({} <= {})"),
+    "LT": Operation(np.less, "({} < {})"),
+    "EQ": Operation(np.equal, "({} == {})"),
+    "NE": Operation(np.not_equal, "({} != {})"),
+    "NOT": Operation(np.logical_not, "not_({})"),
+    "AND": Operation(np.logical_and, "and_({}, {})"),
+    "OR": Operation(np.logical_or, "or_({}, {})"),
+    "IF_ELSE_ZERO": Operation(lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)), "where({}, {})"),
+    "CONSTPOW": Operation(_Elementary(ca.power, 2), "power({}, {})"),
+    "POW": Operation(_Elementary(ca.power, 2), "power({}, {})"),
 }
+for _name in "exp expm1 log log1p sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh erf".split():
+    _OPERATIONS[_name.upper()] = Operation(_Elementary(getattr(ca, _name)), _name + "({})")
+for _name in ("atan2", "hypot", "fmod"):
+    _OPERATIONS[_name.upper()] = Operation(_Elementary(getattr(ca, _name), 2), _name + "({}, {})")
+_NAMES = {getattr(ca, name): name.removeprefix("OP_") for name in dir(ca) if name.startswith("OP_")}
+
+
+def operation(number: int) -> Operation:
+    """An operation by its number in CasADi."""
+    name = _NAMES[number]
+    if name not in _OPERATIONS:
+        raise NotImplementedError(
+            f"An expression must be made of {', '.join(_OPERATIONS)}; instead it holds {name}. Write it by these, or "
+            "list it in femfit/core/tape.py."
+        )
+    return _OPERATIONS[name]
 
 
 class Caller:
@@ -141,14 +172,14 @@ class Tape:
         held: dict[int, Any] = {}
         instructions: list[Any] = []
         for k in range(f.n_instructions()):
-            operation, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-            if operation == ca.OP_CONST:
+            number, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+            if number == ca.OP_CONST:
                 held[to[0]] = f.instruction_constant(k)
-            elif operation == ca.OP_INPUT:
+            elif number == ca.OP_INPUT:
                 held[to[0]] = given[of[0]][of[1]]
-            elif operation == ca.OP_OUTPUT:
+            elif number == ca.OP_OUTPUT:
                 instructions.append((np.positive, (held[of[0]],), result[to[1]]))
             else:
-                instructions.append((_OPERATIONS[operation], tuple(held[j] for j in of), work[to[0]]))
+                instructions.append((operation(number).run, tuple(held[j] for j in of), work[to[0]]))
                 held[to[0]] = work[to[0]]
         return given, instructions, result

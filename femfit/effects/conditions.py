@@ -46,7 +46,9 @@ class Nominal:
     hall_T_per_A: float
     # Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element
     hall_swing_V: float
-    voltage_V: float  # Largest magnitude that the driver gives; NaN where the model has no circuit
+    # Largest magnitude that the driver gives, or that holds the largest current where it is without limits; NaN where
+    # the model has no circuit
+    voltage_V: float
     sample_time_s: float
     # Energy of all drawn springs in J, and their push away from the electromagnet in N; None without springs
     springs: Callable[[Expression], Expression] | None = None

@@ -28,6 +28,7 @@ from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics, Wind
 from femfit.model.sample_step import SampleStep
 from femfit.model.several_magnetics import FORMULA, NETWORK, CoenergyMatrix, CoenergyTensor, NetworkMagnetics
 from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
+from femfit.model.with_effects import with_parts
 
 Part = TypeVar("Part")
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -114,6 +115,14 @@ class ActuatorModel(Printed):
     drawn: tuple[DrawnEffect, ...] = limited(default=(), metadata={"omit": True})
     eddy: EddyCurrents | None = limited(default=None, metadata={"omit": True})
     provenance: Mapping[str, Any] = limited(default_factory=dict, metadata={"required": True})
+
+    def __post_init__(self) -> None:
+        at = self.conditions
+        now = {"coil_temperature_C": self.coil_temperature_C, "magnet_temperature_C": self.magnet_temperature_C}
+        if at is not None and any(getattr(at, name) != value for name, value in now.items()):
+            anew = with_parts(self)  # another temperature, at which its effects make something else of it
+            for name in ("magnetics", "circuits", "sensor", "conditions"):
+                object.__setattr__(self, name, getattr(anew, name))
 
     def __str__(self) -> str:
         return sentence("model", "model", self)
@@ -334,8 +343,8 @@ class ActuatorModel(Printed):
 
     @property
     def memories(self) -> tuple[Memory, ...]:
-        """Those of effects whose parameters need states."""
-        return tuple(added.memory for added in self.effects if added.memory is not None)
+        """Those of effects whose parameters need states, which follow a winding's current."""
+        return tuple(added.memory for added in self.effects if added.memory is not None and self.circuits)
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -150,7 +150,7 @@ def polynomial(powers: tuple[int, ...]) -> ca.Function:
     return ca.Function("polynomial", [coefficients, at], [value(coefficients, ca.vertsplit(at), powers)])
 
 
-_TABLES: WeakKeyDictionary[Any, CellTable] = WeakKeyDictionary()
+_TABLES: WeakKeyDictionary[Any, dict[Any, CellTable]] = WeakKeyDictionary()
 
 
 def spline_at(
@@ -165,9 +165,11 @@ def spline_at(
     coefficients : array
         As of :class:`CellTable`.
     """
-    if owner not in _TABLES:
-        _TABLES[owner] = CellTable([cells_of(*axis) for axis in axes], coefficients)
-    return _TABLES[owner].at(*coordinates)
+    key = tuple((knots.tobytes(), *others) for knots, *others in axes)
+    tables = _TABLES.setdefault(owner, {})
+    if key not in tables:
+        tables[key] = CellTable([cells_of(*axis) for axis in axes], coefficients)
+    return tables[key].at(*coordinates)
 
 
 @dataclass(frozen=True)

@@ -290,7 +290,7 @@ class Equations:
         acceleration = motion.acceleration(d, v, force, model.sample_time_s)
         freedom = at.free if way is None else at.free * shares(-at.step * _braking(acceleration, v, at.step))[0]
         acceleration = freedom * acceleration
-        if not w.numel():
+        if not w.numel():  # no current that a state of an effect could follow
             return ca.vertcat(v if way is None else v + 0.5 * at.step * acceleration, acceleration), at.voltage
         speed, gain = (v, SX(0.0)) if way is None else way(v, acceleration)
         if way is not None:

@@ -11,13 +11,13 @@ sensor of a model reads what is recorded, so that it undoes the same effects.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.errors import MissingPartError
+from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
@@ -51,6 +51,7 @@ def nominal_of(model: "ActuatorModel") -> Nominal:
         swing = float(np.abs(sensor.output(d, i) - sensor.quiescent_V).max())
         per_ampere = float(sensor.field.derivatives(*middle)[2][:1].sum())
     clamp = (circuit.voltage_min_V, circuit.voltage_max_V) if circuit else (nan,)
+    largest = float(np.abs(limits).max())
     return Nominal(
         distance_min_m=domain.distance_min_m,
         distance_max_m=domain.distance_max_m,
@@ -68,7 +69,9 @@ def nominal_of(model: "ActuatorModel") -> Nominal:
         inductance_H=float(inductance[:1, :1].sum()),
         hall_T_per_A=per_ampere,
         hall_swing_V=swing,
-        voltage_V=max(abs(v) for v in clamp),
+        voltage_V=max(map(abs, clamp))
+        if np.isfinite(clamp).all() or circuit is None
+        else largest * circuit.resistance_ohm,
         sample_time_s=base.sample_time_s,
         voltage_driver=circuit is None or circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
@@ -142,6 +145,7 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     effects, base = tuple(effects), model.without_effects
     if not effects:
         return base
+    _require_known(base, effects)
     at = Conditions(
         nominal_of(base),
         coil_temperature_C=model.coil_temperature_C,
@@ -153,8 +157,6 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         near, far = changed_by(effects, "ends", motion.ends, at.nominal)
         motion = replace(motion.with_ends(near, far), mass_kg=changed_by(effects, "mass", motion.mass_kg))
     ohms = [float(resistance_of(circuit, effects, np.zeros(1), at)[0]) for circuit in base.circuits]
-    if at.nominal.circuits:
-        _require_of_circuits(base, effects)
     magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
     seen = any(added.effect.coenergy is not None for added in effects)
     if sensor is not None and (seen or any(added.effect.readings for added in effects)):
@@ -178,8 +180,27 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     )
 
 
-def _require_of_circuits(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
-    """Refuse effects that are written for one current, and magnets that do not stand apart."""
+def with_parts(model: "ActuatorModel", **parts: Any) -> "ActuatorModel":
+    """A model with other parts of its base, on which its effects act."""
+    at = {"coil_temperature_C": model.coil_temperature_C, "magnet_temperature_C": model.magnet_temperature_C}
+    return with_effects(replace(model.without_effects, **(at | parts)), model.effects)
+
+
+def _require_known(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
+    """Refuse an effect twice, those of no circuit or written for one current, and magnets that do not stand apart."""
+    names, circuits = [added.effect.name for added in effects], base.current_names
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise UsageError(
+            f"An effect must act once; instead received {', '.join(sorted(twice))} twice. Give it its parameters once."
+        )
+    several = circuits if len(circuits) > 1 else ()
+    if strange := [added.effect.name for added in effects if added.effect.of and added.effect.of not in several]:
+        raise MissingPartError(
+            f"Effects must be of circuits of model {base.name!r}, which has {', '.join(circuits) or 'none'}; instead "
+            f"received {', '.join(strange)}. {'Name one of them' if several else 'Leave the name of a circuit out'}."
+        )
+    if not several:
+        return
     if isinstance(base.magnetics, CoenergyTensor) and any(added.effect.name == "remanence" for added in effects):
         raise MissingPartError(
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "

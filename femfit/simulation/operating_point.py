@@ -21,14 +21,14 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import brentq
 
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents, held_limits
 from femfit.model.dynamics import evaluated, state_scale, voltages_needed
 from femfit.model.hall import PickupSensor
-from femfit.model.sensors import predict_sensor, reading_of, sensors_of
+from femfit.model.sensors import reading_of, sampled_value, sensors_of
 from femfit.simulation.constants import USABLE_PART
 
 
@@ -230,8 +230,10 @@ def rest_distance(model: ActuatorModel) -> float:
     return 0.5 * (box.distance_min_m + box.distance_max_m)
 
 
-def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -> dict[str, FloatArray]:
-    """Readings by their columns, cut to their range and as late as drawn; before the first of them, that one.
+def sensor_columns(
+    model: ActuatorModel, time: FloatArray, states: FloatArray
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Readings by their columns, and why some are not known; cut to their range and as late as drawn; before the first of them, that one.
 
     A pickup coil reads the mean over the step before. A sensor without a column of a record is left out, such as one of
     two position sensors in volts.
@@ -243,17 +245,19 @@ def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -
     states : array, shape (steps, n)
         As in :mod:`femfit.model.dynamics`.
     """
-    columns = {}
+    columns, unknown = {}, []
     for name, sensor in sensors_of(model).items():
         reading = reading_of(model, name)
         if reading.column is None:
             continue
+        try:
+            values = sampled_value(model, sensor, states, time)
+        except MissingPartError as error:
+            unknown.append(str(error))
+            continue
         if isinstance(sensor, PickupSensor):
-            flux = sensor.flux.field(states[:, 0], model.currents_of(states))
             steps = np.diff(time)
-            values = np.concatenate([[0.0], np.diff(flux) / np.where(steps > 0.0, steps, np.inf)])
-        else:
-            values = predict_sensor(model, sensor, states, time)
+            values = np.concatenate([[0.0], np.diff(values) / np.where(steps > 0.0, steps, np.inf)])
         late = np.interp(time - reading.delay_s, time, values)
         columns[reading.column] = np.clip(late, reading.low, reading.high)
-    return columns
+    return columns, tuple(unknown)
