@@ -55,39 +55,26 @@ class Operation(NamedTuple):
     form: str
 
 
-_OPERATIONS: dict[str, Operation] = {
-    "ADD": Operation(np.add, "{} + {}"),
-    "SUB": Operation(np.subtract, "{} - {}"),
-    "MUL": Operation(np.multiply, "{} * {}"),
-    "DIV": Operation(np.divide, "{} / {}"),
-    "NEG": Operation(np.negative, "-{}"),
-    "SQ": Operation(np.square, "{0} * {0}"),
-    "TWICE": Operation(lambda x, out: np.add(x, x, out=out), "2.0 * {}"),
-    "INV": Operation(np.reciprocal, "1.0 / {}"),
-    "ASSIGN": Operation(np.positive, "{}"),
-    "SQRT": Operation(np.sqrt, "sqrt({})"),
-    "FLOOR": Operation(np.floor, "floor({})"),
-    "CEIL": Operation(np.ceil, "ceil({})"),
-    "FABS": Operation(np.abs, "abs({})"),
-    "SIGN": Operation(np.sign, "sign({})"),
-    "COPYSIGN": Operation(np.copysign, "copysign({}, {})"),
-    "FMAX": Operation(np.fmax, "fmax({}, {})"),
-    "FMIN": Operation(np.fmin, "fmin({}, {})"),
-    "LE": Operation(np.less_equal, "({} <= {})"),
-    "LT": Operation(np.less, "({} < {})"),
-    "EQ": Operation(np.equal, "({} == {})"),
-    "NE": Operation(np.not_equal, "({} != {})"),
-    "NOT": Operation(np.logical_not, "not_({})"),
-    "AND": Operation(np.logical_and, "and_({}, {})"),
-    "OR": Operation(np.logical_or, "or_({}, {})"),
-    "IF_ELSE_ZERO": Operation(lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)), "where({}, {})"),
-    "CONSTPOW": Operation(_Elementary(ca.power, 2), "power({}, {})"),
-    "POW": Operation(_Elementary(ca.power, 2), "power({}, {})"),
-}
-for _name in "exp expm1 log log1p sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh erf".split():
-    _OPERATIONS[_name.upper()] = Operation(_Elementary(getattr(ca, _name)), _name + "({})")
-for _name in ("atan2", "hypot", "fmod"):
-    _OPERATIONS[_name.upper()] = Operation(_Elementary(getattr(ca, _name), 2), _name + "({}, {})")
+_WRITTEN: dict[str, tuple[Callable[..., Any], str]] = {
+    "ADD": (np.add, "{} + {}"), "SUB": (np.subtract, "{} - {}"), "MUL": (np.multiply, "{} * {}"),
+    "DIV": (np.divide, "{} / {}"), "NEG": (np.negative, "-{}"), "SQ": (np.square, "{0} * {0}"),
+    "TWICE": (lambda x, out: np.add(x, x, out=out), "2.0 * {}"), "INV": (np.reciprocal, "1.0 / {}"),
+    "ASSIGN": (np.positive, "{}"), "SQRT": (np.sqrt, "sqrt({})"), "FLOOR": (np.floor, "floor({})"),
+    "CEIL": (np.ceil, "ceil({})"), "FABS": (np.abs, "abs({})"), "SIGN": (np.sign, "sign({})"),
+    "COPYSIGN": (np.copysign, "copysign({}, {})"), "FMAX": (np.fmax, "fmax({}, {})"),
+    "FMIN": (np.fmin, "fmin({}, {})"), "LE": (np.less_equal, "({} <= {})"), "LT": (np.less, "({} < {})"),
+    "EQ": (np.equal, "({} == {})"), "NE": (np.not_equal, "({} != {})"), "NOT": (np.logical_not, "not_({})"),
+    "AND": (np.logical_and, "and_({}, {})"), "OR": (np.logical_or, "or_({}, {})"),
+    "IF_ELSE_ZERO": (lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)), "where({}, {})"),
+    "CONSTPOW": (_Elementary(ca.power, 2), "power({}, {})"), "POW": (_Elementary(ca.power, 2), "power({}, {})"),
+}  # fmt: skip
+_OF_ONE = (
+    "exp", "expm1", "log", "log1p", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh",
+    "acosh", "atanh", "erf",
+)  # fmt: skip
+_CALLED = {name: (_Elementary(getattr(ca, name)), f"{name}({{}})") for name in _OF_ONE}
+_CALLED |= {name: (_Elementary(getattr(ca, name), 2), f"{name}({{}}, {{}})") for name in ("atan2", "hypot", "fmod")}
+_OPERATIONS = {name.upper(): Operation(*both) for name, both in (_WRITTEN | _CALLED).items()}
 _NAMES = {getattr(ca, name): name.removeprefix("OP_") for name in dir(ca) if name.startswith("OP_")}
 
 

@@ -118,9 +118,11 @@ class ActuatorModel(Printed):
 
     def __post_init__(self) -> None:
         at = self.conditions
-        now = {"coil_temperature_C": self.coil_temperature_C, "magnet_temperature_C": self.magnet_temperature_C}
-        if at is not None and any(getattr(at, name) != value for name, value in now.items()):
-            anew = with_parts(self)  # another temperature, at which its effects make something else of it
+        if at is None:
+            return
+        now, before = ((of.coil_temperature_C, of.magnet_temperature_C) for of in (self, at))
+        if not np.array_equal(now, before, equal_nan=True):
+            anew = with_parts(self)  # effects make something else of it
             for name in ("magnetics", "circuits", "sensor", "conditions"):
                 object.__setattr__(self, name, getattr(anew, name))
 

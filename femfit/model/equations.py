@@ -518,16 +518,20 @@ def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:
 
 
 def _braking(acceleration: SX, velocity: SX, step: SX) -> SX:
-    """Slope of an acceleration by the velocity in 1/s, over a step in s.
+    """Slope of an acceleration by the velocity in 1/s, over a step in s: of the chord to the velocity after it.
 
-    Dry friction would throw back a body that it stops within the step: there the chord to rest is taken.
+    Of the chord to rest where dry friction, which stops the body within the step, would throw it back.
     """
     slope = ca.jacobian(acceleration, velocity)
     if not ca.depends_on(slope, velocity):
         return slope
-    turns = (ca.fabs(velocity) > LEAST_SPEED_M_S) * (velocity * (velocity + step * acceleration) < 0.0)
-    chord = (acceleration - ca.substitute(acceleration, velocity, 0.0)) / ca.if_else(turns, velocity, 1.0)
-    return ca.if_else(turns, chord, slope)
+    gain = step * acceleration
+    after = ca.substitute(acceleration, velocity, velocity + gain)
+    stops = (ca.fabs(velocity) > LEAST_SPEED_M_S) * (velocity * (velocity + gain) < 0.0) * (after * acceleration < 0.0)
+    ahead = ca.if_else(stops, ca.substitute(acceleration, velocity, 0.0), after)
+    way = ca.if_else(stops, -velocity, gain)
+    moves = ca.fabs(way) > LEAST_SPEED_M_S
+    return ca.if_else(moves, (ahead - acceleration) / ca.if_else(moves, way, 1.0), slope)
 
 
 def _slowed(change: SX, room: SX) -> SX:

@@ -233,7 +233,7 @@ def rest_distance(model: ActuatorModel) -> float:
 def sensor_columns(
     model: ActuatorModel, time: FloatArray, states: FloatArray
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Readings by their columns, and why some are not known; cut to their range and as late as drawn; before the first of them, that one.
+    """Readings by their columns, cut to their range and as late as drawn, and why some are not known.
 
     A pickup coil reads the mean over the step before. A sensor without a column of a record is left out, such as one of
     two position sensors in volts.

@@ -1,6 +1,9 @@
 """What is derived from one expression: the same over arrays and at single points, through every kind of part."""
 
+import math
+import os
 import pickle
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -11,7 +14,8 @@ from scipy.interpolate import BSpline
 
 from femfit.core import graph
 from femfit.core.graph import GraphFunction, Memo, building, of_variable, row_of, settled, slope
-from femfit.model.bspline import CellTable, cells_of
+from femfit.model.bspline import CellTable, TensorSpline, cells_of
+from femfit.targets.estimator import python_source
 
 RANDOM = np.random.default_rng(12)
 COUNTS = (1, 5, 16, 17, 1000, 2500)
@@ -53,6 +57,18 @@ def test_arrays_and_single_points_give_the_same_and_what_scipy_gives(cells, coun
     assert np.abs((found - wanted) / size).max() < 1e-12
     few = slice(0, 40)
     assert np.abs((alone(function, at[:, few]) - found[:, few]) / size).max() < 1e-14
+
+
+def test_a_spline_is_continued_as_each_expression_asks():
+    knots, coefficients = np.r_[[0.0] * 4, [1.0] * 4], RANDOM.normal(size=(4, 4))
+    values = []
+    for orders in ((2, 1), (1,)):
+        spline = TensorSpline(knots, knots, 3, 3, coefficients)
+        with building():
+            x = SX.sym("x", 2)
+            made = [GraphFunction([x], spline.expression(x[0], x[1], order)) for order in orders]
+        values.append(made[-1](np.array([[0.5], [3.0]]))[0, 0])
+    assert values[0] == values[1]
 
 
 @pytest.mark.parametrize("count", [1, 3000])
@@ -158,6 +174,46 @@ def test_what_is_given_is_not_overwritten_by_the_next_call():
         first = function(np.full((1, count), 2.0))
         function(np.full((1, count), 3.0))
         np.testing.assert_array_equal(first, 4.0)
+
+
+def test_arrays_know_the_operations_that_an_export_writes_and_name_others():
+    functions = {name: (getattr(ca, name), getattr(math, name)) for name in ("erf", "acos", "asin", "atanh", "ceil")}
+    functions |= {"acosh": (lambda x: ca.acosh(1.0 + x), lambda x: math.acosh(1.0 + x))}
+    functions |= {"hypot": (lambda x: ca.hypot(x, 2.0), lambda x: math.hypot(x, 2.0))}
+    with building():
+        x = SX.sym("x")
+        made = {name: GraphFunction([x], of(x)) for name, (of, _) in functions.items()}
+        inverse = GraphFunction([x], ca.erfinv(x))
+    for name, function in made.items():
+        assert function(np.full((1, 1000), 0.3))[0, -1] == pytest.approx(functions[name][1](0.3), rel=1e-14)
+        source = python_source("f", function, ["x"])
+        at_hand = {
+            name: getattr(math, name, None) for name in ("erf", "acos", "asin", "atanh", "ceil", "acosh", "hypot")
+        }
+        exec(source, at_hand)  # noqa: S102  its own
+        assert at_hand["f"]([0.3])[0] == pytest.approx(functions[name][1](0.3), rel=1e-14)
+    with pytest.raises(NotImplementedError, match="instead it holds ERFINV"):
+        inverse(np.full((1, 1000), 0.3))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_child_that_is_forked_while_another_thread_builds_has_numpys_own_functions():
+    begun, done = threading.Event(), threading.Event()
+
+    def builder():
+        with building():
+            begun.set()
+            done.wait()
+
+    thread = threading.Thread(target=builder)
+    thread.start()
+    begun.wait()
+    if not (child := os.fork()):
+        os._exit(ca.GlobalOptions.getNumpyMode() & 255)
+    _, status = os.waitpid(child, 0)
+    done.set()
+    thread.join()
+    assert os.waitstatus_to_exitcode(status) == ca.GlobalOptions.getNumpyMode()
 
 
 @pytest.mark.parametrize("cells", [5, 40])

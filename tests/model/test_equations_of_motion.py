@@ -287,7 +287,7 @@ def test_a_body_that_hangs_lies_or_stands_is_held_by_the_same_equations(levitati
 
 @pytest.mark.parametrize("creep", [None, 1e-3, 1e-5])
 def test_dry_friction_stops_a_sliding_body_and_does_not_throw_it_back(levitation_model, creep):
-    """Drawn, or as an effect that has its level from a creep on which is slower than what a step takes from the body."""
+    """Drawn, or as an effect whose level begins at a creep that is slower than what a step takes from the body."""
     spline = levitation_model.magnetics.spline
     coefficients = np.zeros_like(spline.coefficients)
     coefficients[:, -1] = 0.5 * 0.01 * spline.y_knots[-1] ** 2  # 10 mH i^2 / 2: no force
