@@ -128,15 +128,15 @@ class Compilation:
     def _look(self) -> None:
         """Begin where no other function is compiled, or see whether it is done."""
         if self._work is None and _ONE_COMPILER.acquire(blocking=False):
-            self._over, begun = True, False
+            self._over = True
             try:
                 command, source = _compiler(), self._source()
                 if command is not None and len(source) <= LARGEST:
-                    self._work, self._over = Future(), False
+                    self._work = Future()
                     threading.Thread(target=_compile, args=(command, source, self._work), daemon=True).start()
-                    begun = True
+                    self._over = False
             finally:
-                if not begun:
+                if self._over:
                     _ONE_COMPILER.release()
         if self._work is not None and self._work.done():
             self._over = True

@@ -12,13 +12,14 @@ Programming Computation 11 (2019) 1.
 
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,8 @@ from casadi import SX
 from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
 from femfit.core.tape import Caller, Tape
+
+Made = TypeVar("Made")
 
 Expression: TypeAlias = Any
 """An SX of CasADi, or a number where nothing depends on anything."""
@@ -218,11 +221,18 @@ def _bound(expressions: Sequence[SX]) -> list[SX]:
     return found
 
 
-class Memo(dict[Any, Any]):
-    """What is worked out again on demand: it is not pickled."""
+_MADE: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
+"""What :func:`once` made, as long as its owner lives; nothing of it refers to the owner."""
 
-    def __reduce__(self) -> tuple[type["Memo"], tuple[()]]:
-        return Memo, ()
+
+def once(owner: Any, key: Hashable, make: Callable[[], Made]) -> Made:
+    """What is made for an owner under a key, within :func:`building` where it is not there; no pickle of it has it."""
+    known = _MADE.setdefault(owner, {})
+    if key not in known:
+        with building():
+            known[key] = make()
+    made: Made = known[key]
+    return made
 
 
 class GraphFunction:
@@ -306,11 +316,6 @@ class GraphFunction:
         """Instructions of one point, without the rows' own."""
         return sum(tape.function.n_instructions() for tape, _ in self.stages)
 
-    @property
-    def _few(self) -> float:
-        """Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic."""
-        return NUMPY_US * self.operations / (CALL_US + INSTRUCTION_US * self.operations)
-
     def __call__(self, *inputs: FloatArray) -> FloatArray:
         """The output (entries, N) of inputs (entries, N), or (entries,) where one holds for all points."""
         counts = {x.shape[1] for x in inputs if x.ndim == 2}
@@ -323,7 +328,8 @@ class GraphFunction:
         if (library := self._compilation.after(count)) is not None:
             return library(inputs, count)
         result = np.empty((self.output.numel(), count))
-        if count <= self._few:  # by the interpreter, one point after the other
+        # Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic
+        if count <= NUMPY_US * self.operations / (CALL_US + INSTRUCTION_US * self.operations):
             for k in range(count):
                 result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
             return result

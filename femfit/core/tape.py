@@ -6,7 +6,7 @@ whose library of mathematics is that of compiled code, too.
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -48,13 +48,6 @@ class _Elementary:
             first = end
 
 
-class Operation(NamedTuple):
-    """An instruction of CasADi: over arrays, and in the text of a Python file."""
-
-    run: Callable[..., Any]
-    form: str
-
-
 _WRITTEN: dict[str, tuple[Callable[..., Any], str]] = {
     "ADD": (np.add, "{} + {}"), "SUB": (np.subtract, "{} - {}"), "MUL": (np.multiply, "{} * {}"),
     "DIV": (np.divide, "{} / {}"), "NEG": (np.negative, "-{}"), "SQ": (np.square, "{0} * {0}"),
@@ -74,12 +67,12 @@ _OF_ONE = (
 )  # fmt: skip
 _CALLED = {name: (_Elementary(getattr(ca, name)), f"{name}({{}})") for name in _OF_ONE}
 _CALLED |= {name: (_Elementary(getattr(ca, name), 2), f"{name}({{}}, {{}})") for name in ("atan2", "hypot", "fmod")}
-_OPERATIONS = {name.upper(): Operation(*both) for name, both in (_WRITTEN | _CALLED).items()}
+_OPERATIONS = _WRITTEN | {name.upper(): both for name, both in _CALLED.items()}
 _NAMES = {getattr(ca, name): name.removeprefix("OP_") for name in dir(ca) if name.startswith("OP_")}
 
 
-def operation(number: int) -> Operation:
-    """An operation by its number in CasADi."""
+def operation(number: int) -> tuple[Callable[..., Any], str]:
+    """An operation by its number in CasADi: over arrays, and in the text of a Python file."""
     name = _NAMES[number]
     if name not in _OPERATIONS:
         raise NotImplementedError(
@@ -167,6 +160,6 @@ class Tape:
             elif number == ca.OP_OUTPUT:
                 instructions.append((np.positive, (held[of[0]],), result[to[1]]))
             else:
-                instructions.append((operation(number).run, tuple(held[j] for j in of), work[to[0]]))
+                instructions.append((operation(number)[0], tuple(held[j] for j in of), work[to[0]]))
                 held[to[0]] = work[to[0]]
         return given, instructions, result

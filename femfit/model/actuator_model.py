@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.errors import DomainError, MissingPartError
-from femfit.core.graph import Memo
 from femfit.core.numerics import ABSOLUTE_ZERO_C, ComplexArray, FloatArray
 from femfit.core.results import Printed, Words
 from femfit.core.sweep_columns import circuit_currents
@@ -238,11 +237,6 @@ class ActuatorModel(Printed):
         if self.eddy is None:
             return self
         return replace(self, eddy=None, base=self.base and self.base.without_eddies)
-
-    @cached_property
-    def resting(self) -> Memo:
-        """What :mod:`femfit.model.at_rest` and :mod:`femfit.model.impedance` derived of it."""
-        return Memo()
 
     @cached_property
     def equations(self) -> Equations:

@@ -29,7 +29,7 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable, slope
+from femfit.core.graph import Expression, GraphFunction, building, of_variable, once, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
@@ -123,25 +123,22 @@ class Equations:
         """Time derivative of the state."""
         return self._function("rates", lambda at: self._rates(at.state, at))
 
-    def flow(self, driven: tuple[int, ...] = ()) -> GraphFunction:
+    def flow(self, driven: tuple[int, ...] = (), *, slope: bool = False) -> GraphFunction:
         """Time derivative of the state without dry friction, and after it the voltages that the circuits' drivers give.
 
         Parameters
         ----------
         driven : tuple of int
             The circuits whose currents have the rates in A/s that stand in the place of their voltages.
+        slope : bool
+            Whether the Jacobian by the state and these inputs is asked for instead, column after column.
         """
-        return self._function(("flow", driven), lambda at: self._flowing(at, driven))
 
-    def flow_slope(self, driven: tuple[int, ...] = ()) -> GraphFunction:
-        """Jacobian of :meth:`flow` by the state and what stands in the voltages' places, column after column."""
-        return self._function(
-            ("flow slope", driven),
-            lambda at: ca.vec(ca.jacobian(self._flowing(at, driven), ca.vertcat(at.state, at.voltage))),
-        )
+        def made(at: _Symbols) -> SX:
+            flow = ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
+            return ca.vec(ca.jacobian(flow, ca.vertcat(at.state, at.voltage))) if slope else flow
 
-    def _flowing(self, at: _Symbols, driven: tuple[int, ...]) -> SX:
-        return ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
+        return self._function(("flow", driven, slope), made)
 
     @property
     def rates_slope(self) -> GraphFunction:
@@ -150,7 +147,7 @@ class Equations:
 
     def step(self, length: float | None) -> GraphFunction:
         """The state one step later; of one length in s, or of any that is given with each state where None."""
-        length = length if self.linear else None
+        length = None if self._losses is None else length
         return self._function(("step", length), lambda at: self._step(at, length))
 
     def reading(self, sensor: AnySensor) -> GraphFunction:
@@ -163,22 +160,20 @@ class Equations:
 
     def _function(self, key: Hashable, make: Callable[[_Symbols], SX], sensor: Any = None) -> GraphFunction:
         """A function of the equations, made once; beside its sensor, so that its address stays its."""
-        if key not in self._known:
-            with building():
-                symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
-                at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
-                self._known[key] = sensor, GraphFunction(at.inputs, make(at))
-        function: GraphFunction = self._known[key][1]
-        return function
 
-    @property
-    def linear(self) -> bool:
-        """Whether there are eddy currents, and the inductances of all windings depend on the distance alone."""
-        return self._losses is not None
+        def made() -> tuple[Any, GraphFunction]:
+            symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
+            at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
+            return sensor, GraphFunction(at.inputs, make(at))
+
+        return once(self, key, made)[1]
 
     @cached_property
     def _losses(self) -> FloatArray | None:
-        """What currents take from their own windings in ohm, (m,), where the equations are linear in them."""
+        """What currents take from their own windings in ohm, (m,), beside eddy currents, where all is linear.
+
+        The inductances of all windings then depend on the distance alone, and what currents take on nothing.
+        """
         model = self.model
         if model.eddy is None or model.memories:
             return None
@@ -191,21 +186,18 @@ class Equations:
             return np.array(ca.DM(taken)).ravel() if of_distance and taken.is_constant() else None
 
     def _responses(self, length: float) -> ResponseTable:
-        key = "responses", length
-        if key not in self._known:
-            box, windings = self.model.validity, self.model.windings
-            self._known[key] = ResponseTable(
-                lambda d: windings.magnetics.inductance(d, np.zeros((len(d), windings.count))) + windings.series_H,
+        box, windings = self.model.validity, self.model.windings
+        inductance = windings.magnetics.inductance
+        return once(
+            self,
+            ("responses", length),
+            lambda: ResponseTable(
+                lambda d: inductance(d, np.zeros((len(d), windings.count))) + windings.series_H,
                 cast("FloatArray", self._losses),
                 length,
                 (box.distance_min_m, box.distance_max_m),
-            )
-        table: ResponseTable = self._known[key]
-        return table
-
-    @cached_property
-    def _known(self) -> Memo:
-        return Memo()
+            ),
+        )
 
     def rates_at(self, state: SX, voltage: SX) -> SX:
         """Time derivative of an expression's state, of a free body."""
@@ -221,7 +213,7 @@ class Equations:
         drivers : sequence of Driver
             That end currents at values of their own.
         """
-        of_one_length = length if self.linear and not isinstance(length, SX) else None
+        of_one_length = None if self._losses is None or isinstance(length, SX) else length
         return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **options)
 
     def parts(self, state: SX) -> tuple[SX, SX, SX, dict[str, SX]]:
@@ -351,7 +343,7 @@ class Equations:
         against, responses = ca.diag(resistances), None
         if length is not None:
             responses = self._responses(length).at(first.distance)
-        if self.linear:  # dL/dt of the way, by the currents' mean rates
+        if self._losses is not None:  # dL/dt of the way, by the currents' mean rates
             growth = decayed(inductance, against, driving, h)[0] if responses is None else responses[0] @ driving
             both[:, 1] += speed * slope_by_currents @ growth
         else:
@@ -387,7 +379,7 @@ class Equations:
             return _Core(w[0], SX(0.0), SX.zeros(w.numel()), SX(0.0), along)
         if eddy is None:
             return _Core(w[0], w[0], ca.vertcat(1.0, SX.zeros(w.numel() - 1)), SX(0.0), along)
-        u = eddy.acting(d, w)[0]
+        u = eddy.acting(d, w)[0][0]
         return _Core(w[0], u, ca.gradient(u, w), ca.gradient(u, d) * v, along)
 
     def _beside(

@@ -20,7 +20,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import GraphFunction, Memo, building
+from femfit.core.graph import GraphFunction, once
 from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -81,24 +81,21 @@ class OfCurrents(ABC):
         """Parts of :data:`AXES` at points, each (..., n, .., n)."""
         d, i = np.asarray(distance, dtype=np.float64), np.atleast_1d(np.asarray(currents, dtype=np.float64))
         n = i.shape[-1]
-        if (names, n) not in self._known:
-            with building():
-                at = SX.sym("d"), SX.sym("i", n)
-                parts = derivatives_of(names, SX(self.expression(*at)), *at)
-                self._known[names, n] = GraphFunction([ca.vertcat(*at)], ca.vertcat(*parts.values()))
+
+        def made() -> GraphFunction:
+            at = SX.sym("d"), SX.sym("i", n)
+            parts = derivatives_of(names, SX(self.expression(*at)), *at)
+            return GraphFunction([ca.vertcat(*at)], ca.vertcat(*parts.values()))
+
         axes = [AXES[name] for name in names]
         points = np.broadcast_shapes(d.shape, i.shape[:-1])
         x = np.empty((1 + n, *points))
         x[0] = d
         for k in range(n):
             x[1 + k] = i[..., k]
-        values = self._known[names, n](x.reshape(1 + n, -1))
+        values = once(self, (names, n), made)(x.reshape(1 + n, -1))
         pieces = np.split(values, np.cumsum([n**count for count in axes])[:-1])
         return [piece.T.reshape((*points, *[n] * count)) for piece, count in zip(pieces, axes, strict=True)]
-
-    @cached_property
-    def _known(self) -> Memo:
-        return Memo()
 
 
 class Magnetics(OfCurrents):

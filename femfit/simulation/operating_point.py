@@ -65,7 +65,7 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     all_driven, states = tuple(range(n)), np.zeros((3, still.order))
     states[:, 0], states[:, 2 : 2 + n] = distance, currents
     states[:, 1] = [0.0, -state_scale(model)[1], state_scale(model)[1]]
-    slope = evaluated(still, still.equations.flow_slope(all_driven), states[0]).reshape(still.order + n, -1).T
+    slope = evaluated(still, still.equations.flow(all_driven, slope=True), states[0]).reshape(still.order + n, -1).T
     needed = slope[still.order :]
     inverse = np.linalg.inv(needed[:, still.order :])
     A, B = np.zeros((2 + n, 2 + n)), np.zeros((2 + n, n))
@@ -97,15 +97,9 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
 
 def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
     """Commands that hold currents of shape (..., n): voltages, or the currents themselves for an amplifier."""
-    return np.where(commands_currents(model), currents, resting_voltages(model, currents))
-
-
-def resting_voltages(model: ActuatorModel, currents: FloatArray) -> FloatArray:
-    """Voltages to command so that currents of shape (..., n) stay where the body rests; infinite for infinite ones."""
-    finite, box = np.isfinite(currents), model.validity
-    middle = np.full(np.shape(currents)[:-1], 0.5 * (box.distance_min_m + box.distance_max_m))
-    volts = voltages_needed(model, middle, np.zeros_like(middle), np.where(finite, currents, 0.0))[0]
-    return np.where(finite, volts, currents)
+    middle = np.full(np.shape(currents)[:-1], 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m))
+    volts = voltages_needed(model, middle, np.zeros_like(middle), currents)[0]
+    return np.where(commands_currents(model), currents, volts)
 
 
 def _require_driven(model: ActuatorModel, distance: float, currents: FloatArray) -> None:

@@ -36,7 +36,7 @@ from femfit.simulation.allocation import (
     force_range,
 )
 from femfit.simulation.constants import FOLLOWED_PART, REFERENCE_PART, USABLE_PART, USED_AUTHORITY
-from femfit.simulation.operating_point import operating_point, resting_voltages, usable_coil_pole, zero_order_hold
+from femfit.simulation.operating_point import operating_point, usable_coil_pole, zero_order_hold
 
 
 def covered(model: ActuatorModel) -> ActuatorModel:
@@ -177,7 +177,8 @@ def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
     needed = _voltages(model, r, v, a, step)
     resting = _voltages(model, r, np.zeros_like(v), np.zeros_like(a), np.inf)
     # Of what can be held: beyond it a voltage may be used while the current changes, and is left to the feedback
-    held = resting_voltages(model, covered_currents(model))
+    ends = np.clip(covered_currents(model), *model.validity.current_limits_A[: len(model.circuits)].T)
+    held = voltages_needed(model, r[:2], np.zeros(2), ends)[0]
     limits = voltage_limits(model.circuits)
     low, high = np.maximum(limits[0], held[0]), np.minimum(limits[1], held[1])
     lower = resting - USED_AUTHORITY * (resting - low)

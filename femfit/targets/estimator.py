@@ -121,7 +121,7 @@ def _tape_lines(function: ca.Function, known: Sequence[str], result: str) -> lis
             outputs[to[1]] = f"o{to[1]}"
             lines.append(f"o{to[1]} = {held[of[0]]}")
         else:
-            lines.append(f"w{to[0]} = " + operation(number).form.format(*(held[j] for j in of)))
+            lines.append(f"w{to[0]} = " + operation(number)[1].format(*(held[j] for j in of)))
             held[to[0]] = f"w{to[0]}"
     return [*lines, f"{result} = [{', '.join(outputs)}]"]
 

@@ -13,7 +13,7 @@ from casadi import SX
 from scipy.interpolate import BSpline
 
 from femfit.core import graph
-from femfit.core.graph import GraphFunction, Memo, building, of_variable, row_of, settled, slope
+from femfit.core.graph import GraphFunction, building, of_variable, row_of, settled, slope
 from femfit.model.bspline import CellTable, TensorSpline, cells_of
 from femfit.targets.estimator import python_source
 
@@ -234,10 +234,7 @@ def test_threads_do_not_disturb_each_other(cells):
         assert max(pool.map(off, range(8))) < 1e-12
 
 
-def test_what_a_memo_knows_stays_behind_when_its_owner_is_pickled(levitation_model):
-    memo = Memo(known=1)
-    again = pickle.loads(pickle.dumps({"memo": memo}))["memo"]  # noqa: S301  its own
-    assert (type(again), dict(again)) == (Memo, {})
+def test_what_is_made_once_stays_behind_when_its_owner_is_pickled(levitation_model):
     d, i = np.linspace(0.02, 0.04, 50), np.full((50, 1), 0.5)
     wanted = levitation_model.magnetics.force(d, i)
     magnetics = pickle.loads(pickle.dumps(levitation_model.magnetics))  # noqa: S301  its own
