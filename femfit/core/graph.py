@@ -18,7 +18,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -100,8 +100,6 @@ _LATE: ContextVar[_Late] = ContextVar("_LATE")
 _BUILDING = threading.RLock()
 """Held while expressions are made."""
 
-_MODE = ca.GlobalOptions.getNumpyMode()
-
 
 @contextmanager
 def building() -> Iterator[None]:
@@ -120,7 +118,7 @@ def _after_fork() -> None:
     global _BUILDING  # noqa: PLW0603  a thread that the child does not have may hold it
     _BUILDING = threading.RLock()
     if _LATE.get(None) is None:  # it was not this thread that built
-        ca.GlobalOptions.setNumpyMode(_MODE)
+        ca.GlobalOptions.setNumpyMode(0)  # CasADi's own
 
 
 if hasattr(os, "register_at_fork"):
@@ -231,8 +229,7 @@ def once(owner: Any, key: Hashable, make: Callable[[], Made]) -> Made:
     if key not in known:
         with building():
             known[key] = make()
-    made: Made = known[key]
-    return made
+    return cast("Made", known[key])
 
 
 class GraphFunction:
@@ -256,7 +253,7 @@ class GraphFunction:
                 kept.insert(0, _Row(row.symbol, place, row.inner, row.table))
                 wanted |= _symbols_in(place)
         self.inputs, self.output, self.rows = [SX(x) for x in inputs], ca.densify(bound), kept
-        self._compilation = Compilation(self._of_a_point)
+        self._sizes, self._compilation = [x.numel() for x in self.inputs], Compilation(self._of_a_point)
 
     @cached_property
     def stages(self) -> list[tuple[Tape, list[_Row]]]:
@@ -305,11 +302,6 @@ class GraphFunction:
         """Points that are worked out together."""
         rows = max(tape.function.sz_w() + tape.function.nnz_in() + tape.function.nnz_out() for tape, _ in self.stages)
         return int(np.clip(WORK // rows, LEAST_BLOCK, LARGEST_BLOCK))
-
-    @cached_property
-    def _sizes(self) -> list[int]:
-        """Numbers of each input."""
-        return [x.numel() for x in self.inputs]
 
     @cached_property
     def operations(self) -> int:

@@ -61,10 +61,8 @@ _WRITTEN: dict[str, tuple[Callable[..., Any], str]] = {
     "IF_ELSE_ZERO": (lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)), "where({}, {})"),
     "CONSTPOW": (_Elementary(ca.power, 2), "power({}, {})"), "POW": (_Elementary(ca.power, 2), "power({}, {})"),
 }  # fmt: skip
-_OF_ONE = (
-    "exp", "expm1", "log", "log1p", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh",
-    "acosh", "atanh", "erf",
-)  # fmt: skip
+_CIRCULAR = tuple(inverse + name for inverse in ("", "a") for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh"))
+_OF_ONE = ("exp", "expm1", "log", "log1p", "erf", *_CIRCULAR)
 _CALLED = {name: (_Elementary(getattr(ca, name)), f"{name}({{}})") for name in _OF_ONE}
 _CALLED |= {name: (_Elementary(getattr(ca, name), 2), f"{name}({{}}, {{}})") for name in ("atan2", "hypot", "fmod")}
 _OPERATIONS = _WRITTEN | {name.upper(): both for name, both in _CALLED.items()}
@@ -75,10 +73,7 @@ def operation(number: int) -> tuple[Callable[..., Any], str]:
     """An operation by its number in CasADi: over arrays, and in the text of a Python file."""
     name = _NAMES[number]
     if name not in _OPERATIONS:
-        raise NotImplementedError(
-            f"An expression must be made of {', '.join(_OPERATIONS)}; instead it holds {name}. Write it by these, or "
-            "list it in femfit/core/tape.py."
-        )
+        raise NotImplementedError(f"Expressions must be made of {', '.join(_OPERATIONS)}; instead received {name}.")
     return _OPERATIONS[name]
 
 

@@ -144,8 +144,7 @@ MAGNET_DEMAGNETISATION = Effect(
 def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
     if np.isnan(at.nominal.hall_T_per_A):
         raise MissingPartError(
-            "A model must have a Hall element beside its winding for external_field, whose field is scaled by what a "
-            "current makes there; it has none. Leave that effect out."
+            "A model must have a Hall element for external_field; it has none. Leave that effect out."
         )
     equivalent = p["core_share"] * p["field_T"] / at.nominal.hall_T_per_A
     return base(at.d, at.i + equivalent, at.h) + at.h * p["field_T"]

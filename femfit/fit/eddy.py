@@ -277,14 +277,14 @@ def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
     """What a sweep's table would be if the field were as the splines say, with the circuits' part as it is there."""
     c, m, count = len(table.circuits), len(table.circuits) + eddy.count, len(table.distances_m)
     with building():
-        d, start, w, x = SX.sym("d"), SX.sym("start"), SX.sym("w", m), SX.sym("x", c, 3 + 2 * c)
+        d, w, x = SX.sym("d"), SX.sym("w", m), SX.sym("x", c, 3 + 2 * c)
         form, rise, of_circuits = ca.horzsplit(x, [0, 1 + c, 2 + 2 * c, 3 + 2 * c])
-        energy = eddy.expression(lambda at, u: ca.dot(u, (form + (at - start) * rise) @ ca.vertcat(1.0, 0.5 * u)), d, w)
+        energy = eddy.expression(lambda _, u: ca.dot(u, form @ ca.vertcat(1.0, 0.5 * u)), d, w)
         linkage = ca.gradient(energy, w)
         flux = ca.vec(ca.horzcat(linkage, ca.jacobian(linkage, w)))
         seen = ca.gradient(eddy.field(lambda _, u: ca.dot(of_circuits, u), d, w), w)
-        values = ca.vertcat(flux, ca.jacobian(flux, d), seen)
-        values = ca.substitute(values, ca.vertcat(w, start), ca.vertcat(SX.zeros(m), d))
+        changed = ca.jtimes(flux, ca.vertcat(d, ca.vec(form)), ca.vertcat(1.0, ca.vec(rise)))
+        values = ca.substitute(ca.vertcat(flux, changed, seen), w, SX.zeros(m))
         function = GraphFunction([d, ca.vec(x)], values)
     hall = np.zeros((count, 1 + c)) if table.hall is None else table.hall
     of_table = table.flux_linkage[:, :c, : 1 + c], -2.0 * table.force[:, 1 : 1 + c, : 1 + c], hall[:, 1 : 1 + c, None]

@@ -122,8 +122,12 @@ class ActuatorModel(Printed):
         now, before = ((of.coil_temperature_C, of.magnet_temperature_C) for of in (self, at))
         if not np.array_equal(now, before, equal_nan=True):
             anew = with_parts(self)  # effects make something else of it
-            for name in ("magnetics", "circuits", "sensor", "conditions"):
-                object.__setattr__(self, name, getattr(anew, name))
+            ohms = zip(self.circuits, anew.resistances_ohm.tolist(), strict=True)
+            sensor = self.sensor and replace(self.sensor, field=anew.require_sensor().field)
+            changed: dict[str, Any] = {"magnetics": anew.magnetics, "conditions": anew.conditions, "sensor": sensor}
+            changed["circuits"] = tuple(replace(circuit, resistance_ohm=ohm) for circuit, ohm in ohms)
+            for name, part in changed.items():
+                object.__setattr__(self, name, part)
 
     def __str__(self) -> str:
         return sentence("model", "model", self)

@@ -197,7 +197,7 @@ class EddyCurrents:
         return inner(distance, u) + ca.dot(hall, e)
 
     def acting(self, distance: SX, currents: SX) -> tuple[SX, SX, tuple[SX, SX, SX, SX]]:
-        """The currents u = i + C e that act in the static field, those of the patterns, and what goes with the distance."""
+        """The currents u = i + C e that act, those of the patterns, and what depends on the distance."""
         entries, (i, e) = self._entries(distance), ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
         return i + entries[0] @ e, e, entries
 
@@ -232,11 +232,6 @@ class EddyMagnetics(Magnetics):
 
     static: Magnetics
     eddy: EddyCurrents
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the circuits, then of the patterns."""
-        return (*self.eddy.circuits, *self.eddy.names)
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""

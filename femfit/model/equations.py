@@ -152,21 +152,19 @@ class Equations:
 
     def reading(self, sensor: AnySensor) -> GraphFunction:
         """What a sensor reads."""
+        return self._function(
+            ("reading", sensor), lambda at: reading_expression(self, sensor, at.state, at.voltage, at.time)
+        )
 
-        def made(at: _Symbols) -> SX:
-            return reading_expression(self, sensor, at.state, at.voltage, at.time)
+    def _function(self, key: Hashable, make: Callable[[_Symbols], SX]) -> GraphFunction:
+        """A function of the equations, made once."""
 
-        return self._function(("reading", id(sensor)), made, sensor)
-
-    def _function(self, key: Hashable, make: Callable[[_Symbols], SX], sensor: Any = None) -> GraphFunction:
-        """A function of the equations, made once; beside its sensor, so that its address stays its."""
-
-        def made() -> tuple[Any, GraphFunction]:
+        def made() -> GraphFunction:
             symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
             at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
-            return sensor, GraphFunction(at.inputs, make(at))
+            return GraphFunction(at.inputs, make(at))
 
-        return once(self, key, made)[1]
+        return once(self, key, made)
 
     @cached_property
     def _losses(self) -> FloatArray | None:
@@ -186,18 +184,14 @@ class Equations:
             return np.array(ca.DM(taken)).ravel() if of_distance and taken.is_constant() else None
 
     def _responses(self, length: float) -> ResponseTable:
-        box, windings = self.model.validity, self.model.windings
-        inductance = windings.magnetics.inductance
-        return once(
-            self,
-            ("responses", length),
-            lambda: ResponseTable(
-                lambda d: inductance(d, np.zeros((len(d), windings.count))) + windings.series_H,
-                cast("FloatArray", self._losses),
-                length,
-                (box.distance_min_m, box.distance_max_m),
-            ),
-        )
+        box, windings, losses = self.model.validity, self.model.windings, cast("FloatArray", self._losses)
+
+        def inductance(distance: FloatArray) -> FloatArray:
+            still = np.zeros((len(distance), windings.count))
+            return windings.magnetics.inductance(distance, still) + windings.series_H
+
+        ends = box.distance_min_m, box.distance_max_m
+        return once(self, ("responses", length), lambda: ResponseTable(inductance, losses, length, ends))
 
     def rates_at(self, state: SX, voltage: SX) -> SX:
         """Time derivative of an expression's state, of a free body."""
@@ -350,7 +344,8 @@ class Equations:
             direction = SX.sym("r", w.numel())  # dL/dt of currents with these rates, (m, m)
             change = ca.jacobian(ca.jtimes(first.linkage, w, direction), w)
             change = ca.substitute(change, direction, eliminated(inductance, driving)) - speed * slope_by_currents
-            against += _slowed(change, ca.diag(inductance) / h + resistances)
+            # Less where a current would grow more than e-fold within a step: of a negative inductance beyond the domain
+            against += change / ca.fmax(1.0, ca.mmax(-ca.diag(change) / (ca.diag(inductance) / h + resistances)))
         if responses is None:
             ends, means, ways = decayed(inductance, against, both, h)
         else:
@@ -524,11 +519,6 @@ def _braking(acceleration: SX, velocity: SX, step: SX) -> SX:
     way = ca.if_else(stops, -velocity, gain)
     moves = ca.fabs(way) > LEAST_SPEED_M_S
     return ca.if_else(moves, (ahead - acceleration) / ca.if_else(moves, way, 1.0), slope)
-
-
-def _slowed(change: SX, room: SX) -> SX:
-    """dL/dt, made less where a current would grow more than e-fold within a step: of a negative inductance beyond."""
-    return change / ca.fmax(1.0, ca.mmax(-ca.diag(change) / room))
 
 
 def _imposed(inductance: SX, driving: SX, places: list[int], rates: SX) -> tuple[SX, SX]:

@@ -146,13 +146,10 @@ def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
         raise refused("motion.far_stop", "at a larger distance than near_stop")
     if eddy is not None and circuits and eddy.circuits != circuits:
         raise refused("eddy.circuits", f"those of the model ({', '.join(circuits)}), in their order")
-    drawn = {one.key: one.effect for one in base.drawn}
-    added: list[AddedEffect] = []
+    drawn, added = {one.key: one.effect for one in base.drawn}, []
     for k, one in enumerate(filed.effects):
         effect = drawn.get(one.name) or (one.carried and one.carried.effect(one.name))  # type: ignore[attr-defined]
         effect = effect or effect_by_name(one.name)  # type: ignore[attr-defined]
-        if effect.name in (other.effect.name for other in added):
-            raise refused(f"effects[{k}].name", "the name of an effect that is not listed already")
         names = [p.name for p in effect.parameters]
         if set(one.parameters) != set(names) or not set(one.ci95) <= set(names):
             raise refused(f"effects[{k}]", f"of the parameters {', '.join(names)}")

@@ -51,7 +51,8 @@ def nominal_of(model: "ActuatorModel") -> Nominal:
         swing = float(np.abs(sensor.output(d, i) - sensor.quiescent_V).max())
         per_ampere = float(sensor.field.derivatives(*middle)[2][:1].sum())
     clamp = (circuit.voltage_min_V, circuit.voltage_max_V) if circuit else (nan,)
-    largest = float(np.abs(limits).max())
+    if circuit and not np.isfinite(clamp).all():
+        clamp = (circuit.resistance_ohm * float(np.abs(limits).max()),)
     return Nominal(
         distance_min_m=domain.distance_min_m,
         distance_max_m=domain.distance_max_m,
@@ -69,14 +70,12 @@ def nominal_of(model: "ActuatorModel") -> Nominal:
         inductance_H=float(inductance[:1, :1].sum()),
         hall_T_per_A=per_ampere,
         hall_swing_V=swing,
-        voltage_V=max(map(abs, clamp))
-        if np.isfinite(clamp).all() or circuit is None
-        else largest * circuit.resistance_ohm,
+        voltage_V=max(abs(v) for v in clamp),
         sample_time_s=base.sample_time_s,
         voltage_driver=circuit is None or circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.energy_of_springs if base.motion is not None and base.motion.springs else None,
-        push_of_springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
+        push_of_springs=base.motion.push_of_springs if base.motion is not None else np.zeros_like,
         circuits=base.circuit_names if len(limits) > 1 else (),
         magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
         drawn=tuple(one.effect for one in base.drawn),
@@ -199,20 +198,14 @@ def _require_known(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> N
             f"Effects must be of circuits of model {base.name!r}, which has {', '.join(circuits) or 'none'}; instead "
             f"received {', '.join(strange)}. {'Name one of them' if several else 'Leave the name of a circuit out'}."
         )
-    if not several:
-        return
-    if isinstance(base.magnetics, CoenergyTensor) and any(added.effect.name == "remanence" for added in effects):
+    if isinstance(base.magnetics, CoenergyTensor) and "remanence" in names:
         raise MissingPartError(
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
             "saturates, it does not stand apart. Take remanence out of the model's effects."
         )
-    unknown = []
-    for effect in (added.effect for added in effects):
-        # Several circuits can have effects of their own, the device's, or of the eddy currents alone
-        of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
-        if not (effect.of or effect.name in OF_THE_WHOLE or of_eddies):
-            unknown.append(effect.name)
-    if unknown:
+    # Several circuits can have effects of their own, the device's, or of the eddy currents alone
+    others = [added.effect for added in effects if not (added.effect.of or added.effect.name in OF_THE_WHOLE)]
+    if several and (unknown := [of.name for of in others if of.coenergy or not (of.impedance or of.eddy)]):
         raise MissingPartError(
             f"The effects {', '.join(unknown)} are of a device with one circuit; model {base.name!r} has "
             f"{len(base.circuits)}. Take them out of its file; a number of the drawing, femfit calibrate finds."

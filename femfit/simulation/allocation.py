@@ -52,11 +52,8 @@ def current_ranges(model: ActuatorModel) -> FloatArray:
     result = np.array([(max(a, c), min(b, d)) for (a, b), (c, d) in zip(box.current_limits_A, held, strict=True)])
     if len(result) == 1:
         return np.array([model.attracting_range(*result[0].tolist())])
-    middle = np.array([0.5 * (box.distance_min_m + box.distance_max_m)])
-    idle, busy = (
-        np.abs(model.magnetics.motional_constant(middle, currents[None])[0])
-        for currents in (np.zeros(len(result)), result[:, 1])
-    )
+    middle = np.full(2, 0.5 * (box.distance_min_m + box.distance_max_m))
+    idle, busy = np.abs(model.magnetics.motional_constant(middle, np.stack([0.0 * result[:, 1], result[:, 1]])))
     result[(idle < EVEN_PART * busy) & (result[:, 0] < 0.0), 0] = 0.0
     return result
 

@@ -102,7 +102,7 @@ def simulate(
     driven = zip(model.circuits, profiles, strict=True)
     windings = tuple(Winding(circuit, profile.kind == "current") for circuit, profile in driven)
     system, several = System(Feed(model, windings)), len(profiles) > 1
-    notes = tuple(note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several))
+    notes = [note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several)]
     begun_at, start = _start(system, rest_distance(model) if start_m is None else start_m)
     if outside not in {"stop", "extrapolate"}:
         raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
@@ -118,19 +118,18 @@ def simulate(
     within_limits = tuple(profile.within(*winding.limits) for profile, winding in zip(profiles, windings, strict=True))
     walk = Walk(system, within_limits, first, duration, outside == "extrapolate")
     step = duration / SAMPLES if sample_time_s is None else sample_time_s
-    size, (table, unknown) = system.size, _table(model, system, walk, step)
     return OpenLoop(
         model=model,
         profiles=profiles,
         duration_s=duration,
-        table=table,
+        table=_table(model, system, walk, step, notes),
         events=tuple(walk.events),
         switchings=switchings(walk.events, begun_at, within_limits),
-        energy=balance(model, system.mechanics, walk.first, walk.state, walk.state[size:]),
+        energy=balance(model, system.mechanics, walk.first, walk.state, walk.state[system.size :]),
         end_s=walk.time,
         left_domain=tuple(walk.left_domain.items()),
         extrapolated=outside == "extrapolate" and bool(walk.left_domain),
-        notes=notes + unknown,
+        notes=tuple(notes),
     )
 
 
@@ -142,13 +141,8 @@ def _start(system: System, start: float) -> tuple[Side | None, float]:
     return None, start
 
 
-def _table(
-    model: ActuatorModel, system: System, walk: Walk, step: float
-) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """The motion at equal steps, up to where it ended, and notes on sensors whose readings are not known.
-
-    Its own columns are true, whatever a sensor reads of them.
-    """
+def _table(model: ActuatorModel, system: System, walk: Walk, step: float, notes: list[str]) -> dict[str, FloatArray]:
+    """The motion at equal steps, up to where it ended; its own columns are true, whatever a sensor reads of them."""
     if not step > 0.0 or walk.time / step > 1e7:
         raise UsageError(
             f"The table's step must be > 0 s and give at most ten million rows; instead received {step:g} s."
@@ -178,8 +172,8 @@ def _table(
         "static_force_N": system.mechanics.static_force(d),
         **dict(zip(flux_columns(names), flux.T, strict=True)),
     }
-    sensed, unknown = sensor_columns(model, time, states[: system.size].T)
-    return motion | {name: read for name, read in sensed.items() if name not in motion}, unknown
+    sensed = sensor_columns(model, time, states[: system.size].T, notes)
+    return motion | {name: read for name, read in sensed.items() if name not in motion}
 
 
 def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import commands_currents, held_limits
+from femfit.model.drive import command_limits, commands_currents, held_limits
 from femfit.model.dynamics import evaluated, state_scale, voltages_needed
 from femfit.model.hall import PickupSensor
 from femfit.model.sensors import reading_of, sampled_value, sensors_of
@@ -58,27 +58,24 @@ class OperatingPoint:
 
 def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     """The point of rest at a distance."""
-    motion = model.require_motion()
     currents = holding_currents(model, distance)
-    _require_driven(model, distance, currents)
-    still, n, mass = model.without_eddies, len(currents), motion.mass_kg
+    commands = resting_command(model, currents)
+    _require_driven(model, distance, commands)
+    still, n = model.without_eddies, len(currents)
     all_driven, states = tuple(range(n)), np.zeros((3, still.order))
     states[:, 0], states[:, 2 : 2 + n] = distance, currents
     states[:, 1] = [0.0, -state_scale(model)[1], state_scale(model)[1]]
     slope = evaluated(still, still.equations.flow(all_driven, slope=True), states[0]).reshape(still.order + n, -1).T
     needed = slope[still.order :]
     inverse = np.linalg.inv(needed[:, still.order :])
-    A, B = np.zeros((2 + n, 2 + n)), np.zeros((2 + n, n))
-    A[0, 1], A[1], A[2:] = 1.0, slope[1, : 2 + n], -inverse @ needed[:, : 2 + n]
-    B[2:] = inverse
+    A = np.vstack([np.eye(2 + n)[1], slope[1, : 2 + n], -inverse @ needed[:, : 2 + n]])
+    B = np.vstack([np.zeros((2, n)), inverse])
     # Friction that is dry brakes a body in motion by less than its slope at rest
     _, slower, faster = evaluated(still, still.equations.flow(all_driven), states)[:, 1]
     A[1, 1] = (faster - slower) / (2.0 * states[2, 1])
-    gradient = -mass * A[1, 0]
-    along = -mass * A[1, 2:] / model.resistances_ohm  # the least copper loss for a force
+    along = -A[1, 2:] / model.resistances_ohm  # the least copper loss for a force
     along = np.where(commands_currents(model), along, needed[:, 2 : 2 + n] @ along)
-    commands = resting_command(model, currents)
-    constant = float(np.sqrt(max(-gradient / mass, 0.0)))
+    constant = float(np.sqrt(max(A[1, 0], 0.0)))
     growing = constant if np.all(commands_currents(model)) else max(float(np.linalg.eigvals(A).real.max()), 0.0)
     return OperatingPoint(
         distance_m=distance,
@@ -87,7 +84,7 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
         direction=along / np.abs(along).max(),
         unstable_pole_rad_s=constant,
         runaway_rad_s=growing,
-        natural_rad_s=float(np.sqrt(abs(gradient) / mass)),
+        natural_rad_s=float(np.sqrt(abs(A[1, 0]))),
         coil_pole_rad_s=float(np.min(np.linalg.eigvals(-A[2:, 2:]).real)),
         inductance_H=float(needed[0, still.order]),
         A=A,
@@ -102,20 +99,18 @@ def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
     return np.where(commands_currents(model), currents, volts)
 
 
-def _require_driven(model: ActuatorModel, distance: float, currents: FloatArray) -> None:
-    """Refuse currents that the drivers cannot hold."""
-    motion = model.require_motion()
-    for circuit, current in zip(model.circuits, currents, strict=True):
-        low, high = held_limits(circuit)
-        if low <= current <= high:
-            continue
+def _require_driven(model: ActuatorModel, distance: float, commands: FloatArray) -> None:
+    """Refuse what the drivers cannot hold."""
+    for circuit, command in zip(model.circuits, commands, strict=True):
         amplifier = circuit.drive.kind == "current"
-        unit, factor = ("A", 1.0) if amplifier else ("V", circuit.resistance_ohm)
-        what = "current" if amplifier else "voltage"
+        low, high = held_limits(circuit) if amplifier else command_limits(circuit)
+        if low <= command <= high:
+            continue
+        what, unit = ("current", "A") if amplifier else ("voltage", "V")
         raise DomainError(
-            f"The driver must hold {1e3 * motion.mass_kg:g} g at {1e3 * distance:g} mm with a {what} of "
-            f"{factor * low:g}..{factor * high:g} {unit}; model {model.name!r} needs {factor * current:.4g} {unit} "
-            "there. Choose another reference distance, or change the body's mass or the supply in the actuator file."
+            f"The driver must hold {1e3 * model.require_motion().mass_kg:g} g at {1e3 * distance:g} mm with a {what} "
+            f"of {low:g}..{high:g} {unit}; model {model.name!r} needs {command:.4g} {unit} there. Choose another "
+            "reference distance, or change the body's mass or the supply in the actuator file."
         )
 
 
@@ -225,9 +220,9 @@ def rest_distance(model: ActuatorModel) -> float:
 
 
 def sensor_columns(
-    model: ActuatorModel, time: FloatArray, states: FloatArray
-) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Readings by their columns, cut to their range and as late as drawn, and why some are not known.
+    model: ActuatorModel, time: FloatArray, states: FloatArray, notes: list[str]
+) -> dict[str, FloatArray]:
+    """Readings by their columns, cut to their range and as late as drawn; before the first of them, that one.
 
     A pickup coil reads the mean over the step before. A sensor without a column of a record is left out, such as one of
     two position sensors in volts.
@@ -238,8 +233,10 @@ def sensor_columns(
         In s.
     states : array, shape (steps, n)
         As in :mod:`femfit.model.dynamics`.
+    notes : list of str
+        Takes why the readings of some sensors are not known.
     """
-    columns, unknown = {}, []
+    columns = {}
     for name, sensor in sensors_of(model).items():
         reading = reading_of(model, name)
         if reading.column is None:
@@ -247,11 +244,11 @@ def sensor_columns(
         try:
             values = sampled_value(model, sensor, states, time)
         except MissingPartError as error:
-            unknown.append(str(error))
+            notes.append(str(error))
             continue
         if isinstance(sensor, PickupSensor):
             steps = np.diff(time)
             values = np.concatenate([[0.0], np.diff(values) / np.where(steps > 0.0, steps, np.inf)])
         late = np.interp(time - reading.delay_s, time, values)
         columns[reading.column] = np.clip(late, reading.low, reading.high)
-    return columns, tuple(unknown)
+    return columns

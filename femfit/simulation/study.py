@@ -13,7 +13,6 @@ import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.files import json_ready
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.close_loop import run_loops
@@ -103,10 +102,7 @@ def closed_loop_study(
         held, series = loop.result.held, loop.result.series
         measured = {} if design.why_no_direct else {"direct": direct_distance(design, series)}
         for measurement, distance in (measured | {FILTER: series.estimated_distance_m}).items():
-            rms = _rms((distance - series.distance_m)[:, held])
+            errors = (distance - series.distance_m)[:, held]
+            rms = float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")
             rows.append(StepRow(name, measurement, rms, loop.held, loop.runs))
     return ClosedLoopStudy(design, seed, tuple(loops), tuple(rows))
-
-
-def _rms(errors: FloatArray) -> float:
-    return float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")
