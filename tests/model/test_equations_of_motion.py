@@ -121,6 +121,7 @@ FRICTION = [
     added("viscous_friction", damping_per_s=50.0),
     added("fluid_drag", drag_per_m=50.0),
     added("side_pull_friction", share=0.2),
+    added("supply_sag", inner_resistance=0.3),
 ]
 
 
