@@ -94,12 +94,12 @@ class SampleStep:
 
     def function(self, length: float, *, driven: bool = False, free: bool = True) -> GraphFunction:
         """(state, command) -> the parts of :meth:`step`, one below the other; made once."""
-
-        def made() -> GraphFunction:
-            x, u = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
-            return GraphFunction([x, u], ca.vertcat(*self.step(x, u, length, driven=driven, free=free)))
-
-        return once(self, (length, driven, free), made)
+        x, u = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
+        return once(
+            self,
+            (length, driven, free),
+            lambda: GraphFunction([x, u], ca.vertcat(*self.step(x, u, length, driven=driven, free=free))),
+        )
 
     def step(self, state: SX, command: SX, length: float, *, driven: bool = False, free: bool = True) -> tuple[SX, SX]:
         """An expression's state a step in s later, and the distance that a body without stops would come to.
