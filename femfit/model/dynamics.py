@@ -39,13 +39,10 @@ def voltages_needed(
     """
     still, n = model.without_eddies, len(model.circuits)
     state, rates = np.zeros((*np.shape(distance), 1 + n, still.order)), np.vstack([np.zeros(n), np.eye(n)])
-    state[..., 0], state[..., 1], state[..., 2 : 2 + n] = (
-        distance[..., None],
-        velocity[..., None],
-        currents[..., None, :],
-    )
-    flow = evaluated(still, still.equations.flow(tuple(range(n))), state, rates[:, 0] if n == 1 else rates)
-    volts = flow[..., still.order :]
+    state[..., 0], state[..., 1] = distance[..., None], velocity[..., None]
+    state[..., 2 : 2 + n] = currents[..., None, :]
+    inputs, flow = rates[:, 0] if n == 1 else rates, still.equations.flow(tuple(range(n)))
+    volts = evaluated(still, flow, state, inputs)[..., still.order :]
     return volts[..., 0, :], np.swapaxes(volts[..., 1:, :] - volts[..., :1, :], -1, -2)
 
 
