@@ -127,12 +127,16 @@ class Compilation:
     def _look(self) -> None:
         """Begin where no other function is compiled, or see whether it is done."""
         if self._work is None and _ONE_COMPILER.acquire(blocking=False):
-            self._work, command, source = Future(), _compiler(), self._source()
-            self._over = command is None or len(source) > LARGEST
-            if command is None or self._over:
-                _ONE_COMPILER.release()
-            else:
-                threading.Thread(target=_compile, args=(command, source, self._work), daemon=True).start()
+            self._over = True
+            try:
+                command, source = _compiler(), self._source()
+                if command is not None and len(source) <= LARGEST:
+                    self._work = Future()
+                    threading.Thread(target=_compile, args=(command, source, self._work), daemon=True).start()
+                    self._over = False
+            finally:
+                if self._over:
+                    _ONE_COMPILER.release()
         if self._work is not None and self._work.done():
             self._over = True
             try:

@@ -12,13 +12,14 @@ Programming Computation 11 (2019) 1.
 
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar, cast
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,8 @@ from casadi import SX
 from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
 from femfit.core.tape import Caller, Tape
+
+Made = TypeVar("Made")
 
 Expression: TypeAlias = Any
 """An SX of CasADi, or a number where nothing depends on anything."""
@@ -114,6 +117,8 @@ def building() -> Iterator[None]:
 def _after_fork() -> None:
     global _BUILDING  # noqa: PLW0603  a thread that the child does not have may hold it
     _BUILDING = threading.RLock()
+    if _LATE.get(None) is None:  # it was not this thread that built
+        ca.GlobalOptions.setNumpyMode(0)  # CasADi's own
 
 
 if hasattr(os, "register_at_fork"):
@@ -214,11 +219,17 @@ def _bound(expressions: Sequence[SX]) -> list[SX]:
     return found
 
 
-class Memo(dict[Any, Any]):
-    """What is worked out again on demand: it is not pickled."""
+_MADE: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
+"""What :func:`once` made, as long as its owner lives; nothing of it refers to the owner."""
 
-    def __reduce__(self) -> tuple[type["Memo"], tuple[()]]:
-        return Memo, ()
+
+def once(owner: Any, key: Hashable, make: Callable[[], Made]) -> Made:
+    """What is made for an owner under a key, within :func:`building` where it is not there; no pickle of it has it."""
+    known = _MADE.setdefault(owner, {})
+    if key not in known:
+        with building():
+            known[key] = make()
+    return cast("Made", known[key])
 
 
 class GraphFunction:
@@ -242,7 +253,7 @@ class GraphFunction:
                 kept.insert(0, _Row(row.symbol, place, row.inner, row.table))
                 wanted |= _symbols_in(place)
         self.inputs, self.output, self.rows = [SX(x) for x in inputs], ca.densify(bound), kept
-        self._compilation = Compilation(self._of_a_point)
+        self._sizes, self._compilation = [x.numel() for x in self.inputs], Compilation(self._of_a_point)
 
     @cached_property
     def stages(self) -> list[tuple[Tape, list[_Row]]]:
@@ -293,19 +304,9 @@ class GraphFunction:
         return int(np.clip(WORK // rows, LEAST_BLOCK, LARGEST_BLOCK))
 
     @cached_property
-    def _sizes(self) -> list[int]:
-        """Numbers of each input."""
-        return [x.numel() for x in self.inputs]
-
-    @cached_property
     def operations(self) -> int:
         """Instructions of one point, without the rows' own."""
         return sum(tape.function.n_instructions() for tape, _ in self.stages)
-
-    @property
-    def _few(self) -> float:
-        """Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic."""
-        return NUMPY_US * self.operations / (CALL_US + INSTRUCTION_US * self.operations)
 
     def __call__(self, *inputs: FloatArray) -> FloatArray:
         """The output (entries, N) of inputs (entries, N), or (entries,) where one holds for all points."""
@@ -319,7 +320,8 @@ class GraphFunction:
         if (library := self._compilation.after(count)) is not None:
             return library(inputs, count)
         result = np.empty((self.output.numel(), count))
-        if count <= self._few:  # by the interpreter, one point after the other
+        # Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic
+        if count <= NUMPY_US * self.operations / (CALL_US + INSTRUCTION_US * self.operations):
             for k in range(count):
                 result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
             return result

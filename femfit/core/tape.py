@@ -48,27 +48,33 @@ class _Elementary:
             first = end
 
 
-_UFUNCS: dict[str, Callable[..., Any]] = {
-    "ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide, "NEG": np.negative, "SQ": np.square,
-    "SQRT": np.sqrt, "FLOOR": np.floor, "FABS": np.abs, "FMAX": np.fmax, "FMIN": np.fmin, "SIGN": np.sign,
-    "LE": np.less_equal, "LT": np.less, "EQ": np.equal, "NE": np.not_equal, "NOT": np.logical_not,
-    "AND": np.logical_and, "OR": np.logical_or, "INV": np.reciprocal, "COPYSIGN": np.copysign,
-    "ASSIGN": np.positive, "TWICE": lambda x, out: np.add(x, x, out=out),
-    "IF_ELSE_ZERO": lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)),
+_WRITTEN: dict[str, tuple[Callable[..., Any], str]] = {
+    "ADD": (np.add, "{} + {}"), "SUB": (np.subtract, "{} - {}"), "MUL": (np.multiply, "{} * {}"),
+    "DIV": (np.divide, "{} / {}"), "NEG": (np.negative, "-{}"), "SQ": (np.square, "{0} * {0}"),
+    "TWICE": (lambda x, out: np.add(x, x, out=out), "2.0 * {}"), "INV": (np.reciprocal, "1.0 / {}"),
+    "ASSIGN": (np.positive, "{}"), "SQRT": (np.sqrt, "sqrt({})"), "FLOOR": (np.floor, "floor({})"),
+    "CEIL": (np.ceil, "ceil({})"), "FABS": (np.abs, "abs({})"), "SIGN": (np.sign, "sign({})"),
+    "COPYSIGN": (np.copysign, "copysign({}, {})"), "FMAX": (np.fmax, "fmax({}, {})"),
+    "FMIN": (np.fmin, "fmin({}, {})"), "LE": (np.less_equal, "({} <= {})"), "LT": (np.less, "({} < {})"),
+    "EQ": (np.equal, "({} == {})"), "NE": (np.not_equal, "({} != {})"), "NOT": (np.logical_not, "not_({})"),
+    "AND": (np.logical_and, "and_({}, {})"), "OR": (np.logical_or, "or_({}, {})"),
+    "IF_ELSE_ZERO": (lambda condition, x, out: np.copyto(out, np.where(condition, x, 0.0)), "where({}, {})"),
+    "CONSTPOW": (_Elementary(ca.power, 2), "power({}, {})"), "POW": (_Elementary(ca.power, 2), "power({}, {})"),
 }  # fmt: skip
-_ELEMENTARY: dict[str, Callable[..., SX]] = {
-    "EXP": ca.exp, "EXPM1": ca.expm1, "LOG": ca.log, "LOG1P": ca.log1p, "TANH": ca.tanh, "SIN": ca.sin, "COS": ca.cos,
-    "TAN": ca.tan, "ATAN": ca.atan, "SINH": ca.sinh, "COSH": ca.cosh, "ASINH": ca.asinh,
-}  # fmt: skip
-_OF_TWO: dict[str, Callable[..., SX]] = {"ATAN2": ca.atan2, "POW": ca.power, "CONSTPOW": ca.power}
-_OPERATIONS = {
-    getattr(ca, f"OP_{name}"): function
-    for name, function in (
-        *_UFUNCS.items(),
-        *((name, _Elementary(function)) for name, function in _ELEMENTARY.items()),
-        *((name, _Elementary(function, operands=2)) for name, function in _OF_TWO.items()),
-    )
-}
+_CIRCULAR = tuple(inverse + name for inverse in ("", "a") for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh"))
+_OF_ONE = ("exp", "expm1", "log", "log1p", "erf", *_CIRCULAR)
+_CALLED = {name: (_Elementary(getattr(ca, name)), f"{name}({{}})") for name in _OF_ONE}
+_CALLED |= {name: (_Elementary(getattr(ca, name), 2), f"{name}({{}}, {{}})") for name in ("atan2", "hypot", "fmod")}
+_OPERATIONS = _WRITTEN | {name.upper(): both for name, both in _CALLED.items()}
+_NAMES = {getattr(ca, name): name.removeprefix("OP_") for name in dir(ca) if name.startswith("OP_")}
+
+
+def operation(number: int) -> tuple[Callable[..., Any], str]:
+    """An operation by its number in CasADi: over arrays, and in the text of a Python file."""
+    name = _NAMES[number]
+    if name not in _OPERATIONS:
+        raise NotImplementedError(f"Expressions must be made of {', '.join(_OPERATIONS)}; instead received {name}.")
+    return _OPERATIONS[name]
 
 
 class Caller:
@@ -141,14 +147,14 @@ class Tape:
         held: dict[int, Any] = {}
         instructions: list[Any] = []
         for k in range(f.n_instructions()):
-            operation, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-            if operation == ca.OP_CONST:
+            number, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+            if number == ca.OP_CONST:
                 held[to[0]] = f.instruction_constant(k)
-            elif operation == ca.OP_INPUT:
+            elif number == ca.OP_INPUT:
                 held[to[0]] = given[of[0]][of[1]]
-            elif operation == ca.OP_OUTPUT:
+            elif number == ca.OP_OUTPUT:
                 instructions.append((np.positive, (held[of[0]],), result[to[1]]))
             else:
-                instructions.append((_OPERATIONS[operation], tuple(held[j] for j in of), work[to[0]]))
+                instructions.append((operation(number)[0], tuple(held[j] for j in of), work[to[0]]))
                 held[to[0]] = work[to[0]]
         return given, instructions, result

@@ -73,7 +73,7 @@ def source_scales(effects: Iterable[AddedEffect], circuits: Sequence[str]) -> li
     for added in effects:
         if added.effect.name == "remanence":
             scales[""] *= 1.0 + added.parameters["remanence_error"]
-        elif added.effect.name.partition(SEPARATOR)[0] == "turns":
+        elif circuits and added.effect.name.partition(SEPARATOR)[0] == "turns":
             scales[added.effect.of or circuits[0]] *= 1.0 + added.parameters["turns_error"]
     return list(scales.values())
 

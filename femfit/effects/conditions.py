@@ -8,7 +8,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.graph import Expression
-from femfit.core.numerics import GRAVITY, FloatArray
+from femfit.core.numerics import GRAVITY
 
 if TYPE_CHECKING:
     from femfit.effects.effect import Effect
@@ -46,11 +46,13 @@ class Nominal:
     hall_T_per_A: float
     # Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element
     hall_swing_V: float
-    voltage_V: float  # Largest magnitude that the driver gives; NaN where the model has no circuit
+    # Largest magnitude that the driver gives, or that holds the largest current where it is without limits; NaN where
+    # the model has no circuit
+    voltage_V: float
     sample_time_s: float
-    # Energy of all drawn springs in J, and their push away from the electromagnet in N; None without springs
+    # Energy of all drawn springs in J, None without, and their push away from the electromagnet in N
     springs: Callable[[Expression], Expression] | None = None
-    push_of_springs: Callable[[Expression], Expression] | None = None
+    push_of_springs: Callable[[Expression], Expression] = np.zeros_like
     stops_m: tuple[float, float] = (-np.inf, np.inf)  # Of the drawing, near and far; infinite where there is none
     circuits: tuple[str, ...] = ()  # Names of several circuits; numbers of the winding are those of the first
     magnets_apart: bool = True  # Whether the model's co-energy has a part of the magnets alone
@@ -77,10 +79,6 @@ class Nominal:
     def stiffness_N_per_m(self) -> float:  # noqa: N802 - the unit
         """Largest force over the width of the range of distances."""
         return self.force_N / self.travel_m
-
-    def spring_push(self, distance: FloatArray) -> FloatArray:
-        """Push of the drawn springs away from the electromagnet in N; zero without springs."""
-        return np.zeros(np.shape(distance)) if self.push_of_springs is None else self.push_of_springs(distance)
 
     def spring_energy(self, distance: Expression) -> Expression:
         """Energy of the drawn springs in J; zero without springs."""

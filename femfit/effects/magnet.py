@@ -28,6 +28,7 @@ H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 5: permeance betwee
 
 import numpy as np
 
+from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, slope
 from femfit.core.text import amount
 from femfit.effects.circuit import remanence_scaled
@@ -141,6 +142,10 @@ MAGNET_DEMAGNETISATION = Effect(
 
 
 def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    if np.isnan(at.nominal.hall_T_per_A):
+        raise MissingPartError(
+            "A model must have a Hall element for external_field; it has none. Leave that effect out."
+        )
     equivalent = p["core_share"] * p["field_T"] / at.nominal.hall_T_per_A
     return base(at.d, at.i + equivalent, at.h) + at.h * p["field_T"]
 

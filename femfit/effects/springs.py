@@ -137,7 +137,7 @@ SPRING_IN_FORCE = effect_of(
     experiment="Take the spring out and read the force again, the current off.",
     reference=f"{_REFERENCE}; how the sensor is mounted",
     readings=in_channel(
-        "force_N", lambda force, d, i, conditions, p: force - p["share"] * conditions.nominal.spring_push(d)
+        "force_N", lambda force, d, i, conditions, p: force - p["share"] * conditions.nominal.push_of_springs(d)
     ),
 )
 

@@ -1,7 +1,8 @@
 """How uncertain model and sensor are, with units, and the covariances Q and R that follow.
 
 Sensor: white noise of one sample plus the converter's quantisation, LSB^2 / 12. Current: the driver's voltage error,
-white from sample to sample, moves the current by sigma_U t_s / L in a step. Motion: a force error F_e that varies along
+white from sample to sample, moves the currents by A sigma_U in a step, with the A = (1 - exp(-t_s L^-1 R)) R^-1 of
+voltages that are held meanwhile. Motion: a force error F_e that varies along
 the path is seen as white acceleration of density q = 2 (F_e / m)^2 / lambda, that is, as noise with the variance
 (F_e / m)^2 and the correlation time 1 / lambda in which the body moves on. Over a step, white acceleration gives the
 covariance q [[t^3 / 3, t^2 / 2], [t^2 / 2, t]] of distance and velocity.
@@ -46,7 +47,8 @@ from femfit.estimate.constants import (
 )
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import currents_by_voltages, eddy_currents_of, state_derivative
+from femfit.model.decay import responses
+from femfit.model.dynamics import eddy_currents_of, state_derivative
 from femfit.model.sensors import HALL, reading_of
 
 
@@ -168,7 +170,7 @@ def process_covariance(
 ) -> FloatArray:
     """Q of one sample in m, m/s, A, pure numbers for the states of effects, and the units of biases, L at a distance.
 
-    The errors of several drivers are independent, and each moves all currents: cov i = L^-1 diag(sigma_U t)^2 L^-1.
+    The errors of several drivers are independent, and each moves all currents: cov i = A diag(sigma_U)^2 A^T.
 
     Parameters
     ----------
@@ -183,10 +185,8 @@ def process_covariance(
     moving = model.order
     result = np.zeros((moving + len(bias_densities),) * 2)
     result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
-    if model.eddy is None:
-        steps = np.linalg.inv(magnetic.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
-    else:
-        steps = currents_by_voltages(model, np.asarray(distance), middle, t)[:, :circuits] * np.asarray(noise.voltage_V)
+    moved_A_per_V = t * responses(magnetic.inductance + windings.series_H, windings.resistances_ohm, t)[0]
+    steps = moved_A_per_V[:, :circuits] * np.asarray(noise.voltage_V)
     result[2 : windings.end, 2 : windings.end] = steps @ steps.T
     if model.eddy is not None:
         each = range(2 + circuits, windings.end)

@@ -19,7 +19,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.errors import FilterError
-from femfit.core.graph import GraphFunction, Memo, building
+from femfit.core.graph import GraphFunction, once
 from femfit.core.numerics import FloatArray
 from femfit.estimate.constants import MOST_DELAYED_SAMPLES
 from femfit.model.actuator_model import ActuatorModel
@@ -215,15 +215,12 @@ class ProcessGraph:
         self, what: str | tuple[str, str], make: Callable[[SX, SX], SX], states: int | None = None
     ) -> GraphFunction:
         """A function of so many states, or all, and the circuits' voltages, made once."""
-        if what not in self._functions:
-            with building():
-                x, u = SX.sym("x", self.order if states is None else states), SX.sym("u", len(self.model.circuits))
-                self._functions[what] = GraphFunction([x, u], make(x, u))
-        return self._functions[what]
 
-    @cached_property
-    def _functions(self) -> dict[str | tuple[str, str], GraphFunction]:
-        return Memo()
+        def made() -> GraphFunction:
+            x, u = SX.sym("x", self.order if states is None else states), SX.sym("u", len(self.model.circuits))
+            return GraphFunction([x, u], make(x, u))
+
+        return once(self, what, made)
 
     def _values(self, function: GraphFunction, states: FloatArray, inputs: FloatArray | None = None) -> FloatArray:
         """Values (N, entries); without inputs where the function does not depend on them."""

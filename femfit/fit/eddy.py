@@ -11,10 +11,13 @@ The field gives all of them with their slopes over the distance, M' = -2 force, 
 from collections.abc import Collection
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from femfit.core.errors import FitError
+from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerances import KINDS
@@ -272,21 +275,25 @@ def _static_errors(table: EddyTable, magnetics: Magnetics) -> dict[str, float]:
 
 def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
     """What a sweep's table would be if the field were as the splines say, with the circuits' part as it is there."""
-    here, rising = eddy.whole_forms(table.distances_m, 0, 1)
-    c, force = len(table.circuits), np.zeros((len(table.distances_m), *[1 + len(table.circuits) + eddy.count] * 2))
-    g, bend = here.coupling, rising.coupling
-    turned, bent = np.swapaxes(g, 1, 2), np.swapaxes(bend, 1, 2)
-    phi, inductance = np.split(table.flux_linkage[:, :c, : 1 + c], [1], axis=2)
-    phi_1, inductance_1 = np.split(-2.0 * table.force[:, 1 : 1 + c, : 1 + c], [1], axis=2)
-    alone = turned @ phi + here.flux_linkage[..., None]
-    flux = np.concatenate([alone, turned @ inductance @ g + here.inductance], axis=2)
-    pull = -0.5 * (bent @ phi + turned @ phi_1 + rising.flux_linkage[..., None])
-    half = bent @ inductance @ g
-    force[:, :1, :1], force[:, 1:, :1], force[:, :1, 1:] = table.force[:, :1, :1], pull, np.swapaxes(pull, 1, 2)
+    c, m, count = len(table.circuits), len(table.circuits) + eddy.count, len(table.distances_m)
+    with building():
+        d, w, x = SX.sym("d"), SX.sym("w", m), SX.sym("x", c, 3 + 2 * c)
+        form, rise, of_circuits = ca.horzsplit(x, [0, 1 + c, 2 + 2 * c, 3 + 2 * c])
+        energy = eddy.expression(lambda _, u: ca.dot(u, form @ ca.vertcat(1.0, 0.5 * u)), d, w)
+        linkage = ca.gradient(energy, w)
+        flux = ca.vec(ca.horzcat(linkage, ca.jacobian(linkage, w)))
+        seen = ca.gradient(eddy.field(lambda _, u: ca.dot(of_circuits, u), d, w), w)
+        changed = ca.jtimes(flux, ca.vertcat(d, ca.vec(form)), ca.vertcat(1.0, ca.vec(rise)))
+        values = ca.substitute(ca.vertcat(flux, changed, seen), w, SX.zeros(m))
+        function = GraphFunction([d, ca.vec(x)], values)
+    hall = np.zeros((count, 1 + c)) if table.hall is None else table.hall
+    of_table = table.flux_linkage[:, :c, : 1 + c], -2.0 * table.force[:, 1 : 1 + c, : 1 + c], hall[:, 1 : 1 + c, None]
+    found = function(table.distances_m[None], np.concatenate(of_table, axis=2).T.reshape(-1, count))
+    linked, pull = (part.reshape(1 + m, m, count).T for part in np.split(found[:-m], 2))
+    force = np.zeros((count, 1 + m, 1 + m))
+    force[:, 0, 0] = table.force[:, 0, 0]
+    force[:, 1:, 0] = force[:, 0, 1:] = -0.5 * pull[:, :, 0]
     if table.bias_A is None:  # else the field does not tell what is of second order, either
-        force[:, 1:, 1:] = -0.5 * (half + np.swapaxes(half, 1, 2) + turned @ inductance_1 @ g + rising.inductance)
-    hall = None
-    if table.hall is not None:
-        at_hall = (table.hall[:, None, 1 : 1 + c] @ g)[:, 0] + here.hall
-        hall = np.concatenate([table.hall[:, :1], at_hall], axis=1)
-    return replace(table, force=force, flux_linkage=flux, hall=hall)
+        force[:, 1:, 1:] = -0.5 * pull[:, :, 1:]
+    at_hall = None if table.hall is None else np.concatenate([hall[:, :1], found[-m:].T], axis=1)
+    return replace(table, force=force, flux_linkage=linked, hall=at_hall)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.errors import DomainError, MissingPartError
-from femfit.core.graph import Memo
 from femfit.core.numerics import ABSOLUTE_ZERO_C, ComplexArray, FloatArray
 from femfit.core.results import Printed, Words
 from femfit.core.sweep_columns import circuit_currents
@@ -28,6 +27,7 @@ from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics, Wind
 from femfit.model.sample_step import SampleStep
 from femfit.model.several_magnetics import FORMULA, NETWORK, CoenergyMatrix, CoenergyTensor, NetworkMagnetics
 from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
+from femfit.model.with_effects import with_parts
 
 Part = TypeVar("Part")
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -114,6 +114,20 @@ class ActuatorModel(Printed):
     drawn: tuple[DrawnEffect, ...] = limited(default=(), metadata={"omit": True})
     eddy: EddyCurrents | None = limited(default=None, metadata={"omit": True})
     provenance: Mapping[str, Any] = limited(default_factory=dict, metadata={"required": True})
+
+    def __post_init__(self) -> None:
+        at = self.conditions
+        if at is None:
+            return
+        now, before = ((of.coil_temperature_C, of.magnet_temperature_C) for of in (self, at))
+        if not np.array_equal(now, before, equal_nan=True):
+            anew = with_parts(self)  # effects make something else of it
+            ohms = zip(self.circuits, anew.resistances_ohm.tolist(), strict=True)
+            sensor = self.sensor and replace(self.sensor, field=anew.require_sensor().field)
+            changed: dict[str, Any] = {"magnetics": anew.magnetics, "conditions": anew.conditions, "sensor": sensor}
+            changed["circuits"] = tuple(replace(circuit, resistance_ohm=ohm) for circuit, ohm in ohms)
+            for name, part in changed.items():
+                object.__setattr__(self, name, part)
 
     def __str__(self) -> str:
         return sentence("model", "model", self)
@@ -229,11 +243,6 @@ class ActuatorModel(Printed):
         return replace(self, eddy=None, base=self.base and self.base.without_eddies)
 
     @cached_property
-    def resting(self) -> Memo:
-        """What :mod:`femfit.model.at_rest` and :mod:`femfit.model.impedance` derived of it."""
-        return Memo()
-
-    @cached_property
     def equations(self) -> Equations:
         """The equations of its motion."""
         return Equations(self)
@@ -334,8 +343,8 @@ class ActuatorModel(Printed):
 
     @property
     def memories(self) -> tuple[Memory, ...]:
-        """Those of effects whose parameters need states."""
-        return tuple(added.memory for added in self.effects if added.memory is not None)
+        """Those of effects whose parameters need states, which follow a winding's current."""
+        return tuple(added.memory for added in self.effects if added.memory is not None and self.circuits)
 
     @property
     def state_names(self) -> tuple[str, ...]:

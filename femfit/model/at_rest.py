@@ -7,13 +7,13 @@ serves all values of them.
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import Expression, GraphFunction, building, of_variable, slope
+from femfit.core.graph import Expression, GraphFunction, building, of_variable, once, slope
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -78,7 +78,8 @@ def at_points(what: Hashable, expressions: Callable[[Point], Mapping[str, SX]], 
     what : hashable
         What tells the expressions from others of the same model.
     """
-    known, numbers = at.model.without_effects.resting, at.conditions.numbers
+    known: dict[Any, Any] = once(at.model.without_effects, at_points, dict)
+    numbers = at.conditions.numbers
     key = what, tuple(id(added.effect) for added in at.effects), tuple(numbers), at.conditions.running
     entry = known.get(key)
     if entry is None:  # beside the effects themselves, so that their addresses stay theirs

@@ -16,17 +16,16 @@ C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from math import factorial
 from typing import Any, Literal
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 from scipy.interpolate import BSpline
 
-from femfit.core.graph import Expression, GraphFunction, Memo, building, row_of
+from femfit.core.graph import Expression, GraphFunction, once, row_of
 from femfit.core.numerics import FloatArray
 
 PARABOLA, LINE = 2, 1
@@ -150,9 +149,6 @@ def polynomial(powers: tuple[int, ...]) -> ca.Function:
     return ca.Function("polynomial", [coefficients, at], [value(coefficients, ca.vertsplit(at), powers)])
 
 
-_TABLES: WeakKeyDictionary[Any, CellTable] = WeakKeyDictionary()
-
-
 def spline_at(
     owner: Any, axes: Sequence[tuple[Any, ...]], coefficients: FloatArray, *coordinates: Expression
 ) -> list[SX]:
@@ -165,9 +161,9 @@ def spline_at(
     coefficients : array
         As of :class:`CellTable`.
     """
-    if owner not in _TABLES:
-        _TABLES[owner] = CellTable([cells_of(*axis) for axis in axes], coefficients)
-    return _TABLES[owner].at(*coordinates)
+    key = tuple((knots.tobytes(), *others) for knots, *others in axes)
+    table = once(owner, ("table", key), lambda: CellTable([cells_of(*axis) for axis in axes], coefficients))
+    return table.at(*coordinates)
 
 
 @dataclass(frozen=True)
@@ -248,17 +244,13 @@ class DistanceSplines:
     def derivatives(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
         """Derivatives in d of all entries at distances (...), each (..., entries)."""
         distance = np.asarray(distance, dtype=np.float64)
-        if orders not in self._known:
-            with building():
-                d = SX.sym("d")
-                value, found = ca.vertcat(*self.expression(d)), []
-                for _ in range(max(orders) + 1):
-                    found.append(value)
-                    value = ca.jacobian(value, d)
-                self._known[orders] = GraphFunction([d], ca.vertcat(*(found[order] for order in orders)))
-        values = self._known[orders](distance.reshape(1, -1)).T
-        return [part.reshape(*distance.shape, -1) for part in np.split(values, len(orders), axis=1)]
 
-    @cached_property
-    def _known(self) -> dict[tuple[int, ...], GraphFunction]:
-        return Memo()
+        def made() -> GraphFunction:
+            d = SX.sym("d")
+            found = [ca.vertcat(*self.expression(d))]
+            for _ in range(max(orders)):
+                found.append(ca.jacobian(found[-1], d))
+            return GraphFunction([d], ca.vertcat(*(found[order] for order in orders)))
+
+        values = once(self, orders, made)(distance.reshape(1, -1)).T
+        return [part.reshape(*distance.shape, -1) for part in np.split(values, len(orders), axis=1)]

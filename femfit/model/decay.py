@@ -213,13 +213,19 @@ class ResponseTable:
         between = np.cos(np.pi * np.arange(1, DEGREE + 1) / (DEGREE + 1))
         fit = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
         powers = np.array([np.pad(chebyshev.cheb2poly(row), (0, DEGREE))[: DEGREE + 1] for row in np.eye(DEGREE + 1)])
-        scale = np.abs(_responses(inductance(np.linspace(*ends, 9)), resistances, step)).max(axis=0)
+        rows, columns = np.triu_indices(self._count)
+
+        def entries(distance: FloatArray) -> FloatArray:
+            matrices = responses(inductance(distance), resistances, step)[..., rows, columns]
+            return matrices.reshape(len(distance), -1)
+
+        scale = np.abs(entries(np.linspace(*ends, 9))).max(axis=0)
         waiting, cells = [(*ends, 0)], []
         while waiting:
             low, high, depth = waiting.pop()
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             at = np.concatenate([nodes, between])
-            values = _responses(inductance(middle + half * at), resistances, step)
+            values = entries(middle + half * at)
             coefficients = fit @ values[: DEGREE + 1]
             error = np.abs(chebyshev.chebvander(between, DEGREE) @ coefficients - values[DEGREE + 1 :]) / scale
             if error.max() > ERROR and depth < MOST_HALVINGS:
@@ -263,12 +269,10 @@ def _shares_of() -> GraphFunction:
         return GraphFunction([z], ca.vertcat(*shares(z)))
 
 
-def _responses(inductance: FloatArray, resistances: FloatArray, step: float) -> FloatArray:
-    """Entries (N, 3 m (m + 1) / 2) of the three matrices, each above its diagonal, row by row."""
+def responses(inductance: FloatArray, resistances: FloatArray, step: float) -> FloatArray:
+    """The three matrices (..., 3, m, m) of inductances (..., m, m) in H and resistances in ohm, for a step in s."""
     root = np.sqrt(resistances)
     times, modes = np.linalg.eigh(inductance / (root[:, None] * root))
     modes, z = modes / root[:, None], step / times
-    of_modes = np.moveaxis(_shares_of()(z.reshape(1, -1)).reshape(3, *z.shape), 0, 1) / times[:, None]
-    matrices = (modes[:, None] * of_modes[:, :, None]) @ np.swapaxes(modes, -1, -2)[:, None]
-    rows, columns = np.triu_indices(len(resistances))
-    return matrices[..., rows, columns].reshape(len(inductance), -1)
+    of_modes = np.moveaxis(_shares_of()(z.reshape(1, -1)).reshape(3, *z.shape), 0, -2) / times[..., None, :]
+    return np.asarray((modes[..., None, :, :] * of_modes[..., None, :]) @ np.swapaxes(modes, -1, -2)[..., None, :, :])

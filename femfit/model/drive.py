@@ -31,7 +31,7 @@ from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 
-_LEAST_SPEED_M_S = 1e-9
+LEAST_SPEED_M_S = 1e-9
 """Numerical: a body at rest on its stop counts as meeting it so fast, where the slope of its speed is finite."""
 
 
@@ -63,7 +63,7 @@ def met_stops(motion: Mechanics, before: tuple[SX, SX], after: tuple[SX, SX], st
         result = result - outward * (beyond * ca.fmax(0.0, outward * result))
         if stop.restitution:
             way, begun, pressing = outward * (stop.distance_m - first), ca.fmax(0.0, outward * velocity), outward * gain
-            met = ca.fmax(_LEAST_SPEED_M_S**2, begun**2 + 2.0 * pressing / step * way) ** 0.5
+            met = ca.fmax(LEAST_SPEED_M_S**2, begun**2 + 2.0 * pressing / step * way) ** 0.5
             left = between(1.0 - 2.0 * way / (step * (begun + met)), (0.0, 1.0))  # part of the step
             speed, pressed = stop.restitution * met, pressing * left
             returned = beyond * (2.0 * speed > pressed)
@@ -111,14 +111,6 @@ def commands_currents(model: "ActuatorModel") -> BoolArray:
 def voltage_limits(circuits: tuple[Circuit, ...]) -> FloatArray:
     """Least and largest voltage of each circuit, shape (2, n)."""
     return np.array([(one.voltage_min_V, one.voltage_max_V) for one in circuits]).T
-
-
-def circuit_terms(
-    model: "ActuatorModel", distance: FloatArray, currents: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Force (...), motional constants (..., n) and inductances (..., n, n) for any number of circuits."""
-    at = model.magnetics.state(distance, currents)
-    return at.force, at.motional_constant, at.inductance + model.series_inductances_H
 
 
 def regulated_current(circuit: Circuit, current: SX, command: SX, step: float) -> SX:

@@ -13,7 +13,6 @@ the back-EMF that their (32) lacks.
 """
 
 import numpy as np
-from scipy.linalg import expm
 
 from femfit.core.graph import GraphFunction
 from femfit.core.numerics import FloatArray
@@ -31,15 +30,20 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     return np.swapaxes(columns.reshape(*state.shape[:-1], order, order), -1, -2)
 
 
-def currents_by_voltages(model: ActuatorModel, distance: FloatArray, currents: FloatArray, step: float) -> FloatArray:
-    """How far voltages held over a step in s move all windings' currents (..., n + r), in A/V, (..., n + r, n + r)."""
-    windings, m = model.windings, model.windings.count
-    inductance = windings.magnetics.inductance(distance, currents) + windings.series_H
-    # (1 - exp(-h L^-1 R)) R^-1, as the exponential of a matrix of blocks
-    blocks = np.zeros((*inductance.shape[:-2], 2 * m, 2 * m))
-    blocks[..., :m, :m] = -step * np.linalg.solve(inductance, np.diag(windings.resistances_ohm))
-    blocks[..., :m, m:] = step * np.linalg.inv(inductance)
-    return np.asarray(expm(blocks)[..., :m, m:])
+def voltages_needed(
+    model: ActuatorModel, distance: FloatArray, velocity: FloatArray, currents: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Voltages (..., n) to command so that currents (..., n) stay, and the inductances (..., n, n) of their rates in H.
+
+    What effects make of circuit and driver counts; eddy currents are left aside.
+    """
+    still, n = model.without_eddies, len(model.circuits)
+    state, rates = np.zeros((*np.shape(distance), 1 + n, still.order)), np.vstack([np.zeros(n), np.eye(n)])
+    state[..., 0], state[..., 1] = distance[..., None], velocity[..., None]
+    state[..., 2 : 2 + n] = currents[..., None, :]
+    inputs, flow = rates[:, 0] if n == 1 else rates, still.equations.flow(tuple(range(n)))
+    volts = evaluated(still, flow, state, inputs)[..., still.order :]
+    return volts[..., 0, :], np.swapaxes(volts[..., 1:, :] - volts[..., :1, :], -1, -2)
 
 
 def evaluated(

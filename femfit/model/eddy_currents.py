@@ -83,11 +83,7 @@ class EddyBias:
 
 @dataclass(frozen=True, eq=False)
 class EddyForms:
-    """C, lambda, Q and h at distances, or a derivative of theirs in d.
-
-    For all n + r currents w = (i, e) together G = (1, C) stands in place of C, u = G w, and the others are zero for the
-    circuits.
-    """
+    """C, lambda, Q and h at distances, or a derivative of theirs in d."""
 
     coupling: FloatArray  # C, shape (..., n, r)
     flux_linkage: FloatArray  # lambda in Wb, shape (..., r)
@@ -177,17 +173,6 @@ class EddyCurrents:
         own = complex_array(inductance)[:, 0][self._places]
         return Patterns(complex_array(coupling), own, complex_array(SX(self.resistances_ohm))[:, 0])
 
-    def whole_forms(self, distance: FloatArray, *orders: int) -> list[EddyForms]:
-        """As :meth:`forms`, for all currents."""
-        found, orders, n, m = [], orders or (0,), len(self.circuits), len(self.circuits) + self.count
-        for order, one in zip(orders, self.forms(distance, *orders), strict=True):
-            points = one.flux_linkage.shape[:-1]
-            coupling, linkage, inductance, hall = (np.zeros((*points, *size)) for size in ((n, m), (m,), (m, m), (m,)))
-            coupling[..., :n], coupling[..., n:] = np.eye(n) * (order == 0), one.coupling
-            linkage[..., n:], inductance[..., n:, n:], hall[..., n:] = one.flux_linkage, one.inductance, one.hall
-            found.append(EddyForms(coupling, linkage, inductance, hall))
-        return found
-
     def scaled(self, magnets: float, currents: FloatArray) -> "EddyCurrents":
         """The patterns beside magnets and numbers of turns that are scaled: W_s(d, s u) has u = i + C e / s."""
         bias = self.bias and replace(self.bias, current_A=self.bias.current_A / np.asarray(currents))
@@ -200,7 +185,7 @@ class EddyCurrents:
 
     def expression(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
         """W'(d, i, e) of all currents, from the static W_s(d, u)."""
-        u, e, (_, linkage, _, inductance) = self._acting(distance, currents)
+        u, e, (_, linkage, _, inductance) = self.acting(distance, currents)
         own = SX(0.0)
         for place, (j, k) in enumerate(combinations_with_replacement(range(self.count), 2)):
             own += (0.5 if j == k else 1.0) * inductance[place] * e[j] * e[k]
@@ -208,15 +193,11 @@ class EddyCurrents:
 
     def field(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
         """B(d, i, e) at the Hall element, from the static B_s(d, u)."""
-        u, e, (_, _, hall, _) = self._acting(distance, currents)
+        u, e, (_, _, hall, _) = self.acting(distance, currents)
         return inner(distance, u) + ca.dot(hall, e)
 
-    def acting(self, distance: SX, currents: SX) -> SX:
-        """The circuits' currents u = i + C e that act in the static field."""
-        return self._acting(distance, currents)[0]
-
-    def _acting(self, distance: SX, currents: SX) -> tuple[SX, SX, tuple[SX, SX, SX, SX]]:
-        """The currents u that act, those of the patterns, and what depends on the distance."""
+    def acting(self, distance: SX, currents: SX) -> tuple[SX, SX, tuple[SX, SX, SX, SX]]:
+        """The currents u = i + C e that act, those of the patterns, and what depends on the distance."""
         entries, (i, e) = self._entries(distance), ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
         return i + entries[0] @ e, e, entries
 
@@ -251,11 +232,6 @@ class EddyMagnetics(Magnetics):
 
     static: Magnetics
     eddy: EddyCurrents
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the circuits, then of the patterns."""
-        return (*self.eddy.circuits, *self.eddy.names)
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""

@@ -29,12 +29,13 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable, slope
+from femfit.core.graph import Expression, GraphFunction, building, of_variable, once, slope
+from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
 from femfit.model.decay import ResponseTable, decayed, eliminated, shares
-from femfit.model.drive import between, endless, met_stops
+from femfit.model.drive import LEAST_SPEED_M_S, between, endless, met_stops
 from femfit.model.sensing import AnySensor, reading_expression
 
 if TYPE_CHECKING:
@@ -105,6 +106,7 @@ class _AtFirst:
     way: tuple[SX, SX]  # The speed along which the body induces a voltage, and its growth
     linkage: SX
     motional_constant: SX
+    pull: SX  # By which all forces on the body grow with the currents
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +123,23 @@ class Equations:
         """Time derivative of the state."""
         return self._function("rates", lambda at: self._rates(at.state, at))
 
+    def flow(self, driven: tuple[int, ...] = (), *, slope: bool = False) -> GraphFunction:
+        """Time derivative of the state without dry friction, and after it the voltages that the circuits' drivers give.
+
+        Parameters
+        ----------
+        driven : tuple of int
+            The circuits whose currents have the rates in A/s that stand in the place of their voltages.
+        slope : bool
+            Whether the Jacobian by the state and these inputs is asked for instead, column after column.
+        """
+
+        def made(at: _Symbols) -> SX:
+            flow = ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
+            return ca.vec(ca.jacobian(flow, ca.vertcat(at.state, at.voltage))) if slope else flow
+
+        return self._function(("flow", driven, slope), made)
+
     @property
     def rates_slope(self) -> GraphFunction:
         """Jacobian of :attr:`rates` by the state, column after column."""
@@ -128,54 +147,51 @@ class Equations:
 
     def step(self, length: float | None) -> GraphFunction:
         """The state one step later; of one length in s, or of any that is given with each state where None."""
-        length = length if self.linear else None
+        length = None if self._losses is None else length
         return self._function(("step", length), lambda at: self._step(at, length))
 
     def reading(self, sensor: AnySensor) -> GraphFunction:
         """What a sensor reads."""
+        return self._function(
+            ("reading", sensor), lambda at: reading_expression(self, sensor, at.state, at.voltage, at.time)
+        )
 
-        def made(at: _Symbols) -> SX:
-            return reading_expression(self, sensor, at.state, at.voltage, at.time)
+    def _function(self, key: Hashable, make: Callable[[_Symbols], SX]) -> GraphFunction:
+        """A function of the equations, made once."""
 
-        return self._function(("reading", id(sensor)), made, sensor)
+        def made() -> GraphFunction:
+            symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
+            at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
+            return GraphFunction(at.inputs, make(at))
 
-    def _function(self, key: Hashable, make: Callable[[_Symbols], SX], sensor: Any = None) -> GraphFunction:
-        """A function of the equations, made once; beside its sensor, so that its address stays its."""
-        if key not in self._known:
-            with building():
-                symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
-                at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
-                self._known[key] = sensor, GraphFunction(at.inputs, make(at))
-        function: GraphFunction = self._known[key][1]
-        return function
+        return once(self, key, made)
 
     @cached_property
-    def linear(self) -> bool:
-        """Whether there are eddy currents, and the inductances of all windings depend on the distance alone."""
+    def _losses(self) -> FloatArray | None:
+        """What currents take from their own windings in ohm, (m,), beside eddy currents, where all is linear.
+
+        The inductances of all windings then depend on the distance alone, and what currents take on nothing.
+        """
         model = self.model
         if model.eddy is None or model.memories:
-            return False
+            return None
         with building():
-            d, w = SX.sym("d"), SX.sym("w", model.windings.count)
-            inductance = ca.hessian(self.coenergy({})(d, w), w)[0]
-            return GraphFunction([d, w], ca.vec(inductance)).leaves_out(w)
+            d, v, w = SX.sym("d"), SX.sym("v"), SX.sym("w", model.windings.count)
+            linkage = ca.gradient(self.coenergy({})(d, w), w)
+            of_distance = GraphFunction([d, w], ca.vec(ca.jacobian(linkage, w))).leaves_out(w)
+            conditions = self.conditions(v, {}, -ca.jacobian(linkage, d) * v)
+            taken = self._circuits(SX.sym("u", len(model.circuits)), w, conditions)[2]
+            return np.array(ca.DM(taken)).ravel() if of_distance and taken.is_constant() else None
 
     def _responses(self, length: float) -> ResponseTable:
-        key = "responses", length
-        if key not in self._known:
-            box, windings = self.model.validity, self.model.windings
-            self._known[key] = ResponseTable(
-                lambda d: windings.magnetics.inductance(d, np.zeros((len(d), windings.count))) + windings.series_H,
-                windings.resistances_ohm,
-                length,
-                (box.distance_min_m, box.distance_max_m),
-            )
-        table: ResponseTable = self._known[key]
-        return table
+        box, windings, losses = self.model.validity, self.model.windings, cast("FloatArray", self._losses)
 
-    @cached_property
-    def _known(self) -> Memo:
-        return Memo()
+        def inductance(distance: FloatArray) -> FloatArray:
+            still = np.zeros((len(distance), windings.count))
+            return windings.magnetics.inductance(distance, still) + windings.series_H
+
+        ends = box.distance_min_m, box.distance_max_m
+        return once(self, ("responses", length), lambda: ResponseTable(inductance, losses, length, ends))
 
     def rates_at(self, state: SX, voltage: SX) -> SX:
         """Time derivative of an expression's state, of a free body."""
@@ -203,7 +219,7 @@ class Equations:
         drivers : sequence of Driver
             That end currents at values of their own.
         """
-        of_one_length = length if self.linear and not isinstance(length, SX) else None
+        of_one_length = None if self._losses is None or isinstance(length, SX) else length
         return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **options)
 
     def parts(self, state: SX) -> tuple[SX, SX, SX, dict[str, SX]]:
@@ -267,11 +283,12 @@ class Equations:
         first = w[0] if w.numel() else SX(0.0)
         motional = motional_constant * v
         conditions = self.conditions(v, memory, motional)
-        force = with_further_force(model.effects, force, d, first, conditions)
-        braked = at.step * motion.viscous_N_s_per_m / motion.mass_kg
-        freedom = at.free if way is None else at.free / (1.0 + 0.5 * braked)  # by the mean speed of a step
-        acceleration = freedom * motion.acceleration(d, v, force, model.sample_time_s)
-        if not w.numel():
+        further = SX(with_further_force(model.effects, 0.0, d, first, conditions))
+        force, pull = force + further, motional_constant + ca.gradient(further, w)
+        acceleration = motion.acceleration(d, v, force, model.sample_time_s)
+        freedom = at.free if way is None else at.free * shares(-at.step * _braking(acceleration, v, at.step))[0]
+        acceleration = freedom * acceleration
+        if not w.numel():  # no current that a state of an effect could follow
             return ca.vertcat(v if way is None else v + 0.5 * at.step * acceleration, acceleration), at.voltage
         speed, gain = (v, SX(0.0)) if way is None else way(v, acceleration)
         if way is not None:
@@ -280,11 +297,8 @@ class Equations:
         places = list(driven)
         commanded, imposed = SX(at.voltage), at.voltage[places]
         commanded[places] = 0.0
-        resistances, volts = self._circuits(commanded, first, conditions)
-        driving = volts - resistances * w
-        # What a current takes from its own winding, of a supply that sags under it too
-        taken = -ca.diag(ca.jacobian(driving, w))
-        circuits = inductance, resistances if way is None else taken, driving + motional
+        resistances, volts, taken = self._circuits(commanded, w, conditions)
+        circuits = inductance, resistances if way is None else taken, volts - resistances * w + motional
         core = self._core(d, v, w, ca.jacobian(linkage[0], z).T)
         if way is None:
             total, _, driving = self._beside(memory, core, circuits, conditions, (places, imposed))
@@ -292,7 +306,7 @@ class Equations:
             if driven:
                 commanded[places] = self._commanded(volts[places] + more, first, conditions)
         else:
-            at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant)
+            at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant, pull)
             fed = self._beside(memory, core, circuits, conditions)
             v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
             if memory:  # half-way
@@ -335,7 +349,7 @@ class Equations:
         against, responses = ca.diag(resistances), None
         if length is not None:
             responses = self._responses(length).at(first.distance)
-        if self.linear:  # dL/dt of the way, by the currents' mean rates
+        if self._losses is not None:  # dL/dt of the way, by the currents' mean rates
             growth = decayed(inductance, against, driving, h)[0] if responses is None else responses[0] @ driving
             both[:, 1] += speed * slope_by_currents @ growth
         else:
@@ -353,10 +367,10 @@ class Equations:
                 parts[:, 0] += parts[:, 2:] @ more
         changed, lag = h * (means[:, 0] + h * ways[:, 1]), first.freedom / self.model.require_motion().mass_kg
         curved = ca.dot(changed, slope_by_currents @ changed)  # the mean square of even growth is 4/3 of this
-        late = first.acceleration / 2.0 - lag * (h * ca.dot(constant, ways[:, 0]) + curved / 6.0)
+        late = first.acceleration / 2.0 - lag * (h * ca.dot(first.pull, ways[:, 0]) + curved / 6.0)
         return (
             first.velocity + h * late,
-            first.acceleration - lag * (ca.dot(constant, changed) + 2.0 / 3.0 * curved),
+            first.acceleration - lag * (ca.dot(first.pull, changed) + 2.0 / 3.0 * curved),
             ends[:, 0] + h * means[:, 1],
         )
 
@@ -371,7 +385,7 @@ class Equations:
             return _Core(w[0], SX(0.0), SX.zeros(w.numel()), SX(0.0), along)
         if eddy is None:
             return _Core(w[0], w[0], ca.vertcat(1.0, SX.zeros(w.numel() - 1)), SX(0.0), along)
-        u = eddy.acting(d, w)[0]
+        u = eddy.acting(d, w)[0][0]
         return _Core(w[0], u, ca.gradient(u, w), ca.gradient(u, d) * v, along)
 
     def _beside(
@@ -412,15 +426,15 @@ class Equations:
         rates, decays = found[: len(memory)], ca.vertsplit(found[len(memory) :])
         return rates if step is None else rates * ca.vertcat(*(shares(step * decay)[0] for decay in decays))
 
-    def _circuits(self, voltage: SX, first: SX, conditions: Conditions) -> tuple[SX, SX]:
-        """Resistances of all windings, and the voltages at them."""
+    def _circuits(self, voltage: SX, w: SX, conditions: Conditions) -> tuple[SX, SX, SX]:
+        """Resistances of all windings, the voltages at them, and what each current takes from its own in ohm."""
         model, windings = self.model, self.model.windings
         resistances = SX(windings.resistances_ohm)
         volts = ca.vertcat(voltage, SX.zeros(windings.count - voltage.numel()))
         if len(model.circuits) == 1:
             base = model.without_effects.circuits[0]
-            resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], first, conditions)
-        return resistances, volts
+            resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], w[0], conditions)
+        return resistances, volts, -ca.diag(ca.jacobian(volts - resistances * w, w))  # a supply that sags takes, too
 
     def _commanded(self, applied: SX, first: SX, conditions: Conditions) -> SX:
         """The voltages to command so that these are applied, from beyond a driver's dead zone on."""
@@ -499,6 +513,23 @@ def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:
         among = ca.diag(1.0 - free) + free @ free.T * gain
         more = free * eliminated(among, free * (missing - gain @ ((1.0 - free) * held))) + (1.0 - free) * held
     return limited(more)
+
+
+def _braking(acceleration: SX, velocity: SX, step: SX) -> SX:
+    """Slope of an acceleration by the velocity in 1/s, over a step in s: of the chord to the velocity after it.
+
+    Of the chord to rest where dry friction, which stops the body within the step, would throw it back.
+    """
+    slope = ca.jacobian(acceleration, velocity)
+    if not ca.depends_on(slope, velocity):
+        return slope
+    gain = step * acceleration
+    after = ca.substitute(acceleration, velocity, velocity + gain)
+    stops = (ca.fabs(velocity) > LEAST_SPEED_M_S) * (velocity * (velocity + gain) < 0.0) * (after * acceleration < 0.0)
+    ahead = ca.if_else(stops, ca.substitute(acceleration, velocity, 0.0), after)
+    way = ca.if_else(stops, -velocity, gain)
+    moves = ca.fabs(way) > LEAST_SPEED_M_S
+    return ca.if_else(moves, (ahead - acceleration) / ca.if_else(moves, way, 1.0), slope)
 
 
 def _slowed(change: SX, room: SX) -> SX:

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import GraphFunction, building
+from femfit.core.graph import GraphFunction, once
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Parameters
@@ -117,21 +117,22 @@ def impedances_at(
 ) -> ComplexArray:
     """Impedances in ohm at distances (...), currents (..., n) and frequencies (...) in Hz, (..., n, n)."""
     n = currents.shape[-1]
-    if impedances_at not in model.resting:
-        with building():
-            d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
-            inductance = ca.hessian(SX(model.magnetics.expression(d, i)), i)[0]
-            at = Point(model.without_effects, d, i, cast("Conditions", model.conditions), model.effects)
-            s, ohms = Complex(SX(0.0), 2.0 * np.pi * f), model.resistances_ohm.tolist()
-            entries = impedance_expression(at, inductance, s, ohms).ravel()
-            parts = [*(x.real for x in entries), *(x.imag for x in entries)]
-            model.resting[impedances_at] = GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
+
+    def made() -> GraphFunction:
+        d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
+        inductance = ca.hessian(SX(model.magnetics.expression(d, i)), i)[0]
+        at = Point(model.without_effects, d, i, cast("Conditions", model.conditions), model.effects)
+        s, ohms = Complex(SX(0.0), 2.0 * np.pi * f), model.resistances_ohm.tolist()
+        entries = impedance_expression(at, inductance, s, ohms).ravel()
+        parts = [*(x.real for x in entries), *(x.imag for x in entries)]
+        return GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
+
     points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
     x = np.empty((2 + n, *points))
     x[0], x[-1] = distance, frequency
     for k in range(n):
         x[1 + k] = currents[..., k]
-    real, imag = np.split(model.resting[impedances_at](x.reshape(2 + n, -1)), 2)
+    real, imag = np.split(once(model, "impedances", made)(x.reshape(2 + n, -1)), 2)
     return np.asarray((real + 1j * imag).T.reshape(*points, n, n))
 
 

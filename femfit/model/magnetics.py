@@ -20,7 +20,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import GraphFunction, Memo, building
+from femfit.core.graph import GraphFunction, once
 from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -81,25 +81,22 @@ class OfCurrents(ABC):
         """Parts of :data:`AXES` at points, each (..., n, .., n)."""
         d, i = np.asarray(distance, dtype=np.float64), np.atleast_1d(np.asarray(currents, dtype=np.float64))
         n = i.shape[-1]
-        if (names, n) not in self._known:
-            with building():
-                at = SX.sym("d"), SX.sym("i", n)
-                parts = derivatives_of(names, SX(self.expression(*at)), *at)
-                self._known[names, n] = GraphFunction([ca.vertcat(*at)], ca.vertcat(*parts.values()))
+
+        def made() -> GraphFunction:
+            at = SX.sym("d"), SX.sym("i", n)
+            parts = derivatives_of(names, SX(self.expression(*at)), *at)
+            return GraphFunction([ca.vertcat(*at)], ca.vertcat(*parts.values()))
+
         points = np.broadcast_shapes(d.shape, i.shape[:-1])
         x = np.empty((1 + n, *points))
         x[0] = d
         for k in range(n):
             x[1 + k] = i[..., k]
-        values, pieces, end = self._known[names, n](x.reshape(1 + n, -1)), [], 0
+        values, pieces, end = once(self, (names, n), made)(x.reshape(1 + n, -1)), [], 0
         for name in names:
             first, end = end, end + n ** AXES[name]
             pieces.append(values[first:end].T.reshape((*points, *[n] * AXES[name])))
         return pieces
-
-    @cached_property
-    def _known(self) -> Memo:
-        return Memo()
 
 
 class Magnetics(OfCurrents):

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import GraphFunction, Memo, building, of_variable
+from femfit.core.graph import GraphFunction, of_variable, once
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.model.decay import eliminated
 from femfit.model.drive import between, met_stops, regulated_current
@@ -94,18 +94,12 @@ class SampleStep:
 
     def function(self, length: float, *, driven: bool = False, free: bool = True) -> GraphFunction:
         """(state, command) -> the parts of :meth:`step`, one below the other; made once."""
-        key = length, driven, free
-        if key not in self._functions:
-            with building():
-                x, u = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
-                after = self.step(x, u, length, driven=driven, free=free)
-                self._functions[key] = GraphFunction([x, u], ca.vertcat(*after))
-        function: GraphFunction = self._functions[key]
-        return function
-
-    @cached_property
-    def _functions(self) -> Memo:
-        return Memo()
+        x, u = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
+        return once(
+            self,
+            (length, driven, free),
+            lambda: GraphFunction([x, u], ca.vertcat(*self.step(x, u, length, driven=driven, free=free))),
+        )
 
     def step(self, state: SX, command: SX, length: float, *, driven: bool = False, free: bool = True) -> tuple[SX, SX]:
         """An expression's state a step in s later, and the distance that a body without stops would come to.

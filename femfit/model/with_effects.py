@@ -11,13 +11,13 @@ sensor of a model reads what is recorded, so that it undoes the same effects.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.errors import MissingPartError
+from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
@@ -51,6 +51,8 @@ def nominal_of(model: "ActuatorModel") -> Nominal:
         swing = float(np.abs(sensor.output(d, i) - sensor.quiescent_V).max())
         per_ampere = float(sensor.field.derivatives(*middle)[2][:1].sum())
     clamp = (circuit.voltage_min_V, circuit.voltage_max_V) if circuit else (nan,)
+    if circuit and not np.isfinite(clamp).all():
+        clamp = (circuit.resistance_ohm * float(np.abs(limits).max()),)
     return Nominal(
         distance_min_m=domain.distance_min_m,
         distance_max_m=domain.distance_max_m,
@@ -73,7 +75,7 @@ def nominal_of(model: "ActuatorModel") -> Nominal:
         voltage_driver=circuit is None or circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.energy_of_springs if base.motion is not None and base.motion.springs else None,
-        push_of_springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
+        push_of_springs=base.motion.push_of_springs if base.motion is not None else np.zeros_like,
         circuits=base.circuit_names if len(limits) > 1 else (),
         magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
         drawn=tuple(one.effect for one in base.drawn),
@@ -142,6 +144,7 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     effects, base = tuple(effects), model.without_effects
     if not effects:
         return base
+    _require_known(base, effects)
     at = Conditions(
         nominal_of(base),
         coil_temperature_C=model.coil_temperature_C,
@@ -153,8 +156,6 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         near, far = changed_by(effects, "ends", motion.ends, at.nominal)
         motion = replace(motion.with_ends(near, far), mass_kg=changed_by(effects, "mass", motion.mass_kg))
     ohms = [float(resistance_of(circuit, effects, np.zeros(1), at)[0]) for circuit in base.circuits]
-    if at.nominal.circuits:
-        _require_of_circuits(base, effects)
     magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
     seen = any(added.effect.coenergy is not None for added in effects)
     if sensor is not None and (seen or any(added.effect.readings for added in effects)):
@@ -178,20 +179,33 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     )
 
 
-def _require_of_circuits(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
-    """Refuse effects that are written for one current, and magnets that do not stand apart."""
-    if isinstance(base.magnetics, CoenergyTensor) and any(added.effect.name == "remanence" for added in effects):
+def with_parts(model: "ActuatorModel", **parts: Any) -> "ActuatorModel":
+    """A model with other parts of its base, on which its effects act."""
+    at = {"coil_temperature_C": model.coil_temperature_C, "magnet_temperature_C": model.magnet_temperature_C}
+    return with_effects(replace(model.without_effects, **(at | parts)), model.effects)
+
+
+def _require_known(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
+    """Refuse an effect twice, those of no circuit or written for one current, and magnets that do not stand apart."""
+    names, circuits = [added.effect.name for added in effects], base.current_names
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise UsageError(
+            f"An effect must act once; instead received {', '.join(sorted(twice))} twice. Give it its parameters once."
+        )
+    several = circuits if len(circuits) > 1 else ()
+    if strange := [added.effect.name for added in effects if added.effect.of and added.effect.of not in several]:
+        raise MissingPartError(
+            f"Effects must be of circuits of model {base.name!r}, which has {', '.join(circuits) or 'none'}; instead "
+            f"received {', '.join(strange)}. {'Name one of them' if several else 'Leave the name of a circuit out'}."
+        )
+    if isinstance(base.magnetics, CoenergyTensor) and "remanence" in names:
         raise MissingPartError(
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
             "saturates, it does not stand apart. Take remanence out of the model's effects."
         )
-    unknown = []
-    for effect in (added.effect for added in effects):
-        # Several circuits can have effects of their own, the device's, or of the eddy currents alone
-        of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
-        if not (effect.of or effect.name in OF_THE_WHOLE or of_eddies):
-            unknown.append(effect.name)
-    if unknown:
+    # Several circuits can have effects of their own, the device's, or of the eddy currents alone
+    others = [added.effect for added in effects if not (added.effect.of or added.effect.name in OF_THE_WHOLE)]
+    if several and (unknown := [of.name for of in others if of.coenergy or not (of.impedance or of.eddy)]):
         raise MissingPartError(
             f"The effects {', '.join(unknown)} are of a device with one circuit; model {base.name!r} has "
             f"{len(base.circuits)}. Take them out of its file; a number of the drawing, femfit calibrate finds."

@@ -14,9 +14,7 @@ The commands that a controller may give: the drivers' range, as far as the curre
 
 A driver of 24 V on a winding of 1.4 ohm may need its voltage to change the current, and would leave the swept currents
 at once if it were held. So the voltage is kept between those that bring the current within a sample to the ends of the
-covered range,
-
-    U = R i + L (i_end - i)/t - k_m v.
+covered range, U = R i + L (i_end - i)/t - k_m v without effects.
 
 References
 ----------
@@ -31,7 +29,8 @@ from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import remembered
 from femfit.estimate.holding import bias_currents, nearest_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import circuit_terms, command_limits, commands_currents, held_limits
+from femfit.model.drive import command_limits, commands_currents, held_limits
+from femfit.model.dynamics import voltages_needed
 from femfit.simulation.constants import COVERED_PART
 
 _NEWTON_STEPS, _STEPS_FROM_NEAR = 40, 5
@@ -53,10 +52,8 @@ def current_ranges(model: ActuatorModel) -> FloatArray:
     result = np.array([(max(a, c), min(b, d)) for (a, b), (c, d) in zip(box.current_limits_A, held, strict=True)])
     if len(result) == 1:
         return np.array([model.attracting_range(*result[0].tolist())])
-    middle = np.array([0.5 * (box.distance_min_m + box.distance_max_m)])
-    idle, busy = (
-        np.abs(circuit_terms(model, middle, currents[None])[1][0]) for currents in (np.zeros(len(result)), result[:, 1])
-    )
+    middle = np.full(2, 0.5 * (box.distance_min_m + box.distance_max_m))
+    idle, busy = np.abs(model.magnetics.motional_constant(middle, np.stack([0.0 * result[:, 1], result[:, 1]])))
     result[(idle < EVEN_PART * busy) & (result[:, 0] < 0.0), 0] = 0.0
     return result
 
@@ -64,7 +61,7 @@ def current_ranges(model: ActuatorModel) -> FloatArray:
 def force_range(model: ActuatorModel, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Weakest and strongest force in N at distances in m, with the currents at the ends of :func:`current_ranges`."""
     forces = [
-        circuit_terms(model, distance, np.tile(currents, (len(distance), 1)))[0]
+        model.magnetics.force(distance, np.tile(currents, (len(distance), 1)))
         for currents in product(*current_ranges(model))
     ]
     return np.min(forces, axis=0), np.max(forces, axis=0)
@@ -177,11 +174,10 @@ def limited(model: ActuatorModel, estimate: FloatArray, command: FloatArray) -> 
     box = model.validity
     distance = np.clip(estimate[:, 0], box.distance_min_m, box.distance_max_m)
     currents = np.clip(estimate[:, 2:], *box.current_limits_A[: command.shape[1]].T)
-    _, motional, inductance = circuit_terms(model, distance, currents)
-    self_inductance_rate = np.einsum("rkk->rk", inductance) / model.sample_time_s
-    resting = model.resistances_ohm * currents - motional * estimate[:, 1:2] - self_inductance_rate * currents
+    volts, inductance = voltages_needed(model, distance, estimate[:, 1], currents)
+    own = np.einsum("rkk->rk", inductance) / model.sample_time_s
     ends = [
-        np.where(amplified, limit, resting + self_inductance_rate * end)
+        np.where(amplified, limit, volts + own * (end - currents))
         for limit, end in zip((low, high), covered_currents(model), strict=True)
     ]
     return np.clip(np.clip(command, ends[0], ends[1]), low, high)

@@ -101,7 +101,7 @@ class Backstepping(Controller):
             - self.position_gain * (estimate[:, 0] - reference.distance)
         )
         wanted = currents_for_acceleration(model, distance, acceleration, velocity, near=currents)
-        volts = model.resistances_ohm * wanted + self.current_gain_ohm * (wanted - currents)
+        volts = resting_command(model, wanted) + self.current_gain_ohm * (wanted - currents)
         command = np.where(commands_currents(model), wanted, volts)
         return limited(model, estimate, command), memory
 

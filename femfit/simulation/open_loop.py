@@ -3,7 +3,6 @@
 What the drawing's own supply does to a body at rest: it switches there and back, or answers a step.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +14,7 @@ from femfit.core.sweep_columns import circuit_currents, flux_columns, voltage_co
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+from femfit.model.with_effects import with_parts
 from femfit.simulation.events import Stretch, Walk
 from femfit.simulation.feed import CONDUCTING, Feed, Winding
 from femfit.simulation.open_result import OpenLoop, balance
@@ -91,7 +91,7 @@ def simulate(
     """
     model = model_of(model)
     if mechanics is not None:
-        model = replace(model, motion=mechanics)
+        model = with_parts(model, motion=mechanics)
     model.require_motion()
     profiles = commanded(model, drive, voltage_V, current_A, interpolation)
     last = max((float(profile.time_s[-1]) for profile in profiles), default=0.0)
@@ -102,7 +102,7 @@ def simulate(
     driven = zip(model.circuits, profiles, strict=True)
     windings = tuple(Winding(circuit, profile.kind == "current") for circuit, profile in driven)
     system, several = System(Feed(model, windings)), len(profiles) > 1
-    notes = tuple(note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several))
+    notes = [note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several)]
     begun_at, start = _start(system, rest_distance(model) if start_m is None else start_m)
     if outside not in {"stop", "extrapolate"}:
         raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
@@ -118,19 +118,18 @@ def simulate(
     within_limits = tuple(profile.within(*winding.limits) for profile, winding in zip(profiles, windings, strict=True))
     walk = Walk(system, within_limits, first, duration, outside == "extrapolate")
     step = duration / SAMPLES if sample_time_s is None else sample_time_s
-    size = system.size
     return OpenLoop(
         model=model,
         profiles=profiles,
         duration_s=duration,
-        table=_table(model, system, walk, step),
+        table=_table(model, system, walk, step, notes),
         events=tuple(walk.events),
         switchings=switchings(walk.events, begun_at, within_limits),
-        energy=balance(model, system.mechanics, walk.first, walk.state, walk.state[size:]),
+        energy=balance(model, system.mechanics, walk.first, walk.state, walk.state[system.size :]),
         end_s=walk.time,
         left_domain=tuple(walk.left_domain.items()),
         extrapolated=outside == "extrapolate" and bool(walk.left_domain),
-        notes=notes,
+        notes=tuple(notes),
     )
 
 
@@ -142,7 +141,7 @@ def _start(system: System, start: float) -> tuple[Side | None, float]:
     return None, start
 
 
-def _table(model: ActuatorModel, system: System, walk: Walk, step: float) -> dict[str, FloatArray]:
+def _table(model: ActuatorModel, system: System, walk: Walk, step: float, notes: list[str]) -> dict[str, FloatArray]:
     """The motion at equal steps, up to where it ended; its own columns are true, whatever a sensor reads of them."""
     if not step > 0.0 or walk.time / step > 1e7:
         raise UsageError(
@@ -173,7 +172,7 @@ def _table(model: ActuatorModel, system: System, walk: Walk, step: float) -> dic
         "static_force_N": system.mechanics.static_force(d),
         **dict(zip(flux_columns(names), flux.T, strict=True)),
     }
-    sensed = sensor_columns(model, time, states[: system.size].T)
+    sensed = sensor_columns(model, time, states[: system.size].T, notes)
     return motion | {name: read for name, read in sensed.items() if name not in motion}
 
 

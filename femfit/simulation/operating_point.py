@@ -3,8 +3,9 @@
 At rest F(d, i) = F_0(d), the weight with springs and load, and U_k = R_k i_k. Around that point, with
 x = (distance, velocity, i_1 .. i_n) and the viscous friction c,
 
-    x' = A x + B u,    A = [[0, 1, 0], [-S/m, -c/m, -k_m^T/m], [0, L^-1 k_m, -L^-1 R]],    B = [[0], [0], [L^-1]].
+    x' = A x + B u,    A = [[0, 1, 0], [-S/m, -c/m, -k_m^T/m], [0, L^-1 k_m, -L^-1 R]],    B = [[0], [0], [L^-1]],
 
+as the equations of motion say it, with what effects make of circuit, driver and friction; eddy currents left aside.
 S = F_d - F_0' < 0 makes the point unstable: the mechanical pole without back-EMF and friction is sqrt(-S/m).
 
 References
@@ -20,13 +21,14 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import brentq
 
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import circuit_terms, commands_currents, held_limits
+from femfit.model.drive import command_limits, commands_currents, held_limits
+from femfit.model.dynamics import evaluated, state_scale, voltages_needed
 from femfit.model.hall import PickupSensor
-from femfit.model.sensors import predict_sensor, reading_of, sensors_of
+from femfit.model.sensors import reading_of, sampled_value, sensors_of
 from femfit.simulation.constants import USABLE_PART
 
 
@@ -56,58 +58,59 @@ class OperatingPoint:
 
 def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     """The point of rest at a distance."""
-    motion = model.require_motion()
     currents = holding_currents(model, distance)
-    _require_driven(model, distance, currents)
-    ohms, n = model.resistances_ohm, len(currents)
-    d, i = np.array([distance]), currents[None]
-    gradient = float((model.magnetics.slopes(d, i).force_gradient - motion.static_gradient(d))[0])
-    motional, inductance = (of_point[0] for of_point in circuit_terms(model, d, i)[1:])
-    mass = motion.mass_kg
-    inverse = np.linalg.inv(inductance)
-    A, B = np.zeros((2 + n, 2 + n)), np.zeros((2 + n, n))
-    A[0, 1] = 1.0
-    A[1, 0], A[1, 1], A[1, 2:] = -gradient / mass, -motion.viscous_N_s_per_m / mass, -motional / mass
-    A[2:, 1], A[2:, 2:] = inverse @ motional, -inverse * ohms
-    B[2:] = inverse
-    along = motional / ohms  # the least copper loss for a force
-    along = resting_command(model, along)
-    constant = float(np.sqrt(max(-gradient / mass, 0.0)))
+    commands = resting_command(model, currents)
+    _require_driven(model, distance, commands)
+    still, n = model.without_eddies, len(currents)
+    all_driven, states = tuple(range(n)), np.zeros((3, still.order))
+    states[:, 0], states[:, 2 : 2 + n] = distance, currents
+    states[:, 1] = [0.0, -state_scale(model)[1], state_scale(model)[1]]
+    slope = evaluated(still, still.equations.flow(all_driven, slope=True), states[0]).reshape(still.order + n, -1).T
+    needed = slope[still.order :]
+    inverse = np.linalg.inv(needed[:, still.order :])
+    A = np.vstack([np.eye(2 + n)[1], slope[1, : 2 + n], -inverse @ needed[:, : 2 + n]])
+    B = np.vstack([np.zeros((2, n)), inverse])
+    # Friction that is dry brakes a body in motion by less than its slope at rest
+    _, slower, faster = evaluated(still, still.equations.flow(all_driven), states)[:, 1]
+    A[1, 1] = (faster - slower) / (2.0 * states[2, 1])
+    along = -A[1, 2:] / model.resistances_ohm  # the least copper loss for a force
+    along = np.where(commands_currents(model), along, needed[:, 2 : 2 + n] @ along)
+    constant = float(np.sqrt(max(A[1, 0], 0.0)))
     growing = constant if np.all(commands_currents(model)) else max(float(np.linalg.eigvals(A).real.max()), 0.0)
     return OperatingPoint(
         distance_m=distance,
         currents_A=currents,
-        commands=resting_command(model, currents),
+        commands=commands,
         direction=along / np.abs(along).max(),
         unstable_pole_rad_s=constant,
         runaway_rad_s=growing,
-        natural_rad_s=float(np.sqrt(abs(gradient) / mass)),
-        coil_pole_rad_s=float(np.min(np.linalg.eigvals(inverse * ohms).real)),
-        inductance_H=float(inductance[0, 0]),
+        natural_rad_s=float(np.sqrt(abs(A[1, 0]))),
+        coil_pole_rad_s=float(np.min(np.linalg.eigvals(-A[2:, 2:]).real)),
+        inductance_H=float(needed[0, still.order]),
         A=A,
         B=B,
     )
 
 
 def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
-    """Commands that hold currents of shape (..., n): R i, or the currents themselves for an amplifier."""
-    return np.where(commands_currents(model), currents, model.resistances_ohm * currents)
+    """Commands that hold currents of shape (..., n): voltages, or the currents themselves for an amplifier."""
+    middle = np.full(np.shape(currents)[:-1], 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m))
+    volts = voltages_needed(model, middle, np.zeros_like(middle), currents)[0]
+    return np.where(commands_currents(model), currents, volts)
 
 
-def _require_driven(model: ActuatorModel, distance: float, currents: FloatArray) -> None:
-    """Refuse currents that the drivers cannot hold."""
-    motion = model.require_motion()
-    for circuit, current in zip(model.circuits, currents, strict=True):
-        low, high = held_limits(circuit)
-        if low <= current <= high:
-            continue
+def _require_driven(model: ActuatorModel, distance: float, commands: FloatArray) -> None:
+    """Refuse what the drivers cannot hold."""
+    for circuit, command in zip(model.circuits, commands, strict=True):
         amplifier = circuit.drive.kind == "current"
-        unit, factor = ("A", 1.0) if amplifier else ("V", circuit.resistance_ohm)
-        what = "current" if amplifier else "voltage"
+        low, high = held_limits(circuit) if amplifier else command_limits(circuit)
+        if low <= command <= high:
+            continue
+        what, unit = ("current", "A") if amplifier else ("voltage", "V")
         raise DomainError(
-            f"The driver must hold {1e3 * motion.mass_kg:g} g at {1e3 * distance:g} mm with a {what} of "
-            f"{factor * low:g}..{factor * high:g} {unit}; model {model.name!r} needs {factor * current:.4g} {unit} "
-            "there. Choose another reference distance, or change the body's mass or the supply in the actuator file."
+            f"The driver must hold {1e3 * model.require_motion().mass_kg:g} g at {1e3 * distance:g} mm with a {what} "
+            f"of {low:g}..{high:g} {unit}; model {model.name!r} needs {command:.4g} {unit} there. Choose another "
+            "reference distance, or change the body's mass or the supply in the actuator file."
         )
 
 
@@ -207,7 +210,9 @@ def rest_distance(model: ActuatorModel) -> float:
     return next(iter([*stops, *model.reference_distances_m]), 0.5 * (box.distance_min_m + box.distance_max_m))
 
 
-def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -> dict[str, FloatArray]:
+def sensor_columns(
+    model: ActuatorModel, time: FloatArray, states: FloatArray, notes: list[str]
+) -> dict[str, FloatArray]:
     """Readings by their columns, cut to their range and as late as drawn; before the first of them, that one.
 
     A pickup coil reads the mean over the step before. A sensor without a column of a record is left out, such as one of
@@ -219,18 +224,22 @@ def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -
         In s.
     states : array, shape (steps, n)
         As in :mod:`femfit.model.dynamics`.
+    notes : list of str
+        Takes why the readings of some sensors are not known.
     """
     columns = {}
     for name, sensor in sensors_of(model).items():
         reading = reading_of(model, name)
         if reading.column is None:
             continue
+        try:
+            values = sampled_value(model, sensor, states, time)
+        except MissingPartError as error:
+            notes.append(str(error))
+            continue
         if isinstance(sensor, PickupSensor):
-            flux = sensor.flux.field(states[:, 0], model.currents_of(states))
             steps = np.diff(time)
-            values = np.concatenate([[0.0], np.diff(flux) / np.where(steps > 0.0, steps, np.inf)])
-        else:
-            values = predict_sensor(model, sensor, states, time)
+            values = np.concatenate([[0.0], np.diff(values) / np.where(steps > 0.0, steps, np.inf)])
         late = np.interp(time - reading.delay_s, time, values)
         columns[reading.column] = np.clip(late, reading.low, reading.high)
     return columns

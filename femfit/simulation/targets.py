@@ -24,7 +24,8 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.electrics import PositionSensor
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import circuit_terms, command_limits, voltage_limits
+from femfit.model.drive import command_limits, voltage_limits
+from femfit.model.dynamics import voltages_needed
 from femfit.model.hall import HallSensor
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.allocation import (
@@ -176,7 +177,8 @@ def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
     needed = _voltages(model, r, v, a, step)
     resting = _voltages(model, r, np.zeros_like(v), np.zeros_like(a), np.inf)
     # Of what can be held: beyond it a voltage may be used while the current changes, and is left to the feedback
-    held = model.resistances_ohm * covered_currents(model)
+    ends = np.clip(covered_currents(model), *model.validity.current_limits_A[: len(model.circuits)].T)
+    held = voltages_needed(model, r[:2], np.zeros(2), ends)[0]
     limits = voltage_limits(model.circuits)
     low, high = np.maximum(limits[0], held[0]), np.minimum(limits[1], held[1])
     lower = resting - USED_AUTHORITY * (resting - low)
@@ -187,7 +189,5 @@ def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
 def _voltages(model: ActuatorModel, r: FloatArray, v: FloatArray, a: FloatArray, step: float) -> FloatArray:
     """Across each winding, of shape (N, n)."""
     currents = currents_for_acceleration(model, r, a, v)
-    _, motional, inductance = circuit_terms(model, r, currents)
-    rate = np.gradient(currents, axis=0) / step
-    volts = model.resistances_ohm * currents + np.einsum("rjk,rk->rj", inductance, rate) - motional * v[:, None]
-    return np.asarray(volts)
+    volts, inductance = voltages_needed(model, r, v, currents)
+    return volts + np.einsum("rjk,rk->rj", inductance, np.gradient(currents, axis=0) / step)

@@ -1,6 +1,9 @@
 """What is derived from one expression: the same over arrays and at single points, through every kind of part."""
 
+import math
+import os
 import pickle
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -10,8 +13,9 @@ from casadi import SX
 from scipy.interpolate import BSpline
 
 from femfit.core import graph
-from femfit.core.graph import GraphFunction, Memo, building, of_variable, row_of, settled, slope
-from femfit.model.bspline import CellTable, cells_of
+from femfit.core.graph import GraphFunction, building, of_variable, row_of, settled, slope
+from femfit.model.bspline import CellTable, TensorSpline, cells_of
+from femfit.targets.estimator import python_source
 
 RANDOM = np.random.default_rng(12)
 COUNTS = (1, 5, 16, 17, 1000, 2500)
@@ -53,6 +57,18 @@ def test_arrays_and_single_points_give_the_same_and_what_scipy_gives(cells, coun
     assert np.abs((found - wanted) / size).max() < 1e-12
     few = slice(0, 40)
     assert np.abs((alone(function, at[:, few]) - found[:, few]) / size).max() < 1e-14
+
+
+def test_a_spline_is_continued_as_each_expression_asks():
+    knots, coefficients = np.r_[[0.0] * 4, [1.0] * 4], RANDOM.normal(size=(4, 4))
+    values = []
+    for orders in ((2, 1), (1,)):
+        spline = TensorSpline(knots, knots, 3, 3, coefficients)
+        with building():
+            x = SX.sym("x", 2)
+            made = [GraphFunction([x], spline.expression(x[0], x[1], order)) for order in orders]
+        values.append(made[-1](np.array([[0.5], [3.0]]))[0, 0])
+    assert values[0] == values[1]
 
 
 @pytest.mark.parametrize("count", [1, 3000])
@@ -140,24 +156,59 @@ def test_what_is_settled_is_constant_in_every_derivative_and_one_step_more_is_ex
     np.testing.assert_allclose(function(at), wanted, rtol=1e-13)
 
 
-def test_one_number_holds_for_all_points_and_blocks_take_their_own():
+def test_one_number_holds_for_all_points_and_blocks_take_their_own_and_overwrite_nothing():
     with building():
         x, p, q = SX.sym("x"), SX.sym("p", 2), SX.sym("q")
         function = GraphFunction([x, p, q], ca.vertcat(x * p[0] + p[1], q))
     for count in COUNTS:
         at, q = RANDOM.normal(size=(1, count)), RANDOM.normal(size=(1, count))
-        np.testing.assert_allclose(function(at, np.array([2.0, 3.0]), q), [2.0 * at[0] + 3.0, q[0]], rtol=1e-15)
-        np.testing.assert_allclose(function(at, np.array([[2.0], [3.0]]), q)[0], 2.0 * at[0] + 3.0, rtol=1e-15)
+        first = function(at, np.array([2.0, 3.0]), q)
+        np.testing.assert_allclose(function(at, np.array([[4.0], [3.0]]), q)[0], 4.0 * at[0] + 3.0, rtol=1e-14)
+        np.testing.assert_allclose(first, [2.0 * at[0] + 3.0, q[0]], rtol=1e-14)
 
 
-def test_what_is_given_is_not_overwritten_by_the_next_call():
+OPERATIONS = {name: (lambda x: x, getattr(math, name)) for name in ("erf", "acos", "asin", "atanh", "ceil")}
+OPERATIONS |= {"acosh": (lambda x: 1.0 + x, lambda x: math.acosh(1.0 + x))}
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_arrays_know_the_operations_that_an_export_writes(name):
+    inner, wanted = OPERATIONS[name]
     with building():
         x = SX.sym("x")
-        function = GraphFunction([x], x**2)
-    for count in COUNTS:
-        first = function(np.full((1, count), 2.0))
-        function(np.full((1, count), 3.0))
-        np.testing.assert_array_equal(first, 4.0)
+        function = GraphFunction([x], ca.hypot(getattr(ca, name)(inner(x)), 2.0))
+    assert function(np.full((1, 1000), 0.3))[0, -1] == pytest.approx(math.hypot(wanted(0.3), 2.0), rel=1e-14)
+    written = {name: getattr(math, name), "hypot": math.hypot}
+    exec(python_source("f", function, ["x"]), written)  # noqa: S102  its own
+    assert written["f"]([0.3])[0] == pytest.approx(math.hypot(wanted(0.3), 2.0), rel=1e-14)
+
+
+def test_an_operation_that_arrays_do_not_know_is_named():
+    with building():
+        x = SX.sym("x")
+        function = GraphFunction([x], ca.erfinv(x))
+    with pytest.raises(NotImplementedError, match="instead received ERFINV"):
+        function(np.full((1, 1000), 0.3))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_child_that_is_forked_while_another_thread_builds_has_numpys_own_functions():
+    begun, done = threading.Event(), threading.Event()
+
+    def builder():
+        with building():
+            begun.set()
+            done.wait()
+
+    thread = threading.Thread(target=builder)
+    thread.start()
+    begun.wait()
+    if not (child := os.fork()):
+        os._exit(ca.GlobalOptions.getNumpyMode() & 255)
+    _, status = os.waitpid(child, 0)
+    done.set()
+    thread.join()
+    assert os.waitstatus_to_exitcode(status) == 0
 
 
 @pytest.mark.parametrize("cells", [5, 40])
@@ -178,10 +229,7 @@ def test_threads_do_not_disturb_each_other(cells):
         assert max(pool.map(off, range(8))) < 1e-12
 
 
-def test_what_a_memo_knows_stays_behind_when_its_owner_is_pickled(levitation_model):
-    memo = Memo(known=1)
-    again = pickle.loads(pickle.dumps({"memo": memo}))["memo"]  # noqa: S301  its own
-    assert (type(again), dict(again)) == (Memo, {})
+def test_what_is_made_once_stays_behind_when_its_owner_is_pickled(levitation_model):
     d, i = np.linspace(0.02, 0.04, 50), np.full((50, 1), 0.5)
     wanted = levitation_model.magnetics.force(d, i)
     magnetics = pickle.loads(pickle.dumps(levitation_model.magnetics))  # noqa: S301  its own

@@ -18,6 +18,7 @@ from femfit.estimate.noise import FilterNoise, consistency_band, default_noise, 
 from femfit.estimate.process import Output, cholesky
 from femfit.simulation.observers import distance_inverse
 from support.added_effects import under_effects
+from support.eddies import with_eddies
 from support.one_current import flat
 from support.readings import initial_covariance
 from support.solenoids import solenoid
@@ -68,8 +69,8 @@ def test_the_body_is_held_where_force_equals_weight_and_nowhere_else(levitation_
         holding_current(levitation_model, 0.060)
 
 
-def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
-    """By C. F. Van Loan's matrix exponential (IEEE Trans. Automat. Contr. 23 (1978) 395)."""
+def test_q_is_the_covariance_of_integrated_white_acceleration_and_of_held_voltages(levitation_model):
+    """By C. F. Van Loan's matrix exponential (IEEE Trans. Automat. Contr. 23 (1978) 395); windings as slow as quick."""
     noise, step = default_noise(levitation_model), levitation_model.sample_time_s
     Q = process_covariance(levitation_model, noise, 0.022, (noise.bias_density,))
     block = np.zeros((4, 4))
@@ -77,6 +78,13 @@ def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
     whole = expm(step * block)
     np.testing.assert_allclose(Q[:2, :2], whole[2:, 2:].T @ whole[:2, 2:], rtol=1e-9)
     assert Q[3, 3] == pytest.approx(noise.bias_density**2 * 0.5e-3)
+    quick = replace(levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=300.0),))
+    for model in (levitation_model, quick, with_eddies(quick)):
+        windings, middle = model.windings, np.pad([0.7], (0, model.windings.count - 1))
+        losses = np.diag(windings.resistances_ohm)
+        decay = expm(-step * np.linalg.solve(windings.magnetics.inductance(np.array(0.022), middle), losses))
+        moved = np.linalg.solve(losses, (np.eye(len(decay)) - decay).T)[0, 0] * noise.voltage_V
+        assert process_covariance(model, noise, 0.022)[2, 2] == pytest.approx(moved**2, rel=1e-9)
 
 
 @pytest.mark.parametrize("sensitivity", [50.0, -50.0])

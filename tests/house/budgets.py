@@ -8,8 +8,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from femfit.effects.catalogue import BUILT_IN
+
 PACKAGE = Path(__file__).parents[2] / "femfit"
 BUDGETS = Path(__file__).with_name("budgets.csv")
+EFFECTS, OF_AN_EFFECT = 44, {"files": 1, "code_lines": 60, "functions": 3}
+"""How many effects the catalogue had when their room was weighed, and what each further one may weigh; whoever lowers
+the budgets counts them anew."""
 
 
 def code_lines(text, tree):
@@ -35,7 +40,10 @@ def weights():
 
 
 def budgets():
-    return pd.read_csv(BUDGETS, index_col="room")
+    allowed = pd.read_csv(BUDGETS, index_col="room")
+    for unit, weight in OF_AN_EFFECT.items():
+        allowed.loc["effects", unit] += (len(BUILT_IN) - EFFECTS) * weight
+    return allowed
 
 
 if __name__ == "__main__":

@@ -390,7 +390,7 @@ def held(model, seconds=0.7):
         induced[k + 1] = before @ induced[k] + driven * (current[k + 1] - current[k])
     magnetics = EddyMagnetics(model.magnetics, eddy)
     whole, distance = np.concatenate([current[:, None], induced], axis=1), np.full(n + 1, HELD_M)
-    flux = flat(magnetics).flux_linkage(distance, whole)[:, 0]
+    flux = magnetics.flux_linkage(distance, whole)[:, 0]
     ohmic = model.circuit.resistance_ohm * 0.5 * (current[1:] + current[:-1])
     volts = (ohmic + np.diff(flux) / step).reshape(-1, FINER).mean(axis=1)  # held from sample to sample
     seen = flat(model.sensor.field).derivatives(distance, current + induced @ at.coupling[0])[0]

@@ -11,12 +11,9 @@ from casadi import SX
 
 from femfit.device.electrics import Drive
 from femfit.model.equations import Driver, driver_voltages
-from femfit.model.with_effects import with_effects
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.plant import Plant
-from support.added_effects import added
 from support.halves import cut_in_two
-from support.steps import runge_kutta_step
 
 
 def every_case(gain, wanted, low, high):
@@ -59,19 +56,6 @@ def test_a_winding_that_another_drives_backwards_is_open_whatever_little_feeds_i
     np.testing.assert_allclose(found[:, 3], 0.0, atol=1e-15)
     alone = replace(halves, circuits=(one_sided[0], replace(one_sided[1], resistance_ohm=1e9)))
     np.testing.assert_allclose(found[0, 2], Plant(alone).step(start, np.array([[1.2, 0.0]] * 2))[0, 2], rtol=1e-4)
-
-
-def test_a_supply_that_sags_follows_the_current_within_a_step(levitation_model):
-    model = with_effects(levitation_model, [added("supply_sag", inner_resistance=0.3)])
-    state, volts = np.array([[0.022, 0.05, 0.4], [0.026, -0.08, 0.9]]), np.array([2.4, 0.6])
-    exact = runge_kutta_step(model, state, volts, model.sample_time_s, 200)
-    errors = []
-    for steps in (4, 8):
-        plant = Plant(model)
-        plant.__dict__["steps"] = steps
-        errors.append(np.abs(plant.step(state, volts) - exact)[:, 1:] / np.abs(exact - state)[:, 1:].max(axis=0))
-    assert (errors[1] < 1e-5).all()
-    assert errors[0].max() > 3.0 * errors[1].max()
 
 
 def test_a_plant_is_kept_and_sent_after_use_and_has_any_number_of_runs(levitation_model):

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.core.errors import MissingPartError, UsageError
+from femfit.device.electrics import Circuit
 from femfit.effects.conditions import Conditions
 from femfit.model.at_rest import Point, at_rest
+from femfit.model.dynamics import state_derivative
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added
+from support.eddies import with_eddies
 from support.model_kinds import states_of
 from support.one_current import flat
 
@@ -43,6 +47,38 @@ def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, poi
 
 def test_no_effects_are_the_base_itself(levitation_model):
     assert with_effects(with_effects(levitation_model, [SATURATION]), []) is levitation_model
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "message"),
+    [
+        ("one circuit", ["turns", "turns"], "once; instead received turns twice"),
+        ("one circuit", ["turns:coil"], r"has coil; instead received turns:coil. Leave the name of a circuit out"),
+        ("halves", ["turns:inner", "resistance:nope"], r"inner, outer; instead received resistance:nope. Name one"),
+        ("solenoid", ["external_field"], "must have a Hall element"),
+    ],
+)
+def test_an_effect_that_the_model_has_no_place_for_is_refused(model_kind, kind, names, message):
+    with pytest.raises((UsageError, MissingPartError), match=message):
+        with_effects(model_kind(kind), [added(name) for name in names]).force(0.02, [0.1, 0.1], extrapolate=True)
+
+
+def test_another_temperature_changes_what_effects_make_of_the_model(levitation_model):
+    effects = [COLD, added("coil_temperature", coefficient_per_K=4e-3)]
+    temperatures = {"coil_temperature_C": 80.0, "magnet_temperature_C": 60.0}
+    found = replace(with_effects(levitation_model, effects), **temperatures)
+    wanted = with_effects(replace(levitation_model, **temperatures), effects)
+    assert found.resistances_ohm[0] == wanted.resistances_ohm[0] == pytest.approx(1.24 * 2.69)
+    assert found.force(0.022, 0.4) == wanted.force(0.022, 0.4) < 0.95 * levitation_model.force(0.022, 0.4)
+    assert found.sensor.output(0.022, np.array([0.4])) == wanted.sensor.output(0.022, np.array([0.4]))
+
+
+def test_a_driver_without_limits_loses_parts_of_what_holds_the_largest_current(levitation_model):
+    endless = replace(levitation_model, circuits=(Circuit(2.69),))
+    assert nominal_of(endless).voltage_V == pytest.approx(2.69 * levitation_model.validity.current_max_A)
+    lossy = with_effects(endless, [added("driver_dead_zone", dead_zone=0.0, drop=0.0)])
+    at = np.array([[0.022, 0.0, 0.4]]), np.ones(1)
+    np.testing.assert_array_equal(state_derivative(lossy, *at), state_derivative(endless, *at))
 
 
 def test_readings_pass_the_stages_in_order(levitation_model, points):
@@ -101,3 +137,7 @@ def test_without_a_winding_there_are_forces_alone(model_kind):
     plain = magnets.magnetics.force(states[:, 0], np.zeros((5, 0)))
     np.testing.assert_allclose(found.force, 0.81 * plain, rtol=1e-12)
     assert found.inductance.shape == (5, 0, 0)
+    late = with_effects(replace(magnets, sensor=replace(model_kind("one circuit").sensor)), [added("sensor_delay")])
+    assert np.isfinite(state_derivative(late, states, np.zeros((5, 0)))).all()
+    rings = with_effects(with_eddies(magnets), [added("turns", turns_error=0.1)])
+    assert rings.equations.rates(np.full((rings.order, 1), 0.02), np.zeros(0), np.zeros(3)).shape == (rings.order, 1)

@@ -13,11 +13,11 @@ from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.plant import Plant
 from femfit.simulation.profile import Profile
-from support.added_effects import usual
+from support.added_effects import added, usual
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.readings import LASER
-from support.solenoids import NoField, inductance, solenoid
+from support.solenoids import NoField, inductance, searched, solenoid
 from support.steps import runge_kutta_step
 
 
@@ -102,6 +102,24 @@ def test_without_events_the_motion_is_that_of_the_fixed_step_plant(levitation_mo
         state = runge_kutta_step(model, state, np.full(1, 2.0), 1e-4)
     last = [motion.table[name][-1] for name in ("distance_m", "velocity_m_s", "current_A")]
     np.testing.assert_allclose(last, state[0, :3], rtol=1e-6)
+
+
+def test_effects_act_on_mechanics_that_are_given_and_a_coil_that_is_not_known_is_left_out():
+    drawn = searched()
+    heavier = with_effects(drawn, [added("mass_error", mass_error=0.5), added("stop_position", far=0.01)])
+    given = {"voltage_V": 3.0, "duration_s": 3e-3, "start_m": 3e-3}
+    plain, same, other = (
+        simulate(model, mechanics=mechanics, **given).table
+        for model, mechanics in ((drawn, None), (heavier, None), (heavier, drawn.motion))
+    )
+    np.testing.assert_array_equal(same["distance_m"], other["distance_m"])
+    assert plain["distance_m"][-1] > same["distance_m"][-1] > 3e-3
+    assert "pickup_V" in plain
+    iron = [added("core_saturation", mmf_loss_3=0.1)]
+    for model in (with_eddies(drawn), with_effects(drawn, iron)):
+        motion = simulate(model, **given)
+        assert "pickup_V" not in motion.table
+        assert "search" in motion.notes[-1]
 
 
 def stepping(model, step, volts):

@@ -11,7 +11,7 @@ from femfit.device.electrics import AccelerationSensor, CurrentSensor, Drive, Po
 from femfit.device.mechanics import Mechanics
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.fit.build import fit_model
-from femfit.model.drive import circuit_terms
+from femfit.model.dynamics import voltages_needed
 from femfit.model.with_effects import with_effects
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.controllers import design_backstepping
@@ -138,7 +138,7 @@ def test_two_coupled_coils_of_the_direct_measurement_follow_their_equations(curr
     observer = DirectObserver(replace(model, other_sensors=(LASER,)), "laser")
     mean, volts = np.array([[0.4e-3, 0.0, *currents]]), np.array([[6.0, -3.0]])
     found = observer.step(observer.start(mean), volts, np.full((1, 1), 0.1)).mean[:, 2:]
-    _, _, inductance = circuit_terms(model, mean[0, 0], mean[0, 2:])
+    (inductance,) = voltages_needed(model, *mean.T[:2], mean[:, 2:])[1]
     A = -np.linalg.solve(inductance, np.diag(model.resistances_ohm))
     drive = np.linalg.solve(inductance, volts[0])
     whole = expm(model.sample_time_s * np.block([[A, drive[:, None]], [np.zeros((1, 3))]]))

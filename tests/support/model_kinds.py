@@ -115,7 +115,7 @@ def step(model, states, volts, seconds):
 
 def step_slopes(model, states, volts, seconds):
     """Jacobians (points, order, order) of a step, column after column in the equations."""
-    length = seconds if model.equations.linear else None
+    length = None if model.equations._losses is None else seconds
     equations = model.equations
     slope = equations._function(
         ("slope", length), lambda at: ca.vec(ca.jacobian(equations._step(at, length), at.state))
