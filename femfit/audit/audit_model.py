@@ -140,6 +140,8 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
         severity: Severity = "holds" if least > 0.0 else "wrong"
         return [AuditFinding("inductance", severity, "flux linkages", None, least, numbers)]
     slope = state.motional_constant[:, 0]
+    if not model.has_magnet:  # it attracts by a current of either sign
+        slope = slope * np.sign(i[:, 0])
     pushing = float(np.mean((slope <= 0.0) & (i[:, 0] != 0.0)))  # steel alone has dF/di = 0 without a current
     severity = "note" if pushing else "holds"
     everywhere = {"everywhere": bool(slope.min() > 0.0)}

@@ -3,7 +3,11 @@
 The effects of a device of several circuits: some are of one circuit each, some of the whole device.
 
 What is of a circuit is named after both, as ``current_gain:lower``, and changes that circuit's current, turns or
-resistance alone. What is not listed here is written for one current, and a device of several is not asked for it.
+resistance alone. What acts on no current any model may have, though a device of several circuits is not asked for it.
+
+All others are written for one circuit: iron, lags, misalignment and outer fields take its current for the core's (as
+``core_saturation``), ``coil_temperature``, drivers, supply and ``motional_emf`` are of its winding, and
+``side_pull_friction``, ``hall_coil_pickup``, ``sensor_delay`` and ``flux_integrator_drift`` see its current or flux.
 """
 
 from collections.abc import Iterable, Sequence
@@ -33,6 +37,18 @@ OF_THE_WHOLE = (
     "hall_temperature",
     "hall_drift",
     "hall_saturation",
+)
+
+ON_NO_CURRENT = (
+    "spring",
+    "spring_preload",
+    "spring_stiffness",
+    "end_stop_contact",
+    "constant_force",
+    "coulomb_friction",
+    "viscous_friction",
+    "fluid_drag",
+    "magnet_temperature",
 )
 
 _QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm")

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isnan
-from typing import Any, ClassVar, Literal, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,27 +50,40 @@ class Filter(Printed, ABC):
     divergence_steps: int = DIVERGENCE_STEPS
 
     title: ClassVar[str]
+    is_unscented: ClassVar[bool]
 
     def __str__(self) -> str:
         return sentence("filter", "filter", self)
 
-    carries: ClassVar[Literal["covariance", "factor"]]  # By which matrix of a state it predicts
-
     @abstractmethod
-    def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
+    def predicted(self, of: Terms, mean: Any, factor: Any, inputs: Any) -> tuple[Any, Any]:
         """Mean and covariance one step later."""
 
     @abstractmethod
+    def read_by(self, of: Terms, sensor: int, mean: Any, factor: Any) -> tuple[Any, Any, Any]:
+        """A sensor's expected reading h, the column v of its slopes along the factor's columns, and r.
+
+        The reading's variance is v'v + r and its noise, with r of what is not linear.
+        """
+
+    @final
     def corrected(
-        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
+        self, of: Terms, sensor: int, mean: Any, factor: Any, reading: Any, noise: Any
     ) -> tuple[Any, Any, Any, Any]:
         """Mean and covariance given one sensor's reading, its innovation and the variance of that.
 
-        Parameters
+        L v / S is the gain, with S = v'v + r and the noise R in r. The covariance is that of J. Potter's square root
+        L - L v v' / (S + sqrt(S r)), which no rounding makes indefinite.
+
+        References
         ----------
-        before : tuple
-            Mean, covariance and its factor.
+        D. Simon, Optimal State Estimation (Wiley, 2006), section 6.3.3.
         """
+        expected, slopes, rest = self.read_by(of, sensor, mean, factor)
+        rest, cross, across = rest + noise, of.product(factor, slopes), of.turned(slopes)
+        variance, innovation = of.product(across, slopes) + rest, reading - expected
+        root = factor - of.product(cross / (variance + (variance * rest) ** 0.5), across)
+        return mean + cross * (innovation / variance), of.product(root, of.turned(root)), innovation, variance
 
     @final
     def start(self, mean: ArrayLike, covariance: ArrayLike | None = None, runs: int = 1) -> FilterState:
@@ -136,8 +149,8 @@ class Filter(Printed, ABC):
         inputs = _given(state, voltage, self.process.inputs, VOLTAGES)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
-            matrix = getattr(state, self.carries).transpose(1, 2, 0)
-            mean, covariance = self.predicted(self._terms, state.mean.T[:, None], matrix, inputs)
+            factor = state.factor.transpose(1, 2, 0)
+            mean, covariance = self.predicted(self._terms, state.mean.T[:, None], factor, inputs)
             innovations = state.innovation, state.innovation_variance, state.out_of_band
             return self._next((mean[:, 0].T, covariance.transpose(2, 0, 1)), innovations, state.outcome)
 
@@ -164,10 +177,10 @@ class Filter(Printed, ABC):
         return replace(state, innovation=innovation, innovation_variance=variance)
 
     def _update_one(self, state: FilterState, measurement: FloatArray, sensor: int) -> FilterState:
-        before = state.mean.T[:, None], state.covariance.transpose(1, 2, 0), state.factor.transpose(1, 2, 0)
+        before = state.mean.T[:, None], state.factor.transpose(1, 2, 0)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             noise = self.process.outputs[sensor].variance
-            after = self.corrected(self._terms, sensor, before, measurement, noise)
+            after = self.corrected(self._terms, sensor, *before, measurement, noise)
             mean, covariance = after[0][:, 0].T, after[1].transpose(2, 0, 1)
             innovation, variance = after[2][0, 0], after[3][0, 0]
             outside = innovation**2 > BAND_99_9 * variance
@@ -189,9 +202,8 @@ class Filter(Printed, ABC):
         if len(state.mean) == 1 and not state.outcome.item() and process.light:
             plain = isinstance(voltage, float) and process.inputs == 1
             inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
-            matrix = state.covariance[0] if self.carries == "covariance" else state.factor[0].T
             readings = _given(state, measurement, len(process.outputs), READINGS)[0]
-            after = self._next_alone(state, self.single(state.mean[0], matrix, inputs, readings))
+            after = self._next_alone(state, self.single(state.mean[0], state.factor[0].T, inputs, readings))
             if after is not None:
                 return after
         return self.update(self.predict(state, voltage), measurement)

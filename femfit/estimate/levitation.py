@@ -23,6 +23,7 @@ from femfit.estimate.constants import (
     BIAS_SHARE,
     BIAS_SHARE_PER_ROOT_S,
     DELAYED_NOISE,
+    FAR_OFF,
     FARTHEST,
     NEAREST,
 )
@@ -37,6 +38,7 @@ from femfit.estimate.process import FilterProcess, Output
 from femfit.estimate.process_graph import process_graph
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
+from femfit.model.dynamics import eddy_currents_of
 from femfit.model.hall import HallSensor
 from femfit.model.sensors import HALL, reading_of, readings_span, sensor_named, sensors_of
 
@@ -95,7 +97,7 @@ def levitation_process(
         np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
         for samples in graph.samples
     ]
-    lower, upper = _plausible_range(model, graph.order)
+    lower, upper = _plausible_range(model, deviations, graph.order)
     return FilterProcess(
         model,
         graph.biases,
@@ -150,14 +152,23 @@ def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bia
     return tuple(biases)
 
 
-def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:
-    """Distances around the validity domain, and currents up to one width of their range beyond it."""
-    domain = model.validity
+def _plausible_range(model: ActuatorModel, deviations: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Distances around the validity domain, passed in no less than a sample; currents a width of their range beyond it.
+
+    Eddy currents are what such jumps and speeds leave, states of effects and biases :data:`FAR_OFF` first deviations.
+    """
+    domain, first = model.validity, 2 + len(model.circuits)
     lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
     stroke = domain.distance_max_m - domain.distance_min_m
     # Beyond a face that the body passes there are distances of both signs
     lower[0] = NEAREST * domain.distance_min_m if domain.distance_min_m > 0.0 else domain.distance_min_m - stroke
     upper[0] = FARTHEST * domain.distance_max_m if domain.distance_min_m > 0.0 else domain.distance_max_m + stroke
+    upper[1] = (upper[0] - lower[0]) / model.sample_time_s
+    lower[1] = -upper[1]
     for k, (low, high) in enumerate(domain.current_limits_A[: len(model.circuits)], start=2):
         lower[k], upper[k] = low - (high - low), high + (high - low)
+    eddies = eddy_currents_of(model, (upper - lower)[2:first], upper[1])
+    upper[first : len(deviations)] = FAR_OFF * deviations[first:]
+    upper[first : first + len(eddies)] = np.maximum(eddies, upper[first : first + len(eddies)])
+    lower[first:] = -upper[first:]
     return lower, upper

@@ -54,6 +54,10 @@ ROUNDING = 1e-3
 ROUNDED = 1e-9
 """Numerical: part of a reading up to which a misfit, or an effect over its plausible range, is rounding."""
 
+SEEN_SHARE = 1e-3
+"""Conventional: a shape constant is fitted where its plausible range changes the whitened readings by more than this part
+of what the effect does; less is an error of the model's own fit."""
+
 NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
 """Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
 squares, whose standard deviation is 1 and more, rises by no more than this."""

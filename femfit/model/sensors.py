@@ -44,6 +44,13 @@ class Reading:
         return span / 2.0**self.bits if self.bits and np.isfinite(span) else 0.0
 
     @property
+    def inner(self) -> tuple[float, float]:
+        """Between these a reading tells something; one at an end of the range does not."""
+        span = self.high - self.low
+        slack = 1e-9 * span if np.isfinite(span) else 0.0
+        return self.low + slack, self.high - slack
+
+    @property
     def rounding(self) -> float:
         """Standard deviation of the converter's rounding, LSB / sqrt(12)."""
         return self.step / float(np.sqrt(12.0))

@@ -7,16 +7,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from femfit.core.errors import DomainError, UsageError
 from femfit.core.graph import GraphFunction, building
+from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
+from femfit.estimate.noise import first_deviations
 from femfit.estimate.process_graph import ProcessGraph
 from femfit.estimate.single_step import StepFunction
 from femfit.model.actuator_model import ActuatorModel
@@ -39,8 +41,21 @@ _CALL = re.compile(
 MISSING = {"double": "1e200", "float": "1e30f"}
 """Numerical: variance of a reading that is missing."""
 
+FLOOR = {"double": 0.0, "float": 1e-6}
+"""Numerical: least part of a variance that a covariance's factor keeps, a dozen roundings; double precision needs none."""
+
 SAMPLES = 400
 """Chosen: of the simulated motion along which single precision is compared."""
+
+STARTS = (0.0, -1.0, 1.0)
+"""Chosen: errors of the first distances that it is followed from, over the deviation that the filter expects of them."""
+
+
+class SinglePrecision(NamedTuple):
+    """How single precision compares with double along a simulated motion, from :data:`STARTS`."""
+
+    difference_m: float  # The largest one between the distances
+    lost: int  # Starts from which it loses its covariance, or a number, where double precision does not
 
 
 _HEAD = """\
@@ -65,14 +80,14 @@ def export_c(
     sensors: Sequence[str] | None = None,
     kind: FilterKind = "ukf",
     real: Real = "double",
-) -> tuple[tuple[Path, ...], float | None]:
+) -> tuple[tuple[Path, ...], SinglePrecision | None]:
     """Write the filter, a program that follows a record with it, and a description.
 
     Returns
     -------
-    tuple of (paths, float or None)
-        The files, and by how much the distance in m differs in single precision along a simulated motion, from that
-        of the model as it is: in single precision a co-energy that effects change is splines where these are less work.
+    tuple of (paths, SinglePrecision or None)
+        The files, and how single precision compares with the model as it is: in single precision a co-energy that
+        effects change is splines where these are less work.
 
     Raises
     ------
@@ -90,14 +105,13 @@ def export_c(
             f"Names of sensors must differ in more than case and signs to be names in C; instead received "
             f"{', '.join(words['sensors'])}. Rename one in the model file."
         )
-    light, change, difference = model, 0.0, None
-    words |= {"difference": "", "change": ""}
-    if real == "float":
-        light, change = splined(model)
-        difference = _single_precision({"double": model, "float": light}, words, kind, sensors)
-        words |= {"difference": difference and amount(difference, "m"), "change": change and f"{change:.1g}"}
+    light, change = splined(model) if real == "float" else (model, 0.0)
+    words |= {"change": change and f"{change:.1g}", "difference": "", "lost": 0}
+    single = _single_precision(model, light, words, kind, sensors) if real == "float" else None
+    if single is not None:
+        words |= {"difference": amount(single.difference_m, "m"), "lost": single.lost}
     texts = _texts(light, words, kind, real, sensors)
-    return write_directory(model, directory, texts, "femfit_model.h"), difference
+    return write_directory(model, directory, texts, "femfit_model.h"), single
 
 
 def _texts(
@@ -110,7 +124,7 @@ def _texts(
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.start_covariance
-    source, sizes = _arithmetic(StepFunction(built, compact=True).function, process, real)
+    source, sizes = _arithmetic(StepFunction(built, compact=True, floor=FLOOR[real]).function, process, real)
     size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
@@ -121,10 +135,12 @@ def _texts(
         "variances": _listed(words["variances"], real),
         "start_covariance": _listed(start.ravel(), real),
         "start_factor": _listed(np.linalg.cholesky(start).ravel("F"), real),
+        "lowest": _listed(words["lowest"], real),
+        "highest": _listed(words["highest"], real),
         "lower": _listed(process.lower, real),
         "upper": _listed(process.upper, real),
         "missing": MISSING[real],
-        "matrix": "covariance" if kind == "ekf" else "factor",
+        "starts": len(STARTS),
         "first_values": _listed(words["first"], real),
         "first_states": ", ".join(words["states"][: len(words["first"])]),
         "memory_kB": f"{1e-3 * size * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
@@ -169,35 +185,44 @@ def _listed(values: Any, real: Real) -> str:
 
 
 def _single_precision(
-    models: dict[Real, ActuatorModel], words: dict[str, Any], kind: FilterKind, sensors: Any
-) -> float | None:
-    """By how much the distance in single precision differs from that in double, along a motion of the simulator.
+    model: ActuatorModel, light: ActuatorModel, words: dict[str, Any], kind: FilterKind, sensors: Any
+) -> SinglePrecision | None:
+    """Both precisions along a motion of the simulator.
 
-    The program of each precision has a model of its own. Both are compiled and follow the same record; None without a
-    compiler.
+    Programs of the model in double precision and of the light one in single are compiled and follow the same records;
+    None without a compiler.
     """
     compiler = shutil.which("cc")
     if compiler is None:
         return None
+    box, deviation = model.validity, first_deviations(model)[0]
+    names, values = _motion(model, words)
+    first = np.clip(words["first"][0] + deviation * np.array(STARTS), box.distance_min_m, box.distance_max_m)
+    distances, broken = {}, {}
     with TemporaryDirectory() as place:
-        record = Path(place) / "record.csv"
-        _write_motion(models["double"], words, record)
-        followed = []
-        for real, model in models.items():
+        records = [Path(place) / f"{k}.csv" for k in range(len(STARTS))]
+        for record, values[0, names.index("distance_m")] in zip(records, first, strict=True):
+            np.savetxt(record, values, delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+        programs: tuple[tuple[Real, ActuatorModel], ...] = (("double", model), ("float", light))
+        for real, modelled in programs:
             directory = Path(place) / real
             directory.mkdir()
-            for name, text in _texts(model, words, kind, real, sensors).items():
+            for name, text in _texts(modelled, words, kind, real, sensors).items():
                 (directory / name).write_text(text, encoding="utf-8")
             sources = ["replay.c", "femfit_filter.c", ARITHMETIC]
             made = [compiler, "-std=c99", "-O1", "-o", "replay", *sources, "-lm"]
             subprocess.run(made, cwd=directory, check=True, capture_output=True)  # noqa: S603  our own files
-            run = [directory / "replay", record]
-            done = subprocess.run(run, check=True, capture_output=True, text=True)  # noqa: S603
-            followed.append(np.loadtxt(done.stdout.splitlines()[1:], delimiter=",")[:, 1])
-    return float(np.abs(followed[0] - followed[1]).max())
+            runs = [
+                subprocess.run([directory / "replay", record], check=True, capture_output=True, text=True)  # noqa: S603
+                for record in records
+            ]
+            distances[real] = [np.loadtxt(run.stdout.splitlines()[1:], delimiter=",")[:, 1] for run in runs]
+            broken[real] = np.array(["covariance lost" in run.stderr or "not finite" in run.stderr for run in runs])
+    difference = np.abs(np.subtract(distances["double"], distances["float"])).max()
+    return SinglePrecision(float(difference), int(np.sum(broken["float"] & ~broken["double"])))
 
 
-def _write_motion(model: ActuatorModel, words: dict[str, Any], path: Path) -> None:
+def _motion(model: ActuatorModel, words: dict[str, Any]) -> tuple[list[str], FloatArray]:
     """A record of the simulated actuator under voltages that swing about what holds it, until it leaves the model."""
     plant, box, ohms = Plant(model), model.validity, model.resistances_ohm
     named = [sensor_named(model, name) for name in words["sensors"]]
@@ -216,6 +241,4 @@ def _write_motion(model: ActuatorModel, words: dict[str, Any], path: Path) -> No
     columns = ["time_s", *words["commands"], *words["reading_columns"]]
     begin = [k for k, name in enumerate(words["states"][: len(first)]) if name not in columns]
     kept = [*range(len(columns)), *(len(columns) + k for k in begin)]
-    names = [*columns, *(words["states"][k] for k in begin)]
-    values = np.array(rows)[:, kept]
-    np.savetxt(path, values, delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+    return [*columns, *(words["states"][k] for k in begin)], np.array(rows)[:, kept]

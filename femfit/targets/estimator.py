@@ -174,7 +174,8 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
                 f"Names of circuits and sensors must begin with a letter and hold letters, digits, '_', '-' and '.' to "
                 f"be exported; instead received {name!r}. Rename it in the model file."
             )
-    columns = [reading_of(model, name).column or name for name in names]
+    readings = [reading_of(model, name) for name in names]
+    columns = [reading.column or reading.name for reading in readings]
     commands = list(voltage_columns(model.circuit_names))
     first = [operating_distance(model), 0.0, *[0.0] * len(model.circuits)]
     functions = [python_source(name, function, arguments) for name, function, arguments in _functions(model, process)]
@@ -197,9 +198,11 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
         "sample_time_s": model.sample_time_s,
         "process_covariance": process.process_covariance.tolist(),
         "variances": [output.variance for output in process.outputs],
+        "lowest": [reading.inner[0] for reading in readings],
+        "highest": [reading.inner[1] for reading in readings],
         "start_covariance": process.start_covariance.tolist(),
-        "lower": _plain(process.lower),
-        "upper": _plain(process.upper),
+        "lower": process.lower.tolist(),
+        "upper": process.upper.tolist(),
         "scaling": UnscentedFilter(process).scaling,
         "steps": model.sample_step.count,
         "plant_steps": Plant(model).steps,
@@ -232,14 +235,6 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
         step = fed.sample_step.step(x, u, model.sample_time_s / Plant(model).steps, driven=True)[0]
         found.append(("plant_step", GraphFunction([x, u], step), ("x", "u")))
     return found
-
-
-def _plain(values: Any) -> str:
-    return f"[{', '.join(map(_number, values))}]"
-
-
-def _number(value: float) -> str:
-    return repr(float(value)) if np.isfinite(value) else "math.inf" if value > 0.0 else "-math.inf"
 
 
 @cache
