@@ -20,8 +20,6 @@ R. L. Stoll, The Analysis of Eddy Currents (Clarendon, 1974), chapter 2 (diffusi
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 2.2 (coupled windings).
 """
 
-from typing import Any
-
 import numpy as np
 
 from femfit.core.graph import Expression
@@ -50,11 +48,6 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     nominal = conditions.nominal
     change = (conditions.current_rate_A_s - conditions.motional_V / nominal.inductance_H) / nominal.peak_current_A
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
-
-
-def _response(s: Any, p: Parameters) -> Any:
-    """What of the flux does not follow a small current: the sum of s_k s / (s + 1 / tau_k)."""
-    return sum(s * p[f"{mode}_share"] / (s + faster / p["time_s"]) for mode, faster in _MODES.items())
 
 
 def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
@@ -102,7 +95,8 @@ EDDY_CURRENT_LAG = Effect(
         spread=0.02,
         steady_state=lambda d, i, conditions, p: {f"eddy_{mode}": 0.0 * i for mode in _MODES},
         rate=_rate,
-        response=_response,
+        # What of the flux does not follow a small current
+        response=lambda s, p: sum(s * p[f"{mode}_share"] / (s + n / p["time_s"]) for mode, n in _MODES.items()),
     ),
 )
 

@@ -50,7 +50,7 @@ class Filter(Printed, ABC):
     divergence_steps: int = DIVERGENCE_STEPS
 
     title: ClassVar[str]
-    is_unscented: ClassVar[bool]
+    is_unscented: ClassVar[bool] = False
 
     def __str__(self) -> str:
         return sentence("filter", "filter", self)

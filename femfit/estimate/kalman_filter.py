@@ -42,7 +42,6 @@ class ExtendedFilter(Filter):
     """Extended Kalman filter; parameters as in :class:`Filter`."""
 
     title: ClassVar[str] = "extended Kalman filter"
-    is_unscented: ClassVar[bool] = False
 
     def predicted(self, of: Terms, mean: Any, factor: Any, inputs: Any) -> tuple[Any, Any]:
         """F L (F L)' + Q."""

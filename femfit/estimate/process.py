@@ -93,10 +93,6 @@ class FilterProcess(ProcessGraph):
             np.sqrt(np.diag(self.start_covariance)),
         )
 
-    def state_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
-        """df/dx of :meth:`with_slopes`, shape (N, n, n)."""
-        return self.with_slopes(states, inputs)[1]
-
 
 class FilterOutcome(IntEnum):
     """How a run ended; the first outcome other than RUNNING stays."""

@@ -150,8 +150,7 @@ class Refit:
         moving = np.flatnonzero(~self.active)
         result = np.zeros((len(self.active), len(self.active)))
         columns = self.jacobian[:, moving]
-        freedom = max(len(self.whitened_residual) - len(moving), 1)
-        noise = max(1.0, self.chi2 / freedom)
+        noise = max(1.0, self.chi2 / max(len(self.whitened_residual) - len(moving), 1))
         information = columns.T @ columns / noise + np.diag(self.precision[moving])
         result[np.ix_(moving, moving)] = np.linalg.pinv(information, hermitian=True)
         return result
@@ -272,8 +271,6 @@ def _seen_nonlinear(start: Start, whitening: Whitening) -> list[EffectParameter]
     some = np.array([0.0 if p.name in start.held else 0.1 * p.width for p in columns.amplitudes])
     values = columns.parameters(np.where(some <= columns.bounds[1], some, -some))
     nonlinear = [p for p in columns.effect.parameters if p.nonlinear]
-    if not nonlinear:
-        return []
     for p in nonlinear:  # where a parameter usually stands it may have no slope
         values[p.name] += 0.1 * p.width * (1.0 if values[p.name] + 0.1 * p.width <= p.upper else -1.0)
     predicted = observations.predicted([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])

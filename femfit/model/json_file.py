@@ -153,7 +153,7 @@ def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
         names = [p.name for p in effect.parameters]
         if not {*one.parameters, *one.ci95} <= set(names):
             raise refused(f"effects[{k}]", f"of the parameters {', '.join(names)}")
-        added.append(AddedEffect(effect, effect.null() | one.parameters, one.ci95))
+        added.append(AddedEffect(effect, effect.null() | dict(one.parameters), one.ci95))
     return with_effects(base, added)
 
 

@@ -21,7 +21,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
-from femfit.effects.catalogue import OF_THE_WHOLE, ON_NO_CURRENT, SEPARATOR, source_scales
+from femfit.effects.catalogue import SEPARATOR, of_any_device, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, true_setting
@@ -180,23 +180,16 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
 
 def _require_of_circuits(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
     """Refuse effects that are written for one current, and magnets that do not stand apart."""
-    scaling = [added.effect.name for added in effects if added.effect.name in ("remanence", "magnet_temperature")]
-    if isinstance(base.magnetics, CoenergyTensor) and scaling:
+    if isinstance(base.magnetics, CoenergyTensor) and any(added.effect.name == "remanence" for added in effects):
         raise MissingPartError(
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
-            f"saturates, it does not stand apart. Take {' and '.join(scaling)} out of the model's effects."
+            "saturates, it does not stand apart. Take remanence out of the model's effects."
         )
-    unknown = []
-    for effect in (added.effect for added in effects):
-        # Several circuits can have effects of their own, the device's, or of the eddy currents alone
-        of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
-        if not (effect.of or effect.name in (*OF_THE_WHOLE, *ON_NO_CURRENT) or of_eddies):
-            unknown.append(effect.name)
+    unknown = [added.effect.name for added in effects if not of_any_device(added.effect)]
     if unknown:
         raise MissingPartError(
-            f"{', '.join(unknown)} act on the current of one circuit; model {base.name!r} has {len(base.circuits)}. "
-            f"Take them out of its effects; turns, resistance and current_gain are of each circuit, as turns:"
-            f"{base.circuit_names[0]}."
+            f"Effects of the current of one circuit can be no part of model {base.name!r}, which has "
+            f"{len(base.circuits)}: {', '.join(unknown)}. Take them out of its effects."
         )
 
 

@@ -11,10 +11,10 @@ from typing import Any, Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
+import pandas as pd
 
 from femfit.core.errors import DomainError, UsageError
 from femfit.core.graph import GraphFunction, building
-from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
@@ -42,13 +42,13 @@ MISSING = {"double": "1e200", "float": "1e30f"}
 """Numerical: variance of a reading that is missing."""
 
 FLOOR = {"double": 0.0, "float": 1e-6}
-"""Numerical: least part of a variance that a covariance's factor keeps, a dozen roundings; double precision needs none."""
+"""Numerical: least part of a variance that a factor keeps, a dozen roundings; double precision needs none."""
 
 SAMPLES = 400
 """Chosen: of the simulated motion along which single precision is compared."""
 
 STARTS = (0.0, -1.0, 1.0)
-"""Chosen: errors of the first distances that it is followed from, over the deviation that the filter expects of them."""
+"""Chosen: errors of first distances that it is followed from, over the deviation that the filter expects."""
 
 
 class SinglePrecision(NamedTuple):
@@ -96,8 +96,6 @@ def export_c(
     RunDirectoryError
         If the directory holds other files than an earlier export.
     """
-    if len(model.circuits) < 2:
-        model.require_circuit()  # there is nothing to control without a winding
     words = words_of(model, kalman_filter(model, kind, sensors=sensors).process)
     identifiers = [re.sub(r"\W", "_", name).upper() for name in (*words["states"], *words["sensors"])]
     if len(set(identifiers)) < len(identifiers):
@@ -115,35 +113,24 @@ def export_c(
 
 
 def _texts(
-    model: ActuatorModel,
-    words: dict[str, Any],
-    kind: FilterKind,
-    real: Real,
-    sensors: Sequence[str] | None,
+    model: ActuatorModel, words: dict[str, Any], kind: FilterKind, real: Real, sensors: Sequence[str] | None
 ) -> dict[str, str]:
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.start_covariance
     source, sizes = _arithmetic(StepFunction(built, compact=True, floor=FLOOR[real]).function, process, real)
-    size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
         "real": real,
         "suffix": "f" if real == "float" else "",
         "units": [reading_of(model, output.name).unit for output in process.outputs],
         "all_sensors": 2 ** len(process.outputs) - 1,
-        "variances": _listed(words["variances"], real),
-        "start_covariance": _listed(start.ravel(), real),
-        "start_factor": _listed(np.linalg.cholesky(start).ravel("F"), real),
-        "lowest": _listed(words["lowest"], real),
-        "highest": _listed(words["highest"], real),
-        "lower": _listed(process.lower, real),
-        "upper": _listed(process.upper, real),
+        "start_covariance": start.ravel(),
+        "start_factor": np.linalg.cholesky(start).ravel("F"),
         "missing": MISSING[real],
         "starts": len(STARTS),
-        "first_values": _listed(words["first"], real),
         "first_states": ", ".join(words["states"][: len(words["first"])]),
-        "memory_kB": f"{1e-3 * size * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
+        "memory_kB": f"{1e-3 * (4 if real == 'float' else 8) * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
         **sizes,
     }
     texts = {name: rendered(f"{name}.jinja", words) for name in TEMPLATES}
@@ -177,13 +164,6 @@ def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple
     return source, sizes
 
 
-def _listed(values: Any, real: Real) -> str:
-    """Numbers as C writes them; infinite ones as large as they come."""
-    largest, suffix = (3e38, "f") if real == "float" else (1e300, "")
-    numbers = [min(max(float(x), -largest), largest) for x in values]
-    return ", ".join(f"{x!r}{suffix}" if "e" in repr(x) or "." in repr(x) else f"{x!r}.0{suffix}" for x in numbers)
-
-
 def _single_precision(
     model: ActuatorModel, light: ActuatorModel, words: dict[str, Any], kind: FilterKind, sensors: Any
 ) -> SinglePrecision | None:
@@ -195,14 +175,14 @@ def _single_precision(
     compiler = shutil.which("cc")
     if compiler is None:
         return None
-    box, deviation = model.validity, first_deviations(model)[0]
-    names, values = _motion(model, words)
-    first = np.clip(words["first"][0] + deviation * np.array(STARTS), box.distance_min_m, box.distance_max_m)
-    distances, broken = {}, {}
+    box, motion, distances, broken = model.validity, _motion(model, words), {}, {}
+    first = words["first"][0] + first_deviations(model)[0] * np.array(STARTS)
+    first = np.clip(first, box.distance_min_m, box.distance_max_m)
     with TemporaryDirectory() as place:
         records = [Path(place) / f"{k}.csv" for k in range(len(STARTS))]
-        for record, values[0, names.index("distance_m")] in zip(records, first, strict=True):
-            np.savetxt(record, values, delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+        for record, begin in zip(records, first, strict=True):
+            motion.loc[0, "distance_m"] = begin
+            motion.to_csv(record, index=False)
         programs: tuple[tuple[Real, ActuatorModel], ...] = (("double", model), ("float", light))
         for real, modelled in programs:
             directory = Path(place) / real
@@ -222,7 +202,7 @@ def _single_precision(
     return SinglePrecision(float(difference), int(np.sum(broken["float"] & ~broken["double"])))
 
 
-def _motion(model: ActuatorModel, words: dict[str, Any]) -> tuple[list[str], FloatArray]:
+def _motion(model: ActuatorModel, words: dict[str, Any]) -> pd.DataFrame:
     """A record of the simulated actuator under voltages that swing about what holds it, until it leaves the model."""
     plant, box, ohms = Plant(model), model.validity, model.resistances_ohm
     named = [sensor_named(model, name) for name in words["sensors"]]
@@ -231,14 +211,12 @@ def _motion(model: ActuatorModel, words: dict[str, Any]) -> tuple[list[str], Flo
     with suppress(DomainError):  # what nothing holds swings about the middle of its currents
         held = holding_currents(model, distance)
     state = plant.start(np.array([[distance, 0.0, *held]]))
-    rows: list[list[float]] = []
-    first = [distance, 0.0, *held]
+    rows: list[dict[str, float]] = []
+    columns = [*words["states"][: 2 + len(ohms)], "time_s", *words["commands"], *words["reading_columns"]]
     while len(rows) < SAMPLES and box.distance_min_m <= state[0, 0] <= box.distance_max_m:
         volts = ohms * held * (1.0 + 0.02 * np.sin(0.3 * len(rows)))
         readings = [float(predict_sensor(model, sensor, state)[0]) for sensor in named]
-        rows.append([len(rows) * model.sample_time_s, *volts, *readings, *first])
+        values = [distance, 0.0, *held, len(rows) * model.sample_time_s, *volts, *readings]
+        rows.append(dict(zip(columns, values, strict=True)))  # a reading counts before a first state
         state = plant.step(state, volts[None])
-    columns = ["time_s", *words["commands"], *words["reading_columns"]]
-    begin = [k for k, name in enumerate(words["states"][: len(first)]) if name not in columns]
-    kept = [*range(len(columns)), *(len(columns) + k for k in begin)]
-    return [*columns, *(words["states"][k] for k in begin)], np.array(rows)[:, kept]
+    return pd.DataFrame(rows)

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numpy as np
 from casadi import SX
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -151,8 +150,6 @@ def export_estimator(model: ActuatorModel, directory: Path, sensors: Sequence[st
     RunDirectoryError
         If the directory holds other files than an earlier export.
     """
-    if len(model.circuits) < 2:
-        model.require_circuit()  # there is nothing to control without a winding
     process = levitation_process(model, sensors=sensors, hall_bias=True)
     words = words_of(model, process)
     texts = {FILE: rendered(f"{FILE}.jinja", words), "README.md": rendered("estimator_readme.md.jinja", words)}
@@ -167,6 +164,8 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
     UsageError
         If a name of a circuit or sensor holds what no name in a program's text may.
     """
+    if len(model.circuits) < 2:
+        model.require_circuit()  # there is nothing to control without a winding
     names = tuple(output.name for output in process.outputs)
     for name in (*model.circuit_names, *names):
         if not re.fullmatch(r"[A-Za-z][\w.-]*", name, re.ASCII):
@@ -243,7 +242,15 @@ def _templates() -> Environment:
         loader=PackageLoader("femfit.targets", "."), undefined=StrictUndefined, keep_trailing_newline=True
     )
     environment.filters["identifier"] = lambda name: re.sub(r"\W", "_", name).upper()
+    environment.filters["listed"] = _listed
     return environment
+
+
+def _listed(values: Sequence[float], real: str) -> str:
+    """Numbers as C writes them; infinite ones as large as they come."""
+    largest, suffix = (3e38, "f") if real == "float" else (1e300, "")
+    numbers = [min(max(float(x), -largest), largest) for x in values]
+    return ", ".join(f"{x!r}{suffix}" if "e" in repr(x) or "." in repr(x) else f"{x!r}.0{suffix}" for x in numbers)
 
 
 def rendered(template: str, words: dict[str, Any]) -> str:
