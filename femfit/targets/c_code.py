@@ -119,6 +119,7 @@ def _texts(
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.start_covariance
     source, sizes = _arithmetic(StepFunction(built, compact=True, floor=FLOOR[real]).function, process, real)
+    size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
         "real": real,
@@ -130,7 +131,7 @@ def _texts(
         "missing": MISSING[real],
         "starts": len(STARTS),
         "first_states": ", ".join(words["states"][: len(words["first"])]),
-        "memory_kB": f"{1e-3 * (4 if real == 'float' else 8) * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
+        "memory_kB": f"{1e-3 * size * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
         **sizes,
     }
     texts = {name: rendered(f"{name}.jinja", words) for name in TEMPLATES}
@@ -189,8 +190,7 @@ def _single_precision(
             directory.mkdir()
             for name, text in _texts(modelled, words, kind, real, sensors).items():
                 (directory / name).write_text(text, encoding="utf-8")
-            sources = ["replay.c", "femfit_filter.c", ARITHMETIC]
-            made = [compiler, "-std=c99", "-O1", "-o", "replay", *sources, "-lm"]
+            made = [compiler, "-std=c99", "-O1", "-o", "replay", "replay.c", "femfit_filter.c", ARITHMETIC, "-lm"]
             subprocess.run(made, cwd=directory, check=True, capture_output=True)  # noqa: S603  our own files
             runs = [
                 subprocess.run([directory / "replay", record], check=True, capture_output=True, text=True)  # noqa: S603
