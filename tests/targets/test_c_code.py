@@ -195,11 +195,11 @@ def test_a_filter_that_breaks_down_says_so_and_goes_on(levitation_model, tmp_pat
     assert all(status[8:])
 
 
-def test_an_unknown_filter_or_precision_is_refused(levitation_model, tmp_path):
-    with pytest.raises(UsageError, match="filter must be one of: ukf or ekf"):
-        export(levitation_model, tmp_path / "c", to="c", filter="kf")
-    with pytest.raises(UsageError, match="real must be one of: double or float"):
-        export(levitation_model, tmp_path / "c", to="c", real="half")
+def test_an_unknown_target_filter_or_precision_is_refused(tmp_path):
+    asked = {"filter": ("kf", "ukf or ekf"), "real": ("half", "double or float"), "to": ("fmu", "estimator .*; c ")}
+    for what, (value, allowed) in asked.items():
+        with pytest.raises(UsageError, match=f"must be one of: {allowed}.*instead received '{value}'"):
+            export("model.json", tmp_path / "c", **({"to": "c"} | {what: value}))
 
 
 def test_names_with_signs_are_names_in_c_and_those_that_are_alike_are_refused(levitation_model, tmp_path):
