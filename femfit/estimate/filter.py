@@ -24,6 +24,9 @@ from femfit.estimate.words import sentence
 
 VOLTAGES, READINGS = ("voltage", "circuit"), ("reading", "sensor")
 
+Moments = tuple[Any, Any, Any]  # Mean, covariance and its factor
+Corrected = tuple[Any, Any, Any, Any]  # Mean, covariance, innovation and the variance of that
+
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
 
 
@@ -60,30 +63,8 @@ class Filter(Printed, ABC):
         """Mean and covariance one step later."""
 
     @abstractmethod
-    def read_by(self, of: Terms, sensor: int, mean: Any, factor: Any) -> tuple[Any, Any, Any]:
-        """A sensor's expected reading h, the column v of its slopes along the factor's columns, and r.
-
-        The reading's variance is v'v + r and its noise, with r of what is not linear.
-        """
-
-    @final
-    def corrected(
-        self, of: Terms, sensor: int, mean: Any, factor: Any, reading: Any, noise: Any
-    ) -> tuple[Any, Any, Any, Any]:
-        """Mean and covariance given one sensor's reading, its innovation and the variance of that.
-
-        L v / S is the gain, with S = v'v + r and the noise R in r. The covariance is that of J. Potter's square root
-        L - L v v' / (S + sqrt(S r)), which no rounding makes indefinite.
-
-        References
-        ----------
-        D. Simon, Optimal State Estimation (Wiley, 2006), section 6.3.3.
-        """
-        expected, slopes, rest = self.read_by(of, sensor, mean, factor)
-        rest, cross, across = rest + noise, of.product(factor, slopes), of.turned(slopes)
-        variance, innovation = of.product(across, slopes) + rest, reading - expected
-        root = factor - of.product(cross / (variance + (variance * rest) ** 0.5), across)
-        return mean + cross * (innovation / variance), of.product(root, of.turned(root)), innovation, variance
+    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
+        """Mean and covariance given one sensor's reading, its innovation and the variance of that."""
 
     @final
     def start(self, mean: ArrayLike, covariance: ArrayLike | None = None, runs: int = 1) -> FilterState:
@@ -177,10 +158,10 @@ class Filter(Printed, ABC):
         return replace(state, innovation=innovation, innovation_variance=variance)
 
     def _update_one(self, state: FilterState, measurement: FloatArray, sensor: int) -> FilterState:
-        before = state.mean.T[:, None], state.factor.transpose(1, 2, 0)
+        before = state.mean.T[:, None], state.covariance.transpose(1, 2, 0), state.factor.transpose(1, 2, 0)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             noise = self.process.outputs[sensor].variance
-            after = self.corrected(self._terms, sensor, *before, measurement, noise)
+            after = self.corrected(self._terms, sensor, before, measurement, noise)
             mean, covariance = after[0][:, 0].T, after[1].transpose(2, 0, 1)
             innovation, variance = after[2][0, 0], after[3][0, 0]
             outside = innovation**2 > BAND_99_9 * variance

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, final
 
 from femfit.core.errors import FilterError
-from femfit.estimate.filter import Filter
+from femfit.estimate.filter import Corrected, Filter, Moments
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.single_step import Terms
@@ -49,10 +49,17 @@ class ExtendedFilter(Filter):
         root = of.product(slope, factor)
         return moved, of.product(root, of.turned(root)) + of.noise
 
-    def read_by(self, of: Terms, sensor: int, mean: Any, factor: Any) -> tuple[Any, Any, Any]:
-        """h, L' H' and 0."""
-        slopes = of.product(of.turned(factor), of.turned(of.read_slope[sensor](mean)))
-        return of.read[sensor](mean), slopes, 0.0
+    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
+        """(1 - K H) P (1 - K H)' + K R K'."""
+        mean, covariance, _ = before
+        slope = of.read_slope[sensor](mean)
+        cross = of.product(covariance, of.turned(slope))
+        variance = of.product(slope, cross) + noise
+        gain, innovation = cross / variance, reading - of.read[sensor](mean)
+        kept = of.unit - of.product(gain, slope)
+        covariance = of.product(of.product(kept, covariance), of.turned(kept))
+        covariance = covariance + noise * of.product(gain, of.turned(gain))
+        return mean + gain * innovation, 0.5 * (covariance + of.turned(covariance)), innovation, variance
 
 
 @final
@@ -82,18 +89,23 @@ class UnscentedFilter(Filter):
         covariance = weight * of.product(delta, of.turned(delta)) + shift_weight * of.product(shift, of.turned(shift))
         return moved[:, :1] + shift, covariance + of.noise
 
-    def read_by(self, of: Terms, sensor: int, mean: Any, factor: Any) -> tuple[Any, Any, Any]:
-        """Readings of points that are drawn anew, eqs. (25) to (31).
+    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
+        """Mean and covariance by those of the readings of points that are drawn anew, eqs. (25) to (31).
 
-        They lie in pairs mean +- spread L_k, whose differences in z are v, and whose sums r.
+        They lie in pairs mean +- spread L_k, whose differences in z are v, and whose sums the rest r of the variance
+        S = v'v + r. The covariance is that of J. Potter's square root L - L v v' / (S + sqrt(S r)) (Simon, section
+        6.3.3), which no rounding makes indefinite.
         """
-        spread, weight, shift_weight = self.scaling
-        seen, half = of.read[sensor](self._drawn(of, mean, factor)), self.process.order
+        (mean, _, factor), (spread, weight, shift_weight), half = before, self.scaling, self.process.order
+        seen = of.read[sensor](self._drawn(of, mean, factor))
         delta = seen[:, 1:] - seen[:, :1]
-        apart, both = delta[:, :half] - delta[:, half:], delta[:, :half] + delta[:, half:]
+        across, both = weight * spread * (delta[:, :half] - delta[:, half:]), delta[:, :half] + delta[:, half:]
         shift = weight * of.total(both)
-        rest = 0.5 * weight * of.product(both, of.turned(both)) + shift_weight * shift * shift
-        return seen[:, :1] + shift, of.turned(weight * spread * apart), rest
+        rest = 0.5 * weight * of.product(both, of.turned(both)) + shift_weight * shift * shift + noise
+        variance, cross = of.product(across, of.turned(across)) + rest, of.product(factor, of.turned(across))
+        root = factor - of.product(cross / (variance + (variance * rest) ** 0.5), across)
+        innovation = reading - (seen[:, :1] + shift)
+        return mean + cross * (innovation / variance), of.product(root, of.turned(root)), innovation, variance
 
     def _drawn(self, of: Terms, mean: Any, factor: Any) -> Any:
         """The points mean, mean + spread L_k and mean - spread L_k, eq. (20)."""

@@ -38,7 +38,6 @@ from femfit.estimate.process import FilterProcess, Output
 from femfit.estimate.process_graph import process_graph
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
-from femfit.model.dynamics import eddy_currents_of
 from femfit.model.hall import HallSensor
 from femfit.model.sensors import HALL, reading_of, readings_span, sensor_named, sensors_of
 
@@ -155,7 +154,7 @@ def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bia
 def _plausible_range(model: ActuatorModel, deviations: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
     """Distances around the validity domain, passed in no less than a sample; currents a width of their range beyond it.
 
-    Eddy currents are what such jumps and speeds leave, states of effects and biases :data:`FAR_OFF` first deviations.
+    Eddy currents, states of effects and biases are :data:`FAR_OFF` first deviations at most.
     """
     domain, first = model.validity, 2 + len(model.circuits)
     lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
@@ -167,8 +166,6 @@ def _plausible_range(model: ActuatorModel, deviations: FloatArray, order: int) -
     lower[1] = -upper[1]
     for k, (low, high) in enumerate(domain.current_limits_A[: len(model.circuits)], start=2):
         lower[k], upper[k] = low - (high - low), high + (high - low)
-    eddies = eddy_currents_of(model, (upper - lower)[2:first], upper[1])
     upper[first : len(deviations)] = FAR_OFF * deviations[first:]
-    upper[first : first + len(eddies)] = np.maximum(eddies, upper[first : first + len(eddies)])
     lower[first:] = -upper[first:]
     return lower, upper

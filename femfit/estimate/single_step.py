@@ -37,6 +37,7 @@ class Terms(NamedTuple):
     turned: Callable[[Any], Any]
     beside: Callable[..., Any]
     total: Callable[[Any], Any]  # Of a matrix's columns
+    unit: Any
     noise: Any  # Q
     moved: Callable[[Any, Any], Any]  # (points, inputs) -> points one sample later
     moved_with_slope: Callable[[Any, Any], tuple[Any, Any]]  # Of one state, and df/dx
@@ -72,6 +73,7 @@ def in_arrays(process: FilterProcess) -> Terms:
         turned=lambda a: a.swapaxes(0, 1),
         beside=lambda *parts: np.concatenate(parts, axis=1),
         total=lambda a: a.sum(axis=1, keepdims=True),
+        unit=np.eye(process.order)[:, :, None],
         noise=process.process_covariance[:, :, None],
         moved=moved,
         moved_with_slope=moved_with_slope,
@@ -145,19 +147,21 @@ class StepFunction:
             turned=lambda a: a.T,
             beside=ca.horzcat,
             total=ca.sum2,
+            unit=symbol.eye(n),
             noise=ca.DM(filter_.process.process_covariance),
             moved=lambda points, _: ca.horzcat(*map(moved, ca.horzsplit(points))),
             moved_with_slope=moved_with_slope,
             read=[partial(of_each, look) for look in looks],
             read_slope=[partial(read_slope, output.name) for output in outputs],
         )
-        mean, covariance = filter_.predicted(terms, x, factor, u)
+        mean, covariance = filter_.predicted(terms, x, ca.tril(factor) if symbol is ca.SX else factor, u)
         predicted, seen = mean, []
         for k in range(m):
             factor = _factor(covariance, floor)
-            mean, covariance, *judged = filter_.corrected(terms, k, mean, factor, y[k], r[k])
+            mean, covariance, *judged = filter_.corrected(terms, k, (mean, covariance, factor), y[k], r[k])
             seen.append(judged)
-        parts = [covariance, _factor(covariance, floor), mean, predicted, *(a for a, _ in seen), *(b for _, b in seen)]
+        whole = ca.tril2symm(ca.tril(covariance)) if symbol is ca.SX else covariance
+        parts = [whole, _factor(covariance, floor), mean, predicted, *(a for a, _ in seen), *(b for _, b in seen)]
         output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
         function = ca.Function("f", given, [ca.cse(output) if symbol is ca.SX else output])
         self.function = function

@@ -155,7 +155,7 @@ def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple
         generator.add(one)
     source = _HEAD + _DESCRIBING.sub("", generator.dump()).replace(" casadi_nan NAN", " casadi_nan ((casadi_real) NAN)")
     if real == "float":  # CasADi leaves constants and functions in double precision
-        source = _CALL.sub(r"\1f(", _NUMBER.sub(r"\1f", source))
+        source = _CALL.sub(r"\1f(", _NUMBER.sub(r"\1f", source)).replace("fmaxf(x, y)", "x > y ? x : y")
     sizes = {
         "arguments": max(5, *(one.sz_arg() for one in functions)),
         "results": max(one.sz_res() for one in functions),
@@ -173,8 +173,7 @@ def _single_precision(
     Programs of the model in double precision and of the light one in single are compiled and follow the same records;
     None without a compiler.
     """
-    compiler = shutil.which("cc")
-    if compiler is None:
+    if (compiler := shutil.which("cc")) is None:
         return None
     box, motion, distances, broken = model.validity, _motion(model, words), {}, {}
     first = words["first"][0] + first_deviations(model)[0] * np.array(STARTS)

@@ -42,10 +42,12 @@ class Export(Printed):
         if self.single_precision_m is None:
             return done
         done += f"\nSingle precision is off by {amount(self.single_precision_m, 'm')} along a simulated motion."
-        if not self.single_precision_lost:
-            return done
-        lost = f"{self.single_precision_lost} of {counted(len(STARTS), 'start')}"
-        return f"{done}\nIt loses its covariance from {lost}, where double precision does not: take --real double."
+        lost = self.single_precision_lost
+        return (
+            f"{done}\nIt loses its covariance from {lost} of {len(STARTS)} starts: take --real double."
+            if lost
+            else done
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; the files relative to the directory."""
