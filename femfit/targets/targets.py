@@ -42,12 +42,9 @@ class Export(Printed):
         if self.single_precision_m is None:
             return done
         done += f"\nSingle precision is off by {amount(self.single_precision_m, 'm')} along a simulated motion."
-        lost = self.single_precision_lost
-        return (
-            f"{done}\nIt loses its covariance from {lost} of {len(STARTS)} starts: take --real double."
-            if lost
-            else done
-        )
+        if lost := self.single_precision_lost:
+            done += f"\nIt loses its covariance from {lost} of {len(STARTS)} starts: take --real double."
+        return done
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; the files relative to the directory."""
