@@ -104,7 +104,7 @@ def export_c(
             f"{', '.join(words['sensors'])}. Rename one in the model file."
         )
     light, change = splined(model) if real == "float" else (model, 0.0)
-    words |= {"change": change and f"{change:.1g}", "difference": "", "lost": 0}
+    words |= {"change": change and f"{change:.1g}", "difference": "", "lost": 0, "starts": len(STARTS)}
     single = _single_precision(model, light, words, kind, sensors) if real == "float" else None
     if single is not None:
         words |= {"difference": amount(single.difference_m, "m"), "lost": single.lost}
@@ -129,7 +129,6 @@ def _texts(
         "start_covariance": start.ravel(),
         "start_factor": np.linalg.cholesky(start).ravel("F"),
         "missing": MISSING[real],
-        "starts": len(STARTS),
         "first_states": ", ".join(words["states"][: len(words["first"])]),
         "memory_kB": f"{1e-3 * size * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
         **sizes,
