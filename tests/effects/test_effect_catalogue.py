@@ -52,8 +52,7 @@ def test_every_file_of_the_room_is_listed():
         for value in vars(importlib.import_module(f"femfit.effects.{file.stem}")).values()
         if isinstance(value, Effect)
     }
-    listed = {effect.name for effect in BUILT_IN}
-    assert found == listed
+    assert found == {effect.name for effect in BUILT_IN}
 
 
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)

@@ -97,7 +97,6 @@ def test_effects_that_act_on_no_current_stand_in_the_file_of_any_device(bearing)
     named = [{"name": "coulomb_friction", "parameters": {"level": 0.1}}, *({"name": name} for name in names)]
     model = model_from_dict(model_to_dict(bearing) | {"effects": named})
     assert model.effects[0].parameters == {"level": 0.1, "breakaway": 0.0, "creep_m_s": 1e-3}
-    assert model.effects[1].parameters == {"damping_per_s": 0.0}
     state = np.array([5e-4, -0.1, 0.8, -0.4])
     slower = state_derivative(model, state, np.zeros(2)) - state_derivative(bearing, state, np.zeros(2))
     assert slower[1] == pytest.approx(0.1 * 9.80665, rel=0.1)
