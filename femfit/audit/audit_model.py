@@ -63,7 +63,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
     if model.circuits and model.motion is not None:
         findings += held_body(model)
     if model.sensor is not None:
-        findings += _hall(model.sensor, reading_of(model, HALL).rounding, d, i)
+        findings += _hall(model.sensor, reading_of(model, HALL).step / 12.0**0.5, d, i)
     return Audit(tuple(findings))
 
 
@@ -139,7 +139,8 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
         numbers = {"several": True, "least_H": float(diagonal.min()), "largest_H": float(diagonal.max())}
         severity: Severity = "holds" if least > 0.0 else "wrong"
         return [AuditFinding("inductance", severity, "flux linkages", None, least, numbers)]
-    slope = state.motional_constant[:, 0]
+    # Without a magnet a current of either sign attracts
+    slope = state.motional_constant[:, 0] * (1.0 if model.has_magnet else np.sign(i[:, 0]))
     pushing = float(np.mean((slope <= 0.0) & (i[:, 0] != 0.0)))  # steel alone has dF/di = 0 without a current
     severity = "note" if pushing else "holds"
     everywhere = {"everywhere": bool(slope.min() > 0.0)}

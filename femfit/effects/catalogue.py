@@ -3,7 +3,11 @@
 The effects of a device of several circuits: some are of one circuit each, some of the whole device.
 
 What is of a circuit is named after both, as ``current_gain:lower``, and changes that circuit's current, turns or
-resistance alone. What is not listed here is written for one current, and a device of several is not asked for it.
+resistance alone. What acts on no current any model may have, though a device of several circuits is not asked for it.
+
+All others are written for one circuit: iron, lags, misalignment and outer fields take its current for the core's (as
+``core_saturation``), temperatures follow its winding's, drivers, supply and ``motional_emf`` are of that, and
+``side_pull_friction``, ``hall_coil_pickup``, ``sensor_delay`` and ``flux_integrator_drift`` see its current or flux.
 """
 
 from collections.abc import Iterable, Sequence
@@ -153,15 +157,18 @@ def effect_by_name(name: str) -> Effect:
     return effect
 
 
+@cache
 def known_effect(name: str) -> Effect | None:
     """The effect of a name, of one circuit or of the device; None where there is none."""
     kind, _, circuit = name.partition(SEPARATOR)
-    return _of_circuit(kind, circuit) if circuit and kind in OF_EACH else all_effects().get(name)
+    return of_circuit(effect_by_name(kind), circuit) if circuit and kind in OF_EACH else all_effects().get(name)
 
 
-@cache
-def _of_circuit(kind: str, circuit: str) -> Effect:
-    return of_circuit(effect_by_name(kind), circuit)
+def of_any_device(effect: Effect) -> bool:
+    """Whether models of several circuits can have it: of one, of the whole, of forces or the eddy currents alone."""
+    mechanical = effect.acts_on == ("force",) and "~current_A" not in effect.needs
+    of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
+    return bool(effect.of) or effect.name in OF_THE_WHOLE or mechanical or of_eddies
 
 
 def device_effects(circuits: Sequence[str], drawn: Iterable[Effect] = ()) -> dict[str, Effect]:
@@ -171,5 +178,5 @@ def device_effects(circuits: Sequence[str], drawn: Iterable[Effect] = ()) -> dic
         if len(circuits) < 2 or name in OF_THE_WHOLE:
             found[name] = effect
         elif name in OF_EACH:
-            found |= {own.name: own for own in (_of_circuit(name, circuit) for circuit in circuits)}
+            found |= {own: effect_by_name(own) for own in (f"{name}{SEPARATOR}{circuit}" for circuit in circuits)}
     return found | {effect.name: effect for effect in drawn}

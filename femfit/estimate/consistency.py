@@ -64,11 +64,6 @@ class Innovations:
         """Of the largest autocorrelation in magnitude, in samples."""
         return 1 + int(np.argmax(np.abs(self.autocorrelation)))
 
-    @property
-    def worst_correlation(self) -> float:
-        """The largest autocorrelation in magnitude."""
-        return float(self.autocorrelation[self.worst_lag - 1])
-
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         names = ("sensor", "unit", "count", "rms", "mean_square", "correlation_band", "consistent", "white")

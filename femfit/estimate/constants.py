@@ -66,6 +66,9 @@ NEAREST, FARTHEST = 0.5, 2.0
 domain. The fit's polynomials continue a little outside of it, which a filter needs while it acquires, and mean nothing
 further out; a cubic spline that is continued over half a domain is usually off by its own size."""
 
+FAR_OFF = 1e4
+"""Conventional: first deviations beyond which an eddy current, an effect's state or a bias is none that a model has."""
+
 BAND_99_9 = 10.828
 """Derived: 99.9 % quantile of chi-square with one degree of freedom."""
 

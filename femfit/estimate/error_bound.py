@@ -113,7 +113,7 @@ def error_bound(
     places[:, 2 : 2 + circuits] = np.tile(currents, (len(distances_m), 1))
     model.validity.require(places[:, 0], places[:, 2 : 2 + circuits])
     volts = model.resistances_ohm * places[:, 2 : 2 + circuits]
-    slope, outputs = process.state_jacobian(places, volts), output_jacobians(process, places)
+    slope, outputs = process.with_slopes(places, volts)[1], output_jacobians(process, places)
     covariance = np.broadcast_to(process.start_covariance, slope.shape)
     for _ in range(SETTLING_STEPS):
         covariance = next_covariance(process, covariance, slope, outputs)
@@ -145,7 +145,7 @@ def bound_along(process: FilterProcess, states: FloatArray, inputs: FloatArray) 
             f"A trajectory needs an input for each state; instead received {len(states)} states and {len(inputs)} "
             "inputs."
         )
-    slopes, outputs = process.state_jacobian(states[:-1], inputs[1:]), output_jacobians(process, states)
+    slopes, outputs = process.with_slopes(states[:-1], inputs[1:])[1], output_jacobians(process, states)
     result = np.empty((len(states), process.order, process.order))
     result[0] = _informed(process, process.start_covariance[None], outputs[:, :1])[0]
     for k, slope in enumerate(slopes):

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isnan
-from typing import Any, ClassVar, Literal, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,9 @@ from femfit.estimate.single_step import SingleStep, StepFunction, Terms, in_arra
 from femfit.estimate.words import sentence
 
 VOLTAGES, READINGS = ("voltage", "circuit"), ("reading", "sensor")
+
+Moments = tuple[Any, Any, Any]  # Mean, covariance and its factor
+Corrected = tuple[Any, Any, Any, Any]  # Mean, covariance, innovation and the variance of that
 
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
 
@@ -50,27 +53,18 @@ class Filter(Printed, ABC):
     divergence_steps: int = DIVERGENCE_STEPS
 
     title: ClassVar[str]
+    is_unscented: ClassVar[bool] = False
 
     def __str__(self) -> str:
         return sentence("filter", "filter", self)
 
-    carries: ClassVar[Literal["covariance", "factor"]]  # By which matrix of a state it predicts
-
     @abstractmethod
-    def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
+    def predicted(self, of: Terms, mean: Any, factor: Any, inputs: Any) -> tuple[Any, Any]:
         """Mean and covariance one step later."""
 
     @abstractmethod
-    def corrected(
-        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
-    ) -> tuple[Any, Any, Any, Any]:
-        """Mean and covariance given one sensor's reading, its innovation and the variance of that.
-
-        Parameters
-        ----------
-        before : tuple
-            Mean, covariance and its factor.
-        """
+    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
+        """Mean and covariance given one sensor's reading, its innovation and the variance of that."""
 
     @final
     def start(self, mean: ArrayLike, covariance: ArrayLike | None = None, runs: int = 1) -> FilterState:
@@ -136,8 +130,8 @@ class Filter(Printed, ABC):
         inputs = _given(state, voltage, self.process.inputs, VOLTAGES)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
-            matrix = getattr(state, self.carries).transpose(1, 2, 0)
-            mean, covariance = self.predicted(self._terms, state.mean.T[:, None], matrix, inputs)
+            factor = state.factor.transpose(1, 2, 0)
+            mean, covariance = self.predicted(self._terms, state.mean.T[:, None], factor, inputs)
             innovations = state.innovation, state.innovation_variance, state.out_of_band
             return self._next((mean[:, 0].T, covariance.transpose(2, 0, 1)), innovations, state.outcome)
 
@@ -189,9 +183,8 @@ class Filter(Printed, ABC):
         if len(state.mean) == 1 and not state.outcome.item() and process.light:
             plain = isinstance(voltage, float) and process.inputs == 1
             inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
-            matrix = state.covariance[0] if self.carries == "covariance" else state.factor[0].T
             readings = _given(state, measurement, len(process.outputs), READINGS)[0]
-            after = self._next_alone(state, self.single(state.mean[0], matrix, inputs, readings))
+            after = self._next_alone(state, self.single(state.mean[0], state.factor[0].T, inputs, readings))
             if after is not None:
                 return after
         return self.update(self.predict(state, voltage), measurement)

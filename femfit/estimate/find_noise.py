@@ -177,7 +177,7 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
     flat = chosen.ravel()
     order = process.order
     following = np.minimum(flat + 1, len(prepared.time_s) - 1)
-    slope = process.state_jacobian(replayed.mean[flat], prepared.log.inputs[following])
+    slope = process.with_slopes(replayed.mean[flat], prepared.log.inputs[following])[1]
     outputs = np.stack([process.gradient(output.name, replayed.predicted[flat]) for output in process.outputs], axis=1)
     shift = replayed.mean[flat] - replayed.predicted[flat]
     # Of all sensors against the prediction; the filter takes one after the other, each about what the last improved

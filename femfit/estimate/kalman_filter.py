@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, final
 
 from femfit.core.errors import FilterError
-from femfit.estimate.filter import Filter
+from femfit.estimate.filter import Corrected, Filter, Moments
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.single_step import Terms
@@ -42,16 +42,14 @@ class ExtendedFilter(Filter):
     """Extended Kalman filter; parameters as in :class:`Filter`."""
 
     title: ClassVar[str] = "extended Kalman filter"
-    carries: ClassVar[Literal["covariance", "factor"]] = "covariance"
 
-    def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
-        """F P F' + Q."""
+    def predicted(self, of: Terms, mean: Any, factor: Any, inputs: Any) -> tuple[Any, Any]:
+        """F L (F L)' + Q."""
         moved, slope = of.moved_with_slope(mean, inputs)
-        return moved, of.product(of.product(slope, matrix), of.turned(slope)) + of.noise
+        root = of.product(slope, factor)
+        return moved, of.product(root, of.turned(root)) + of.noise
 
-    def corrected(
-        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
-    ) -> tuple[Any, Any, Any, Any]:
+    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
         """(1 - K H) P (1 - K H)' + K R K'."""
         mean, covariance, _ = before
         slope = of.read_slope[sensor](mean)
@@ -70,7 +68,7 @@ class UnscentedFilter(Filter):
     """Unscented Kalman filter."""
 
     title: ClassVar[str] = "unscented Kalman filter"
-    carries: ClassVar[Literal["covariance", "factor"]] = "factor"
+    is_unscented: ClassVar[bool] = True
 
     @cached_property
     def scaling(self) -> tuple[float, float, float]:
@@ -82,39 +80,37 @@ class UnscentedFilter(Filter):
         others = order - (self.process.model.eddy.count if self.process.model.eddy else 0)
         return sqrt(others), 0.5 / others, 2.0 - others / order
 
-    def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
+    def predicted(self, of: Terms, mean: Any, factor: Any, inputs: Any) -> tuple[Any, Any]:
         """Mean and covariance of the points one sample later, eqs. (21) to (24)."""
-        moved = of.moved(self._drawn(of, mean, matrix), inputs)
-        _, shift, covariance = self._scattered(of, moved)
+        _, weight, shift_weight = self.scaling
+        moved = of.moved(self._drawn(of, mean, factor), inputs)
+        delta = moved[:, 1:] - moved[:, :1]
+        shift = weight * of.total(delta)
+        covariance = weight * of.product(delta, of.turned(delta)) + shift_weight * of.product(shift, of.turned(shift))
         return moved[:, :1] + shift, covariance + of.noise
 
-    def corrected(
-        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
-    ) -> tuple[Any, Any, Any, Any]:
-        """Mean and covariance by those of the readings of points that are drawn anew, eqs. (25) to (31)."""
-        mean, covariance, factor = before
-        spread, weight, _ = self.scaling
+    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
+        """Mean and covariance by those of the readings of points that are drawn anew, eqs. (25) to (31).
+
+        They lie in pairs mean +- spread L_k, whose differences in z are v, and whose sums the rest r of the variance
+        S = v'v + r. The covariance is that of J. Potter's square root L - L v v' / (S + sqrt(S r)) (Simon, section
+        6.3.3), which no rounding makes indefinite.
+        """
+        (mean, _, factor), (spread, weight, shift_weight), half = before, self.scaling, self.process.order
         seen = of.read[sensor](self._drawn(of, mean, factor))
-        delta, shift, variance = self._scattered(of, seen)
-        variance, half = variance + noise, self.process.order
-        # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains
-        cross = of.product(factor, of.turned(weight * spread * (delta[:, :half] - delta[:, half:])))
+        delta = seen[:, 1:] - seen[:, :1]
+        across, both = weight * spread * (delta[:, :half] - delta[:, half:]), delta[:, :half] + delta[:, half:]
+        shift = weight * of.total(both)
+        rest = 0.5 * weight * of.product(both, of.turned(both)) + shift_weight * shift * shift + noise
+        variance, cross = of.product(across, of.turned(across)) + rest, of.product(factor, of.turned(across))
+        root = factor - of.product(cross / (variance + (variance * rest) ** 0.5), across)
         innovation = reading - (seen[:, :1] + shift)
-        covariance = covariance - of.product(cross, of.turned(cross)) / variance
-        return mean + cross * (innovation / variance), covariance, innovation, variance
+        return mean + cross * (innovation / variance), of.product(root, of.turned(root)), innovation, variance
 
     def _drawn(self, of: Terms, mean: Any, factor: Any) -> Any:
         """The points mean, mean + spread L_k and mean - spread L_k, eq. (20)."""
         columns = self.scaling[0] * factor
         return of.beside(mean, mean + columns, mean - columns)
-
-    def _scattered(self, of: Terms, values: Any) -> tuple[Any, Any, Any]:
-        """delta_i = Y_i - Y_0, their weighted sum s = mean - Y_0, and the weighted covariance."""
-        _, weight, shift_weight = self.scaling
-        delta = values[:, 1:] - values[:, :1]
-        shift = weight * of.total(delta)
-        covariance = weight * of.product(delta, of.turned(delta)) + shift_weight * of.product(shift, of.turned(shift))
-        return delta, shift, covariance
 
 
 FilterKind = Literal["ukf", "ekf"]

@@ -23,6 +23,7 @@ from femfit.estimate.constants import (
     BIAS_SHARE,
     BIAS_SHARE_PER_ROOT_S,
     DELAYED_NOISE,
+    FAR_OFF,
     FARTHEST,
     NEAREST,
 )
@@ -95,7 +96,7 @@ def levitation_process(
         np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
         for samples in graph.samples
     ]
-    lower, upper = _plausible_range(model, graph.order)
+    lower, upper = _plausible_range(model, deviations, graph.order)
     return FilterProcess(
         model,
         graph.biases,
@@ -150,14 +151,21 @@ def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bia
     return tuple(biases)
 
 
-def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:
-    """Distances around the validity domain, and currents up to one width of their range beyond it."""
-    domain = model.validity
+def _plausible_range(model: ActuatorModel, deviations: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Distances around the validity domain, passed in no less than a sample; currents a width of their range beyond it.
+
+    Eddy currents, states of effects and biases are :data:`FAR_OFF` first deviations at most.
+    """
+    domain, first = model.validity, 2 + len(model.circuits)
     lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
     stroke = domain.distance_max_m - domain.distance_min_m
     # Beyond a face that the body passes there are distances of both signs
     lower[0] = NEAREST * domain.distance_min_m if domain.distance_min_m > 0.0 else domain.distance_min_m - stroke
     upper[0] = FARTHEST * domain.distance_max_m if domain.distance_min_m > 0.0 else domain.distance_max_m + stroke
+    upper[1] = (upper[0] - lower[0]) / model.sample_time_s
+    lower[1] = -upper[1]
     for k, (low, high) in enumerate(domain.current_limits_A[: len(model.circuits)], start=2):
         lower[k], upper[k] = low - (high - low), high + (high - low)
+    upper[first : len(deviations)] = FAR_OFF * deviations[first:]
+    lower[first:] = -upper[first:]
     return lower, upper

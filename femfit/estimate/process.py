@@ -78,7 +78,8 @@ class FilterProcess(ProcessGraph):
             first = np.concatenate([first, np.zeros((*first.shape[:-1], missing), first.dtype)], axis=-1)
         if not self.samples or first.shape[-1:] != (self.base,):
             return first
-        return self.from_rest(first.reshape(-1, self.base)).reshape(*first.shape[:-1], self.order)
+        begun = self.function("begun", lambda x, _: self.begun(x), self.base)
+        return self._values(begun, first.reshape(-1, self.base)).reshape(*first.shape[:-1], self.order)
 
     def with_slopes(self, states: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """States one sample later, (N, n), and df/dx, (N, n, n).
@@ -92,10 +93,6 @@ class FilterProcess(ProcessGraph):
             states,
             np.sqrt(np.diag(self.start_covariance)),
         )
-
-    def state_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
-        """df/dx of :meth:`with_slopes`, shape (N, n, n)."""
-        return self.with_slopes(states, inputs)[1]
 
 
 class FilterOutcome(IntEnum):

@@ -195,10 +195,6 @@ class ProcessGraph:
         """Its gradient."""
         return self.function(("slope", name), lambda x, _: ca.gradient(self.read(x, name), x))
 
-    def from_rest(self, first: FloatArray) -> FloatArray:
-        """All states (N, n) of bodies that were at rest before, from their first ones (N, base)."""
-        return self._values(self.function("begun", lambda x, _: self.begun(x), self.base), first)
-
     def sample_spreads(self, states: FloatArray, deviations: FloatArray) -> list[float]:
         """The largest deviation of each remembered sample over states (N, base) that are so uncertain."""
         result = []

@@ -175,11 +175,10 @@ def sensor_readings(
         facts = {"name": reading.name, "period": period, "repeats": int(again.sum())}
         findings.append(finding("repeated", column=column, **facts))
         values[again] = np.nan
-    span = reading.high - reading.low
-    slack = 1e-9 * span if np.isfinite(span) else 0.0
-    clipped = (values >= reading.high - slack) | (values <= reading.low + slack)
+    low, high = reading.inner
+    clipped = (values >= high) | (values <= low)
     if clipped.any():
-        limits = amount_range(reading.low, reading.high, reading.unit) if np.isfinite(span) else "its range"
+        limits = amount_range(reading.low, reading.high, reading.unit) if np.isfinite(high - low) else "its range"
         facts = {"clipped": int(clipped.sum()), "samples": f"{len(values)}", "name": reading.name, "limits": limits}
         findings.append(finding("clipped sensor", column=column, **facts))
         values[clipped] = np.nan

@@ -94,17 +94,22 @@ class SingleStep(NamedTuple):
 
 
 class StepFunction:
-    """(mean, covariance or factor, voltages, readings, their variances) -> :class:`SingleStep`.
+    """(mean, factor, voltages, readings, their variances) -> :class:`SingleStep`.
 
     ``function`` is that of CasADi, whose output has the parts one below the other, matrices column by column. Where it
     is to be compact, sigma points call one function that looks its tables up: a third of the code in C.
+
+    Parameters
+    ----------
+    floor : float
+        Least square of a factor's pivot over the variance, where rounding may leave none.
     """
 
-    def __init__(self, filter_: "Filter", *, compact: bool = False) -> None:
+    def __init__(self, filter_: "Filter", *, compact: bool = False, floor: float = 0.0) -> None:
         graph = filter_.process
         outputs, n = filter_.process.outputs, graph.order
         m = len(outputs)
-        points = 1 if filter_.carries == "covariance" else 2 * n + 1
+        points = 2 * n + 1 if filter_.is_unscented else 1
         compact = compact and points > 1
 
         def made(function: GraphFunction) -> ca.Function:
@@ -116,8 +121,8 @@ class StepFunction:
         written = count < MOST_WRITTEN and not compact
         plain = all(function.is_a("SXFunction") for function in (*moves, *looks))  # then slopes are, of the same rows
         symbol: Any = ca.SX if written and plain else ca.MX
-        shapes = (("x", n), ("P", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
-        x, matrix, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
+        shapes = (("x", n), ("L", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
+        x, factor, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
 
         def of_each(function: ca.Function, points: Any) -> Any:
             return ca.horzcat(*(function(point, u) for point in ca.horzsplit(points)))
@@ -149,21 +154,22 @@ class StepFunction:
             read=[partial(of_each, look) for look in looks],
             read_slope=[partial(read_slope, output.name) for output in outputs],
         )
-        mean, covariance = filter_.predicted(terms, x, matrix, u)
+        mean, covariance = filter_.predicted(terms, x, ca.tril(factor) if symbol is ca.SX else factor, u)
         predicted, seen = mean, []
         for k in range(m):
-            factor = _factor(covariance)
+            factor = _factor(covariance, floor)
             mean, covariance, *judged = filter_.corrected(terms, k, (mean, covariance, factor), y[k], r[k])
             seen.append(judged)
-        parts = [covariance, _factor(covariance), mean, predicted, *(a for a, _ in seen), *(b for _, b in seen)]
+        whole = ca.tril2symm(ca.tril(covariance)) if symbol is ca.SX else covariance
+        parts = [whole, _factor(covariance, floor), mean, predicted, *(a for a, _ in seen), *(b for _, b in seen)]
         output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
         function = ca.Function("f", given, [ca.cse(output) if symbol is ca.SX else output])
         self.function = function
         self._call, self._order, self._sensors = Caller(function, Compilation(lambda: function)), n, m
         self._variances = np.array([output.variance for output in outputs])
 
-    def __call__(self, mean: FloatArray, matrix: FloatArray, voltage: Any, readings: FloatArray) -> SingleStep:
-        """One step; ``matrix`` is symmetric, or a factor as its transpose."""
+    def __call__(self, mean: FloatArray, factor: FloatArray, voltage: Any, readings: FloatArray) -> SingleStep:
+        """One step; ``factor`` is its transpose."""
         n, m = self._order, self._sensors
         missing = np.isnan(readings)
         y, r = (
@@ -171,7 +177,7 @@ class StepFunction:
             if missing.any()
             else (readings, self._variances)
         )
-        values = self._call(mean, matrix.ravel(), voltage, y, r)
+        values = self._call(mean, factor.ravel(), voltage, y, r)
         square, ends = n * n, 2 * n * n + 2 * n
         innovations, variances = values[ends : ends + m], values[ends + m :]
         if missing.any():
@@ -186,7 +192,13 @@ class StepFunction:
         )
 
 
-def _factor(covariance: Any) -> Any:
-    """L of L L^T, with NaN where there is none."""
+def _factor(covariance: Any, floor: float) -> Any:
+    """L of L L^T, with NaN where there is none; squares of its pivots are no less than a part of the variances."""
     square = ca.SX.sym("P", *covariance.shape)
-    return ca.Function("factor", [square], [ca.densify(ca.chol(square).T)])(covariance)
+    factor = ca.SX.zeros(*covariance.shape)
+    for j in range(square.shape[0]):
+        column = square[j:, j] - factor[j:, :j] @ factor[j, :j].T
+        pivot = ca.sqrt(ca.fmax(column[0], floor * square[j, j]) if floor else column[0])
+        factor[j:, j] = column / pivot
+        factor[j, j] = pivot
+    return ca.Function("factor", [square], [factor])(covariance)

@@ -51,8 +51,9 @@ SPANNED = 1e-4
 ROUNDING = 1e-3
 """Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
 
-ROUNDED = 1e-9
-"""Numerical: part of a reading up to which a misfit, or an effect over its plausible range, is rounding."""
+ROUNDED, SEEN_SHARE = 1e-9, 1e-3
+"""Numerical: part of a reading up to which a misfit, or an effect over its plausible range, is rounding, and of what an
+effect does, up to which that by a constant of its shape over its plausible range does not matter: it is not fitted."""
 
 NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
 """Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of

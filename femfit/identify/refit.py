@@ -19,9 +19,8 @@ from scipy import optimize, stats
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
-from femfit.identify.constants import AS_GOOD, MOST_EVALUATIONS, NEXT_TO_BOUND
+from femfit.identify.constants import AS_GOOD, MOST_EVALUATIONS, NEXT_TO_BOUND, SEEN_SHARE
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.observations import Observations
 from femfit.identify.signatures import EffectColumns, effect_columns, why_untestable
 
 
@@ -151,8 +150,7 @@ class Refit:
         moving = np.flatnonzero(~self.active)
         result = np.zeros((len(self.active), len(self.active)))
         columns = self.jacobian[:, moving]
-        freedom = max(len(self.whitened_residual) - len(moving), 1)
-        noise = max(1.0, self.chi2 / freedom)
+        noise = max(1.0, self.chi2 / max(len(self.whitened_residual) - len(moving), 1))
         information = columns.T @ columns / noise + np.diag(self.precision[moving])
         result[np.ix_(moving, moving)] = np.linalg.pinv(information, hermitian=True)
         return result
@@ -196,7 +194,7 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
     free = tuple(
         (k, p)
         for k, effect in enumerate(start)
-        for p in (*effect.columns.amplitudes, *_seen_nonlinear(effect, observations))
+        for p in (*effect.columns.amplitudes, *_seen_nonlinear(effect, whitening))
         if p.name not in effect.held
     )
     initial = []
@@ -267,16 +265,18 @@ def _at_bounds(
     return x
 
 
-def _seen_nonlinear(start: Start, observations: Observations) -> list[EffectParameter]:
-    """The nonlinear parameters that change what the effect's amplitudes do to these readings."""
-    columns = start.columns
+def _seen_nonlinear(start: Start, whitening: Whitening) -> list[EffectParameter]:
+    """The nonlinear parameters that change what the effect's amplitudes do to these readings by a part that matters."""
+    columns, observations = start.columns, whitening.observations
     some = np.array([0.0 if p.name in start.held else 0.1 * p.width for p in columns.amplitudes])
     values = columns.parameters(np.where(some <= columns.bounds[1], some, -some))
     nonlinear = [p for p in columns.effect.parameters if p.nonlinear]
     for p in nonlinear:  # where a parameter usually stands it may have no slope
         values[p.name] += 0.1 * p.width * (1.0 if values[p.name] + 0.1 * p.width <= p.upper else -1.0)
-    slopes = observations.predicted([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])[:, 1:]
-    return [p for p, slope in zip(nonlinear, slopes.T, strict=True) if np.any(slope != 0.0)]
+    predicted = observations.predicted([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])
+    changes = np.column_stack([predicted[:, 0] - observations.base, predicted[:, 1:] * [p.width for p in nonlinear]])
+    effect, *lengths = np.linalg.norm(whitening.full(changes), axis=0)
+    return [p for p, length in zip(nonlinear, lengths, strict=True) if length > SEEN_SHARE * effect]
 
 
 def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[AddedEffect, ...]:

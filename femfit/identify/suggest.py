@@ -167,8 +167,7 @@ def suggest_measurements(
     pairs = list(combinations(explanations, 2))
     for experiment in possible_experiments(observations, available, list(named.values())):
         if experiment.calibration:
-            reading = experiment.effect, experiment.calibration
-            apart = [apart_by_direct_reading(*reading, a, b) for a, b in pairs]
+            apart = [apart_by_direct_reading(experiment.effect, experiment.calibration, a, b) for a, b in pairs]
             distances = [distance if distance >= NEEDED_DISTANCE else None for distance in apart]
         else:
             distances = _joint_distances(model, table, noise, experiment, pairs)

@@ -225,8 +225,8 @@ class FiledEffect:
     """An added effect in a model file: by the name of one of the catalogue or the drawing, or with what it carries."""
 
     name: str
-    parameters: Mapping[str, float]
-    ci95: Mapping[str, tuple[float, float]]
+    parameters: Mapping[str, float] = field(default_factory=dict)  # Others change nothing
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     carried: FiledCarried | None = field(default=None, metadata={"omit": True})
 
     @classmethod

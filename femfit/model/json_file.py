@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.errors import ModelFileError, UsageError
+from femfit.core.errors import MissingPartError, ModelFileError, UsageError
 from femfit.core.files import MODEL, path_of, require_outputs, write_text
 from femfit.core.results import listing
 from femfit.effects.catalogue import effect_by_name
@@ -119,7 +119,7 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
     try:
         model = _build(data, source)
         fault = next(_faults(model), None)
-    except UsageError as error:
+    except (UsageError, MissingPartError) as error:
         raise ModelFileError(f"{source}: {error}") from error
     except (TypeError, LookupError, ArithmeticError, RuntimeError) as error:
         raise ModelFileError(f"{source} is damaged: {error}. Write it again with femfit fit.") from error
@@ -151,9 +151,9 @@ def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
         effect = drawn.get(one.name) or (one.carried and one.carried.effect(one.name))  # type: ignore[attr-defined]
         effect = effect or effect_by_name(one.name)  # type: ignore[attr-defined]
         names = [p.name for p in effect.parameters]
-        if set(one.parameters) != set(names) or not set(one.ci95) <= set(names):
+        if not {*one.parameters, *one.ci95} <= set(names):
             raise refused(f"effects[{k}]", f"of the parameters {', '.join(names)}")
-        added.append(AddedEffect(effect, one.parameters, one.ci95))
+        added.append(AddedEffect(effect, effect.null() | dict(one.parameters), one.ci95))
     return with_effects(base, added)
 
 

@@ -44,14 +44,15 @@ class Reading:
         return span / 2.0**self.bits if self.bits and np.isfinite(span) else 0.0
 
     @property
-    def rounding(self) -> float:
-        """Standard deviation of the converter's rounding, LSB / sqrt(12)."""
-        return self.step / float(np.sqrt(12.0))
+    def inner(self) -> tuple[float, float]:
+        """Between these a reading tells something; one at an end of the range does not."""
+        slack = 1e-9 * (self.high - self.low) if np.isfinite(self.high - self.low) else 0.0
+        return self.low + slack, self.high - slack
 
     @property
     def white(self) -> float:
-        """Standard deviation of one sample, the rounding included."""
-        return float(np.hypot(self.noise, self.rounding))
+        """Standard deviation of one sample, the rounding LSB / sqrt(12) included."""
+        return float(np.hypot(self.noise, self.step / 12.0**0.5))
 
     def period(self, step_s: float) -> int:
         """Samples of ``step_s`` from one reading to the next, to the nearest; 1 where it is read at each."""

@@ -21,7 +21,7 @@ from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
-from femfit.effects.catalogue import OF_THE_WHOLE, SEPARATOR, source_scales
+from femfit.effects.catalogue import SEPARATOR, of_any_device, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, true_setting
@@ -203,12 +203,10 @@ def _require_known(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> N
             f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
             "saturates, it does not stand apart. Take remanence out of the model's effects."
         )
-    # Several circuits can have effects of their own, the device's, or of the eddy currents alone
-    others = [added.effect for added in effects if not (added.effect.of or added.effect.name in OF_THE_WHOLE)]
-    if several and (unknown := [of.name for of in others if of.coenergy or not (of.impedance or of.eddy)]):
+    if several and (unknown := [added.effect.name for added in effects if not of_any_device(added.effect)]):
         raise MissingPartError(
-            f"The effects {', '.join(unknown)} are of a device with one circuit; model {base.name!r} has "
-            f"{len(base.circuits)}. Take them out of its file; a number of the drawing, femfit calibrate finds."
+            f"Effects of the current of one circuit can be no part of model {base.name!r}, which has "
+            f"{len(base.circuits)}: {', '.join(unknown)}. Take them out of its effects."
         )
 
 

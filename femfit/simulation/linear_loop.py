@@ -140,7 +140,7 @@ def linear_observer(
         return _linear_direct(model, point, observer)
     process = observer.process
     rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
-    A = process.state_jacobian(rest[None], point.commands[None])[0]
+    A = process.with_slopes(rest[None], point.commands[None])[1][0]
     (B,) = central_differences(
         lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs),
         point.commands[None],

@@ -7,16 +7,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
+import pandas as pd
 
 from femfit.core.errors import DomainError, UsageError
 from femfit.core.graph import GraphFunction, building
 from femfit.core.text import amount
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
+from femfit.estimate.noise import first_deviations
 from femfit.estimate.process_graph import ProcessGraph
 from femfit.estimate.single_step import StepFunction
 from femfit.model.actuator_model import ActuatorModel
@@ -39,8 +41,21 @@ _CALL = re.compile(
 MISSING = {"double": "1e200", "float": "1e30f"}
 """Numerical: variance of a reading that is missing."""
 
+FLOOR = {"double": 0.0, "float": 1e-6}
+"""Numerical: least part of a variance that a factor keeps, a dozen roundings; double precision needs none."""
+
 SAMPLES = 400
 """Chosen: of the simulated motion along which single precision is compared."""
+
+STARTS = (0.0, -1.0, 1.0)
+"""Chosen: errors of first distances that it is followed from, over the deviation that the filter expects."""
+
+
+class SinglePrecision(NamedTuple):
+    """How single precision compares with double along a simulated motion, from :data:`STARTS`."""
+
+    difference_m: float  # The largest one between the distances
+    lost: int  # Starts from which it loses its covariance, or a number, where double precision does not
 
 
 _HEAD = """\
@@ -65,14 +80,14 @@ def export_c(
     sensors: Sequence[str] | None = None,
     kind: FilterKind = "ukf",
     real: Real = "double",
-) -> tuple[tuple[Path, ...], float | None]:
+) -> tuple[tuple[Path, ...], SinglePrecision | None]:
     """Write the filter, a program that follows a record with it, and a description.
 
     Returns
     -------
-    tuple of (paths, float or None)
-        The files, and by how much the distance in m differs in single precision along a simulated motion, from that
-        of the model as it is: in single precision a co-energy that effects change is splines where these are less work.
+    tuple of (paths, SinglePrecision or None)
+        The files, and how single precision compares with the model as it is: in single precision a co-energy that
+        effects change is splines where these are less work.
 
     Raises
     ------
@@ -81,8 +96,6 @@ def export_c(
     RunDirectoryError
         If the directory holds other files than an earlier export.
     """
-    if len(model.circuits) < 2:
-        model.require_circuit()  # there is nothing to control without a winding
     words = words_of(model, kalman_filter(model, kind, sensors=sensors).process)
     identifiers = [re.sub(r"\W", "_", name).upper() for name in (*words["states"], *words["sensors"])]
     if len(set(identifiers)) < len(identifiers):
@@ -90,27 +103,22 @@ def export_c(
             f"Names of sensors must differ in more than case and signs to be names in C; instead received "
             f"{', '.join(words['sensors'])}. Rename one in the model file."
         )
-    light, change, difference = model, 0.0, None
-    words |= {"difference": "", "change": ""}
-    if real == "float":
-        light, change = splined(model)
-        difference = _single_precision({"double": model, "float": light}, words, kind, sensors)
-        words |= {"difference": difference and amount(difference, "m"), "change": change and f"{change:.1g}"}
+    light, change = splined(model) if real == "float" else (model, 0.0)
+    words |= {"change": change and f"{change:.1g}", "difference": "", "lost": 0, "starts": len(STARTS)}
+    single = _single_precision(model, light, words, kind, sensors) if real == "float" else None
+    if single is not None:
+        words |= {"difference": amount(single.difference_m, "m"), "lost": single.lost}
     texts = _texts(light, words, kind, real, sensors)
-    return write_directory(model, directory, texts, "femfit_model.h"), difference
+    return write_directory(model, directory, texts, "femfit_model.h"), single
 
 
 def _texts(
-    model: ActuatorModel,
-    words: dict[str, Any],
-    kind: FilterKind,
-    real: Real,
-    sensors: Sequence[str] | None,
+    model: ActuatorModel, words: dict[str, Any], kind: FilterKind, real: Real, sensors: Sequence[str] | None
 ) -> dict[str, str]:
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.start_covariance
-    source, sizes = _arithmetic(StepFunction(built, compact=True).function, process, real)
+    source, sizes = _arithmetic(StepFunction(built, compact=True, floor=FLOOR[real]).function, process, real)
     size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
@@ -118,14 +126,9 @@ def _texts(
         "suffix": "f" if real == "float" else "",
         "units": [reading_of(model, output.name).unit for output in process.outputs],
         "all_sensors": 2 ** len(process.outputs) - 1,
-        "variances": _listed(words["variances"], real),
-        "start_covariance": _listed(start.ravel(), real),
-        "start_factor": _listed(np.linalg.cholesky(start).ravel("F"), real),
-        "lower": _listed(process.lower, real),
-        "upper": _listed(process.upper, real),
+        "start_covariance": start.ravel(),
+        "start_factor": np.linalg.cholesky(start).ravel("F"),
         "missing": MISSING[real],
-        "matrix": "covariance" if kind == "ekf" else "factor",
-        "first_values": _listed(words["first"], real),
         "first_states": ", ".join(words["states"][: len(words["first"])]),
         "memory_kB": f"{1e-3 * size * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
         **sizes,
@@ -151,7 +154,7 @@ def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple
         generator.add(one)
     source = _HEAD + _DESCRIBING.sub("", generator.dump()).replace(" casadi_nan NAN", " casadi_nan ((casadi_real) NAN)")
     if real == "float":  # CasADi leaves constants and functions in double precision
-        source = _CALL.sub(r"\1f(", _NUMBER.sub(r"\1f", source))
+        source = _CALL.sub(r"\1f(", _NUMBER.sub(r"\1f", source)).replace("fmaxf(x, y)", "x > y ? x : y")
     sizes = {
         "arguments": max(5, *(one.sz_arg() for one in functions)),
         "results": max(one.sz_res() for one in functions),
@@ -161,43 +164,43 @@ def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple
     return source, sizes
 
 
-def _listed(values: Any, real: Real) -> str:
-    """Numbers as C writes them; infinite ones as large as they come."""
-    largest, suffix = (3e38, "f") if real == "float" else (1e300, "")
-    numbers = [min(max(float(x), -largest), largest) for x in values]
-    return ", ".join(f"{x!r}{suffix}" if "e" in repr(x) or "." in repr(x) else f"{x!r}.0{suffix}" for x in numbers)
-
-
 def _single_precision(
-    models: dict[Real, ActuatorModel], words: dict[str, Any], kind: FilterKind, sensors: Any
-) -> float | None:
-    """By how much the distance in single precision differs from that in double, along a motion of the simulator.
+    model: ActuatorModel, light: ActuatorModel, words: dict[str, Any], kind: FilterKind, sensors: Any
+) -> SinglePrecision | None:
+    """Both precisions along a motion of the simulator.
 
-    The program of each precision has a model of its own. Both are compiled and follow the same record; None without a
-    compiler.
+    Programs of the model in double precision and of the light one in single are compiled and follow the same records;
+    None without a compiler.
     """
-    compiler = shutil.which("cc")
-    if compiler is None:
+    if (compiler := shutil.which("cc")) is None:
         return None
+    box, motion, distances, broken = model.validity, _motion(model, words), {}, {}
+    first = words["first"][0] + first_deviations(model)[0] * np.array(STARTS)
+    first = np.clip(first, box.distance_min_m, box.distance_max_m)
     with TemporaryDirectory() as place:
-        record = Path(place) / "record.csv"
-        _write_motion(models["double"], words, record)
-        followed = []
-        for real, model in models.items():
+        records = [Path(place) / f"{k}.csv" for k in range(len(STARTS))]
+        for record, begin in zip(records, first, strict=True):
+            motion.loc[0, "distance_m"] = begin
+            motion.to_csv(record, index=False)
+        programs: tuple[tuple[Real, ActuatorModel], ...] = (("double", model), ("float", light))
+        for real, modelled in programs:
             directory = Path(place) / real
             directory.mkdir()
-            for name, text in _texts(model, words, kind, real, sensors).items():
+            for name, text in _texts(modelled, words, kind, real, sensors).items():
                 (directory / name).write_text(text, encoding="utf-8")
-            sources = ["replay.c", "femfit_filter.c", ARITHMETIC]
-            made = [compiler, "-std=c99", "-O1", "-o", "replay", *sources, "-lm"]
+            made = [compiler, "-std=c99", "-O1", "-o", "replay", "replay.c", "femfit_filter.c", ARITHMETIC, "-lm"]
             subprocess.run(made, cwd=directory, check=True, capture_output=True)  # noqa: S603  our own files
-            run = [directory / "replay", record]
-            done = subprocess.run(run, check=True, capture_output=True, text=True)  # noqa: S603
-            followed.append(np.loadtxt(done.stdout.splitlines()[1:], delimiter=",")[:, 1])
-    return float(np.abs(followed[0] - followed[1]).max())
+            runs = [
+                subprocess.run([directory / "replay", record], check=True, capture_output=True, text=True)  # noqa: S603
+                for record in records
+            ]
+            distances[real] = [np.loadtxt(run.stdout.splitlines()[1:], delimiter=",")[:, 1] for run in runs]
+            broken[real] = np.array(["covariance lost" in run.stderr or "not finite" in run.stderr for run in runs])
+    difference = np.abs(np.subtract(distances["double"], distances["float"])).max()
+    return SinglePrecision(float(difference), int(np.sum(broken["float"] & ~broken["double"])))
 
 
-def _write_motion(model: ActuatorModel, words: dict[str, Any], path: Path) -> None:
+def _motion(model: ActuatorModel, words: dict[str, Any]) -> pd.DataFrame:
     """A record of the simulated actuator under voltages that swing about what holds it, until it leaves the model."""
     plant, box, ohms = Plant(model), model.validity, model.resistances_ohm
     named = [sensor_named(model, name) for name in words["sensors"]]
@@ -206,16 +209,12 @@ def _write_motion(model: ActuatorModel, words: dict[str, Any], path: Path) -> No
     with suppress(DomainError):  # what nothing holds swings about the middle of its currents
         held = holding_currents(model, distance)
     state = plant.start(np.array([[distance, 0.0, *held]]))
-    rows: list[list[float]] = []
-    first = [distance, 0.0, *held]
+    rows: list[dict[str, float]] = []
+    columns = [*words["states"][: 2 + len(ohms)], "time_s", *words["commands"], *words["reading_columns"]]
     while len(rows) < SAMPLES and box.distance_min_m <= state[0, 0] <= box.distance_max_m:
         volts = ohms * held * (1.0 + 0.02 * np.sin(0.3 * len(rows)))
         readings = [float(predict_sensor(model, sensor, state)[0]) for sensor in named]
-        rows.append([len(rows) * model.sample_time_s, *volts, *readings, *first])
+        values = [distance, 0.0, *held, len(rows) * model.sample_time_s, *volts, *readings]
+        rows.append(dict(zip(columns, values, strict=True)))  # a reading counts before a first state
         state = plant.step(state, volts[None])
-    columns = ["time_s", *words["commands"], *words["reading_columns"]]
-    begin = [k for k, name in enumerate(words["states"][: len(first)]) if name not in columns]
-    kept = [*range(len(columns)), *(len(columns) + k for k in begin)]
-    names = [*columns, *(words["states"][k] for k in begin)]
-    values = np.array(rows)[:, kept]
-    np.savetxt(path, values, delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+    return pd.DataFrame(rows)

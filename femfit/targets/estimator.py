@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numpy as np
 from casadi import SX
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -139,8 +138,6 @@ def export_estimator(model: ActuatorModel, directory: Path, sensors: Sequence[st
     RunDirectoryError
         If the directory holds other files than an earlier export.
     """
-    if len(model.circuits) < 2:
-        model.require_circuit()  # there is nothing to control without a winding
     process = levitation_process(model, sensors=sensors, hall_bias=True)
     words = words_of(model, process)
     texts = {FILE: rendered(f"{FILE}.jinja", words), "README.md": rendered("estimator_readme.md.jinja", words)}
@@ -155,6 +152,8 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
     UsageError
         If a name of a circuit or sensor holds what no name in a program's text may.
     """
+    if len(model.circuits) < 2:
+        model.require_circuit()  # there is nothing to control without a winding
     names = tuple(output.name for output in process.outputs)
     for name in (*model.circuit_names, *names):
         if not re.fullmatch(r"[A-Za-z][\w.-]*", name, re.ASCII):
@@ -162,7 +161,8 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
                 f"Names of circuits and sensors must begin with a letter and hold letters, digits, '_', '-' and '.' to "
                 f"be exported; instead received {name!r}. Rename it in the model file."
             )
-    columns = [reading_of(model, name).column or name for name in names]
+    readings = [reading_of(model, name) for name in names]
+    columns = [reading.column or reading.name for reading in readings]
     commands = list(voltage_columns(model.circuit_names))
     first = [operating_distance(model), 0.0, *[0.0] * len(model.circuits)]
     functions = [python_source(name, function, arguments) for name, function, arguments in _functions(model, process)]
@@ -185,9 +185,11 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
         "sample_time_s": model.sample_time_s,
         "process_covariance": process.process_covariance.tolist(),
         "variances": [output.variance for output in process.outputs],
+        "lowest": [reading.inner[0] for reading in readings],
+        "highest": [reading.inner[1] for reading in readings],
         "start_covariance": process.start_covariance.tolist(),
-        "lower": _plain(process.lower),
-        "upper": _plain(process.upper),
+        "lower": process.lower.tolist(),
+        "upper": process.upper.tolist(),
         "scaling": UnscentedFilter(process).scaling,
         "steps": model.sample_step.count,
         "plant_steps": Plant(model).steps,
@@ -222,21 +224,21 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
     return found
 
 
-def _plain(values: Any) -> str:
-    return f"[{', '.join(map(_number, values))}]"
-
-
-def _number(value: float) -> str:
-    return repr(float(value)) if np.isfinite(value) else "math.inf" if value > 0.0 else "-math.inf"
-
-
 @cache
 def _templates() -> Environment:
     environment = Environment(  # noqa: S701  no markup
         loader=PackageLoader("femfit.targets", "."), undefined=StrictUndefined, keep_trailing_newline=True
     )
     environment.filters["identifier"] = lambda name: re.sub(r"\W", "_", name).upper()
+    environment.filters["listed"] = _listed
     return environment
+
+
+def _listed(values: Sequence[float], real: str) -> str:
+    """Numbers as C writes them; infinite ones as large as they come."""
+    largest, suffix = (3e38, "f") if real == "float" else (1e300, "")
+    numbers = [min(max(float(x), -largest), largest) for x in values]
+    return ", ".join(f"{x!r}{suffix}" if "e" in repr(x) or "." in repr(x) else f"{x!r}.0{suffix}" for x in numbers)
 
 
 def rendered(template: str, words: dict[str, Any]) -> str:

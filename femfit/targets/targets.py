@@ -12,7 +12,7 @@ from femfit.core.text import amount, counted
 from femfit.estimate.kalman_filter import FilterKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.targets.c_code import Real, export_c
+from femfit.targets.c_code import STARTS, Real, export_c
 from femfit.targets.estimator import export_estimator
 
 
@@ -31,21 +31,27 @@ class Export(Printed):
     target: str
     directory: Path
     files: tuple[Path, ...]
-    # By how much the distance in single precision differs from that in double along a simulated motion; None in double
+    # By how much the distance in single precision differs from that in double along a simulated motion, None in double;
+    # and from how many of its starts single precision loses its covariance
     single_precision_m: float | None = None
+    single_precision_lost: int = 0
 
     def __str__(self) -> str:
         files = counted(len(self.files), "file")
         done = f"{self.directory}: {self.target}, {files}; read {self.directory / 'README.md'}"
         if self.single_precision_m is None:
             return done
-        return f"{done}\nSingle precision is off by {amount(self.single_precision_m, 'm')} along a simulated motion."
+        done += f"\nSingle precision is off by {amount(self.single_precision_m, 'm')} along a simulated motion."
+        if lost := self.single_precision_lost:
+            done += f"\nIt loses its covariance from {lost} of {len(STARTS)} starts: take --real double."
+        return done
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; the files relative to the directory."""
         files = [str(file.relative_to(self.directory)) for file in self.files]
         facts: dict[str, Any] = {"target": self.target, "directory": str(self.directory), "files": files}
-        return facts if self.single_precision_m is None else facts | {"single_precision_m": self.single_precision_m}
+        single = {name: value for name, value in vars(self).items() if name.startswith("single_precision")}
+        return facts if self.single_precision_m is None else facts | single
 
 
 TARGETS = {
@@ -103,4 +109,4 @@ def export(
     if to == "estimator":
         return Export(to, place, export_estimator(read, place, sensors))
     files, single = export_c(read, place, sensors, cast("FilterKind", filter), cast("Real", real))
-    return Export(to, place, files, single)
+    return Export(to, place, files, *(single or ()))

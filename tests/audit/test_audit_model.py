@@ -12,6 +12,7 @@ from femfit.device.mechanics import Stop
 from femfit.fit.build import fit_model
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.validity import ValidityBox
 from femfit.tables.sweep_table import write_sweep_table
 from support.command import femfit
 from support.sweeps import full_table
@@ -54,7 +55,9 @@ def test_a_bound_that_decided_is_noted(levitation_model):
 
 def test_steel_without_a_magnet_is_not_said_to_attract_less(levitation_model):
     pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
-    assert "attraction" in codes(replace(levitation_model, magnetics=pot, sensor=None, misfit=None), "holds")
+    both = ValidityBox.of_currents((0.016, 0.03), (-2.0, 2.0))  # of which either sign attracts
+    model = replace(levitation_model, magnetics=pot, sensor=None, misfit=None, validity=both)
+    assert "attraction" in codes(model, "holds")
 
 
 def test_a_hall_output_that_leaves_its_range_is_noted(levitation_model):

@@ -88,9 +88,7 @@ def test_q_is_the_covariance_of_integrated_white_acceleration_and_of_held_voltag
 
 
 @pytest.mark.parametrize("sensitivity", [50.0, -50.0])
-def test_the_direct_distance_inverts_the_hall_voltage_whichever_way_the_element_sees_the_magnet(
-    levitation_model, sensitivity
-):
+def test_the_direct_distance_inverts_a_hall_voltage_of_either_polarity(levitation_model, sensitivity):
     model = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=sensitivity))
     d, i = RANDOM.uniform(0.015, 0.045, 500), RANDOM.uniform(0.0, 1.4, 500)
     found = distance_inverse(model, "hall")(model.sensor.voltage(d, i), i[:, None])
@@ -138,9 +136,7 @@ def errors_are_as_large_as_said(state, truth):
 
 @pytest.mark.parametrize("make", [UnscentedFilter, ExtendedFilter])
 @pytest.mark.parametrize("decay", [0.15, 0.25, 0.43, 1.0, 1.9])
-def test_errors_and_innovations_lie_in_their_bands_while_the_current_of_a_coil_is_switched(
-    levitation_model, make, decay
-):
+def test_errors_and_innovations_lie_in_their_bands_while_a_current_is_switched(levitation_model, make, decay):
     """The rig's coil and faster ones, by R t/L."""
     ohms = decay * float(levitation_model.inductance(0.022, 0.3)) / levitation_model.sample_time_s
     fast = replace(levitation_model.circuit, resistance_ohm=ohms)

@@ -50,19 +50,13 @@ def test_a_reading_that_is_infinite_ends_its_own_run_only(process, filter_class)
     assert np.isfinite(state.mean[[0, 2]]).all()
 
 
+OF_READING = {"nan": FilterOutcome.RUNNING, "inf": FilterOutcome.NOT_FINITE, "1e160": FilterOutcome.LEFT_MODEL}
+
+
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
-@pytest.mark.parametrize(
-    ("hall", "outcome"),
-    [
-        (np.nan, FilterOutcome.RUNNING),
-        (np.inf, FilterOutcome.NOT_FINITE),
-        (1e160, FilterOutcome.LEFT_MODEL),
-        (50.0, None),
-    ],
-)
-def test_what_goes_wrong_is_named_alike_in_one_run_in_many_and_by_the_general_path(
-    levitation_model, kind, hall, outcome
-):
+@pytest.mark.parametrize("reading", [*OF_READING, "50"])
+def test_what_goes_wrong_is_named_alike_in_one_run_in_many_and_by_the_general_path(levitation_model, kind, reading):
+    hall, outcome = float(reading), OF_READING.get(reading)
     filter_ = kalman_filter(levitation_model, kind)
     alone, two = (filter_.start([0.022, 0.0, 0.32], runs=runs) for runs in (1, 2))
     named = {filter_.step(alone, 0.86, hall).outcomes()[0], *filter_.step(two, 0.86, hall).outcomes()}
@@ -106,21 +100,8 @@ def test_states_are_never_changed_in_place_and_the_first_outcome_stays(process, 
     state = filter_.predict(filter_.start(far, initial_covariance()), 0.86)
     state = filter_.update(state, np.nan)
     assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
-
-
-def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
-    filter_ = kalman_filter(levitation_model)
-    monkeypatch.setattr(Filter, "predict", None)  # the general path would need it
-    state = filter_.start([0.022, 0.0, 0.32])
-    for voltage, hall in zip(record.voltage[:9, 0], record.hall[:9, 0], strict=True):
-        state = filter_.step(state, voltage, np.array([hall]))
-    assert np.isfinite(state.mean).all()
-
-
-def test_no_body_at_all_is_moved_nowhere(process):
-    none = np.zeros((0, process.order))
-    assert process.transition(none, np.zeros(0)).shape == none.shape
-    assert process.transition_with_slopes(none, np.zeros(0))[1].shape == (0, process.order, process.order)
+    after, slopes = process.transition_with_slopes(np.zeros((0, process.order)), np.zeros(0))  # of no body at all
+    assert (after.shape, slopes.shape) == ((0, process.order), (0, process.order, process.order))
 
 
 @needs_compiler
@@ -130,6 +111,7 @@ def test_the_single_step_is_compiled_to_the_same_numbers(levitation_model, kind,
     start = kalman_filter(levitation_model, kind).start([0.022, 0.0, 0.32])
     wanted = kalman_filter(levitation_model, kind).step(start, 0.86, readings)
     libraries = compile_at_once(monkeypatch, tmp_path)
+    monkeypatch.setattr(Filter, "predict", None)  # the general path would need it
     found = kalman_filter(levitation_model, kind).step(start, 0.86, readings)
     assert libraries
     assert all(libraries)

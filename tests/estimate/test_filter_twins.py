@@ -127,7 +127,7 @@ def test_the_slopes_of_steps_and_readings_are_those_of_differences(name, levitat
     repeated = np.concatenate([volts] * (2 * process.order))
     wanted = central_differences(lambda x: process.transition(x, repeated), states, scale) * scale
     size = np.abs(wanted).max(axis=0) + 1e-3 * scale[:, None]  # rounded over steps of 1e-5 of what is large
-    assert (np.abs(process.state_jacobian(states, volts) * scale - wanted) / size).max() < 1e-6
+    assert (np.abs(process.with_slopes(states, volts)[1] * scale - wanted) / size).max() < 1e-6
     for output in process.outputs:
         wanted = (
             central_differences(lambda x, o=output: process.measure(o.name, x)[:, None], states, scale)[:, 0] * scale
@@ -190,7 +190,7 @@ def test_ekf_equals_filterpy(process, record):
 
     def step(voltage, reading):
         inputs = np.array([voltage])
-        oracle.F = process.state_jacobian(oracle.x[None], inputs)[0]
+        oracle.F = process.with_slopes(oracle.x[None], inputs)[1][0]
         moved = process.transition(oracle.x[None], inputs)[0]
         oracle.predict()
         oracle.x = moved

@@ -298,7 +298,7 @@ for kind in ("ekf", "ukf"):
     tracker = e.Filter(kind)
     tracker.start(first)
     for _ in range(5):
-        tracker.step([1.0] * n, [0.0] * len(e.SENSORS))
+        tracker.step([1.0] * n, [0.5] * len(e.SENSORS))
     found[kind] = [tracker.mean, tracker.deviations()]
 print(json.dumps(found))
 """

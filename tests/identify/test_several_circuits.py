@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import MissingPartError, TableError, UsageError
+from femfit.core.errors import MissingPartError, ModelFileError, TableError, UsageError
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -21,7 +21,8 @@ from femfit.identify.series.observations import series_observations
 from femfit.identify.signatures import why_untestable
 from femfit.identify.suggest import suggest
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.json_file import read_model, write_model
+from femfit.model.dynamics import state_derivative
+from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.measurement_file import read_measurement
@@ -89,6 +90,18 @@ def test_only_effects_that_several_circuits_can_have_are_considered(bearing):
         effect_by_name("hysteresis:lower")
     with pytest.raises(MissingPartError, match="hysteresis"):
         with_effects(bearing, [hidden("hysteresis")])
+
+
+def test_effects_that_act_on_no_current_stand_in_the_file_of_any_device(bearing):
+    names = ("viscous_friction", "force_offset", "spring", "end_stop_contact", "constant_force", "fluid_drag")
+    named = [{"name": "coulomb_friction", "parameters": {"level": 0.1}}, *({"name": name} for name in names)]
+    model = model_from_dict(model_to_dict(bearing) | {"effects": named})
+    assert model.effects[0].parameters == {"level": 0.1, "breakaway": 0.0, "creep_m_s": 1e-3}
+    state = np.array([5e-4, -0.1, 0.8, -0.4])
+    slower = state_derivative(model, state, np.zeros(2)) - state_derivative(bearing, state, np.zeros(2))
+    assert slower[1] == pytest.approx(0.1 * 9.80665, rel=0.1)
+    with pytest.raises(ModelFileError, match=r"core_saturation\. Take them out of its effects\.$"):
+        model_from_dict(model_to_dict(bearing) | {"effects": [{"name": "core_saturation"}]})
 
 
 def test_turns_and_remanence_scale_the_sources_of_the_one_coenergy(bearing):

@@ -1,6 +1,7 @@
 """Each sentence of ``findings.toml`` has its facts, and a message about a column an option that a shell takes."""
 
 import ast
+import re
 import shlex
 import string
 from itertools import pairwise
@@ -51,6 +52,11 @@ def test_no_sentence_is_said_by_nobody():
     assert {entry.get("severity", "info") for entry in catalogue().values()} <= {"info", "warning", "error"}
     heads = {text.partition(" ")[0] for text in TEXTS if isinstance(text, str)}
     assert [key for key in catalogue() if key not in TEXTS and key.partition(" ")[0] not in heads] == []
+
+
+def test_a_verb_agrees_with_its_number():
+    plural = re.compile(r"\{\w+:\w+\|\w+\} (are|were|differ|stand)\b")
+    assert not [key for key, entry in catalogue().items() if plural.search(entry["text"])]
 
 
 HEADERS = ["CH1 voltage (V)", "Bob's coil [V]", 'the "old" coil [V]', "$V_out [V]", "100 % [V]", "U\\I [V]", "A=B"]

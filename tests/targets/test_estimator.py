@@ -20,7 +20,6 @@ from femfit.simulation.plant import Plant
 from femfit.targets import estimator
 from femfit.targets.estimator import FILE, NEW, export_estimator
 from femfit.targets.splined import NEAR, splined
-from femfit.targets.targets import TARGETS, export
 from support.added_effects import under_effects, usually
 from support.eddies import with_eddies
 from support.halves import cut_in_two
@@ -70,7 +69,13 @@ def between_stops(model):
     return replace(model, motion=motion)
 
 
+def freewheeling(model):
+    circuit = replace(model.circuit, voltage_min_V=0.0, drive=Drive(diode_V=0.7))
+    return replace(model, circuits=(circuit,))
+
+
 KINDS = {
+    "freewheeling": freewheeling,
     "between stops": between_stops,
     "with eddy currents between stops": lambda model: between_stops(with_eddies(model)),
     "as fitted": lambda model: model,
@@ -105,6 +110,7 @@ def a_motion(model, steps=60, runs=1):
     start = np.zeros((runs, model.order))
     start[:, 0], start[:, 2 : 2 + n] = 0.022 + 1e-4 * np.arange(runs), 0.32
     volts = np.full(n, 0.32) * model.resistances_ohm + generator.uniform(-0.2, 0.2, (steps, runs, n))
+    volts[5::9] = 0.0  # where a switch is open beside a diode
     plant, states, readings = Plant(model), start, []
     names = tuple(output.name for output in kalman_filter(model).process.outputs)
     for given in volts:
@@ -171,25 +177,9 @@ def test_many_bodies_are_followed_and_moved_together_where_numpy_is(model, expor
     assert_alike(np.array(moved), of_plant(model, start, volts))
 
 
-@pytest.mark.parametrize("kind", ["ekf", "ukf"])
-def test_one_body_is_followed_as_many_are_where_a_diode_feeds_its_winding(levitation_model, tmp_path, kind):
-    circuit = replace(levitation_model.circuit, voltage_min_V=0.0, drive=Drive(diode_V=0.7))
-    export_estimator(replace(levitation_model, circuits=(circuit,)), tmp_path)
-    made = runpy.run_path(str(tmp_path / FILE))
-    alone, many = made["Filter"](kind), made["Filter"](kind)
-    alone.start([0.022, 0.0, 0.1])
-    many.start([np.full(2, value) for value in (0.022, 0.0, 0.1)])
-    for volts in (0.0, 0.0, 1.5, 1.5, 0.0):
-        alone.step([volts], [2.9])
-        many.step([np.full(2, volts)], [np.full(2, 2.9)])
-        assert not alone.status
-        np.testing.assert_allclose(alone.mean, np.array(many.mean)[:, 1], rtol=1e-12)
-
-
 @pytest.mark.parametrize("eddies", [(), (8e-3, 2e-4)])
 def test_the_simulated_body_has_its_freewheel_diode(levitation_model, tmp_path, eddies):
-    circuit = replace(levitation_model.circuit, voltage_min_V=0.0, drive=Drive(diode_V=0.7))
-    model = replace(levitation_model, circuits=(circuit,))
+    model = freewheeling(levitation_model)
     model = with_eddies(model, eddies) if eddies else model
     (written, *_) = [path for path in export_estimator(model, tmp_path / "out") if path.suffix == ".py"]
     volts, start = [1.5] * 5 + [0.0] * 60, [0.022, 0.0, 0.3]
@@ -227,16 +217,10 @@ def test_a_record_is_followed_from_the_command_line(model, exported, tmp_path):
     assert_alike(found[:, 1::2], wanted[:, n : 2 * n])
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (None, "cannot be read: No such file"),
-        ("", "it lacks time_s, voltage_V"),
-        ("time_s,voltage_V\n0,1\n", "it lacks"),
-        ("fast", "could not convert string to float: 'fast'"),
-    ],
-    ids=["no file", "empty", "no reading", "no number"],
-)
+REFUSED = {"": "it lacks time_s, voltage_V", "time_s,voltage_V\n0,1\n": "it lacks", "fast": "to float: 'fast'"}
+
+
+@pytest.mark.parametrize(("text", "said"), [(None, "cannot be read: No such file"), *REFUSED.items()])
 def test_a_record_that_cannot_be_followed_is_refused_in_a_line(levitation_model, tmp_path, text, said):
     export_estimator(levitation_model, tmp_path)
     columns = runpy.run_path(str(tmp_path / FILE))["COLUMNS"]
@@ -286,6 +270,10 @@ def test_exporting_again_replaces_what_femfit_wrote_and_nothing_else(levitation_
     assert (earlier / "my_controller.py").read_text() == "mine"
     assert '"second"' in (earlier / "model.json").read_text()
     assert {file.name for file in earlier.iterdir()} == FILES | {"my_controller.py"}
+    (tmp_path / "README.md").write_text("mine")
+    with pytest.raises(RunDirectoryError, match="other files"):
+        export_estimator(levitation_model, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {"kept", "README.md"}
     for name, file, left in ((NEW, "half.py", set()), ("femfit_runtime", "__init__.py", {"femfit_runtime"})):
         place = tmp_path / f"after {name}"  # an interrupted export, and one of earlier versions
         (place / name).mkdir(parents=True)
@@ -309,25 +297,11 @@ def test_an_export_that_fails_leaves_nothing_and_keeps_an_earlier_one(levitation
     assert [file.name for file in earlier.parent.iterdir()] == ["kept"]
 
 
-def test_a_directory_with_other_files_is_refused_and_left_alone(levitation_model, tmp_path):
-    (tmp_path / "README.md").write_text("mine")
-    with pytest.raises(RunDirectoryError, match="other files"):
-        export_estimator(levitation_model, tmp_path)
-    assert (tmp_path / "README.md").read_text() == "mine"
-    assert len(list(tmp_path.iterdir())) == 1
-
-
 @pytest.mark.parametrize(("part", "absent"), [("circuits", ()), ("motion", None), ("sensor", None)])
 def test_a_model_without_a_part_is_refused_before_anything_is_written(levitation_model, tmp_path, part, absent):
     with pytest.raises(MissingPartError, match=part.rstrip("s")):
         export_estimator(replace(levitation_model, **{part: absent}), tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-def test_an_unknown_target_lists_the_known_ones():
-    with pytest.raises(UsageError, match=r"one of: estimator .*instead received 'fmu'"):
-        export("model.json", "out", to="fmu")
-    assert set(TARGETS) == {"estimator", "c"}
 
 
 def test_a_name_cannot_become_a_part_of_the_program(levitation_model, tmp_path):
