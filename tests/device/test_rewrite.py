@@ -1,7 +1,5 @@
 """A drawing written with other numbers: comments and layout stay, and the numbers are those that were asked for."""
 
-import tomllib
-
 import pytest
 
 from femfit.device.drawn_numbers import numbers_from_toml
@@ -31,15 +29,6 @@ def test_only_the_lines_of_changed_numbers_change_and_keep_their_comments():
     windows = SMALL.replace("\n", "\r\n")
     text = rewritten(windows, [new_value(windows, "moving.regions.magnet.r_mm[1]", 4.02)], "small")
     assert text == windows.replace("r_mm = [0, 4]", "r_mm = [0, 4.02]")
-
-
-def test_a_face_moves_all_that_touches_it():
-    value = new_value(RIG, "fixed.regions.upper_flange.z_mm[1]", -19.9)
-    assert value[0].also
-    tables = tomllib.loads(rewritten(RIG, [value], "rig"))
-    assert tables["fixed"]["regions"]["upper_flange"]["z_mm"] == [-25, -19.9]
-    assert tables["fixed"]["regions"]["sleeve"]["z_mm"] == [-19.9, -5]
-    assert tables["coils"]["coil"]["z_mm"] == [-19.9, -5]
 
 
 def test_a_material_of_the_library_gets_a_table_of_its_own():

@@ -200,21 +200,6 @@ def test_at_rest_the_equations_under_an_effect_are_those_of_the_changed_magnetic
     np.testing.assert_allclose(hall_voltage(model, states), model.sensor.voltage(d, i), rtol=1e-12)
 
 
-def test_two_halves_fed_alike_move_as_the_whole(model_kind):
-    whole, halves = model_kind("choke"), model_kind("halves")
-    states, volts = states_of(whole)
-    alike = rates(halves, states[:, [0, 1, 2, 2]], 0.5 * volts[:, [0, 0]])
-    np.testing.assert_allclose(alike, rates(whole, states, volts)[:, [0, 1, 2, 2]], rtol=1e-9, atol=1e-12)
-
-
-def test_magnets_alone_fall_and_pull_as_their_force_says(model_kind):
-    magnets = model_kind("magnets")
-    acceleration = rates(magnets, np.array([[0.03, 0.2]]), np.zeros((1, 0)))[0]
-    force = float(flat(magnets.magnetics).force(0.03, 0.0))
-    assert acceleration.tolist() == pytest.approx([0.2, magnets.motion.gravity_m_s2 - force / magnets.motion.mass_kg])
-    magnets.require_dynamics()
-
-
 def test_a_model_that_lacks_a_circuit_or_an_inductance_has_no_dynamics(model_kind, levitation_model):
     law = model_kind("law")
     law.require_dynamics()

@@ -116,14 +116,6 @@ def test_the_voltage_is_the_windings_share_of_what_its_resistance_leaves(searchi
     np.testing.assert_allclose(found, SHARE * (volts - 20.0 * states[:, 2]), rtol=1e-4)  # of the fitted splines
 
 
-def test_what_the_winding_would_pull_is_the_slope_of_its_flux_linkage(searching):
-    """One ampere in the pickup coil adds dF = -d(lambda)/dd: a share of what an ampere in the winding adds."""
-    d, i = np.array([1e-3, 2e-3, 3.5e-3]), np.array([0.3, 0.8, 1.0])
-    _, slope, mutual = coil(searching).flux.derivatives(d, i[:, None])
-    np.testing.assert_allclose(-slope, SHARE * flat(searching.magnetics).state(d, i).motional_constant, rtol=1e-3)
-    np.testing.assert_allclose(mutual[:, 0], SHARE * flat(searching.magnetics).inductance(d, i), rtol=1e-4)
-
-
 def test_readings_add_up_to_the_change_of_flux_linkage_between_samples(searching):
     time = STEP_S * np.arange(50)
     states = np.stack([3e-3 - 0.2 * time, np.full(50, -0.2), 0.2 + 30.0 * time], axis=1)
