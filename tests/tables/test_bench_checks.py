@@ -150,13 +150,10 @@ def test_a_channel_with_noise_is_stuck_from_eight_equal_readings_on(tmp_path, ru
     assert all(f"{count} rows" in str(one) for one in table.findings)
 
 
-def test_a_computed_force_that_is_zero_without_a_current_is_not_stuck(tmp_path):
+def test_a_computed_force_that_is_zero_without_a_current_and_a_voltage_that_is_commanded_are_not_stuck(tmp_path):
     rows = bench(1)[["current_A", "distance_m"]].drop_duplicates().sort_values(["current_A", "distance_m"])
     force = 1e-5 * rows["current_A"] ** 2 / rows["distance_m"] ** 2
     assert codes(read(tmp_path, rows.assign(force_N=force))) == []
-
-
-def test_a_voltage_that_is_commanded_is_not_stuck(tmp_path):
     voltage = np.where(bench()["distance_m"] > 0.03, 12.0, 6.0)
     assert codes(read(tmp_path, bench().assign(voltage_V=voltage))) == []
 
