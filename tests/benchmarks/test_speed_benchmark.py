@@ -4,6 +4,7 @@ Run with ``python -m pytest -m benchmark -s tests/benchmarks``. Times are printe
 none is asserted.
 """
 
+import os
 import resource
 import statistics
 import sys
@@ -14,6 +15,7 @@ import ngsolve
 import numpy as np
 import pandas as pd
 import pytest
+from arpaia2022.sensors import PAPER_SAMPLE_RATE
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 import femfit as ff
@@ -49,7 +51,7 @@ from support.eddies import with_eddies
 from support.levitation import REFERENCE_DISTANCE, fitted_spline
 from support.replays import damped, logs
 from support.solenoids import solenoid
-from support.timed_sweep import SWEEPS, timed, timed_sweep
+from support.timed_sweep import SWEEPS, processor_seconds, timed, timed_sweep
 
 pytestmark = pytest.mark.benchmark
 
@@ -228,6 +230,31 @@ def test_signatures_beside_the_plain_sweep(name):
         _, more = seconds(lambda task=task, problem=problem: problem.signatures(task.distance, currents, numbers))
         spent += meshing + plain, more
     print(f"\n{name}: {len(numbers)} numbers: sweep {spent[0]:.1f} s, signatures {spent[1]:.1f} s more")
+
+
+SAMPLES = int(os.environ.get("FEMFIT_BENCHMARK_SAMPLES", "225280000"))
+BLOCK = 2**18
+
+
+@pytest.mark.parametrize("method", ["ffa2", "cs1-offset"])
+def test_whole_integrate_command(method, tmp_path):
+    """The paper's longest record: 1,100 s at 204.8 kS/s, 225 million samples of voltage and Hall probe, 1.8 GB.
+
+    FEMFIT_BENCHMARK_SAMPLES makes it shorter.
+    """
+    # Voltage and Hall probe at rest in 1 T
+    rows = (7e-6, 1.0) + (1.6e-5, 1.6e-4) * np.random.default_rng(0).normal(size=(BLOCK, 2))
+    with (tmp_path / "coil.bin").open("wb") as file:
+        for _ in range(SAMPLES // BLOCK):
+            rows.astype("<f4").tofile(file)
+    side = f'sample_rate_Hz = {PAPER_SAMPLE_RATE}\ncolumns = ["coil_voltage_V", "hall_T"]\n'
+    (tmp_path / "coil.toml").write_text(side)
+    command = [FEMFIT, "integrate", str(tmp_path / "coil.bin"), "--coil-area", "0.059394", "--method", method]
+    wall, cpu = processor_seconds(lambda: timed([*command, "-o", str(tmp_path / "out.parquet")]))
+    print(
+        f"\nfemfit integrate {method}, {SAMPLES / 1e6:.0f} million samples from file to file: "
+        f"{wall:.0f} s ({cpu:.0f} s of CPU, one core), {SAMPLES / wall / 1e6:.1f} million samples a second"
+    )
 
 
 def test_time_until_femfit_can_be_used():

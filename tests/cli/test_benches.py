@@ -119,31 +119,19 @@ def test_suggest_answers_for_a_plan_and_asks_for_repeats_where_no_noise_is_known
     assert "twice" in femfit("suggest", "model.json", "few.csv", cwd=folder).stdout
 
 
-@pytest.fixture(scope="module")
-def impedances(folder, levitation_model):
+def test_impedances_without_a_column_of_the_distance_take_it_from_an_option(folder, levitation_model):
     lag = AddedEffect(all_effects()["eddy_current_lag"], {"ring_share": 0.2, "diffusion_share": 0.0, "time_s": 2e-3})
-    impedance_file(levitation_model, folder / "z.csv", [lag])
-    return folder
-
-
-def test_impedances_without_a_column_of_the_distance_take_it_from_an_option(impedances):
-    rows = pd.read_csv(impedances / "z.csv")
+    rows = pd.read_csv(impedance_file(levitation_model, folder / "z.csv", [lag]))
     rows = rows[(rows["gap [mm]"] == rows["gap [mm]"].min()) & (rows["Bias [A]"] == 0.0)]
-    rows.drop(columns=["gap [mm]", "Bias [A]"]).to_csv(impedances / "one.csv", index=False)
-    data = worked(impedances, f"compare model.json one.csv --setting distance_mm={rows['gap [mm]'].iloc[0]}")
+    rows.drop(columns=["gap [mm]", "Bias [A]"]).to_csv(folder / "one.csv", index=False)
+    data = worked(folder, f"compare model.json one.csv --setting distance_mm={rows['gap [mm]'].iloc[0]}")
     assert {"resistance_ohm", "inductance_H"} >= {one["channel"] for one in data["channels"]} != set()
 
 
-@pytest.fixture(scope="module")
-def recorded(folder, levitation_model):
-    plateaus(levitation_model).to_csv(folder / "record.csv", index=False)
-    return folder
-
-
-def test_a_gap_is_said_and_noted(recorded):
-    rows = pd.read_csv(recorded / "record.csv")
+def test_a_gap_is_said_and_noted(folder, levitation_model):
+    rows = plateaus(levitation_model).reset_index(drop=True)
     rows.loc[200:202, "coil_voltage_V"] = np.nan
-    rows.to_csv(recorded / "gap.csv", index=False)
-    said = worked(recorded, "bench gap.csv -o b.csv")["findings"]
+    rows.to_csv(folder / "gap.csv", index=False)
+    said = worked(folder, "bench gap.csv -o b.csv")["findings"]
     assert [one["code"] for one in said] == ["gap"]
-    assert "1 gap" in tomllib.loads((recorded / "b.toml").read_text())["notes"]
+    assert "1 gap" in tomllib.loads((folder / "b.toml").read_text())["notes"]

@@ -153,12 +153,6 @@ def test_a_run_goes_on_with_a_sweep_that_is_there_and_keeps_its_signatures(case)
     assert len(ff.read_sweep(case.folder / "runs/sleeved").signatures.rows) > 0
 
 
-@pytest.fixture(scope="module")
-def report(case):
-    case.run("run")
-    return Page((case.folder / "runs/sleeved/report.html").read_text(encoding="utf-8"))
-
-
 def cells(page, name):
     """The rows of a page's table by their first cell, as texts."""
     (table,) = re.findall(rf'data-name="{name}">(.*?)</table>', page.source, re.DOTALL)
@@ -167,7 +161,9 @@ def cells(page, name):
     return {first: rest for first, *rest in rows}
 
 
-def test_the_report_gives_the_warm_coil_one_temperature_and_the_limit_to_its_hottest_strand(report):
+def test_the_report_gives_the_warm_coil_one_temperature_and_the_limit_to_its_hottest_strand(case):
+    case.run("run")
+    report = Page((case.folder / "runs/sleeved/report.html").read_text(encoding="utf-8"))
     (settled,) = set(re.findall(r"the winding settles at ([0-9.]+) °C", report.text))
     assert report.text.count(f" at {settled} °C") > 2
     mean, hottest = map(float, cells(report, "heat")["coil"][:2])

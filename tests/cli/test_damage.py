@@ -11,10 +11,7 @@ from scipy.io import savemat
 from femfit.model.json_file import write_model
 from femfit.tables import containers
 from support.command import femfit
-
-DISTANCE = np.repeat([2e-3, 4e-3, 6e-3], 4)
-CURRENT = np.tile([0.1, 0.4, 0.7, 1.0], 3)
-BENCH = {"distance_m": DISTANCE, "current_A": CURRENT, "force_N": 3e-6 * (1.0 + CURRENT) / DISTANCE**2}
+from support.small_records import BENCH
 
 
 def mat_file():

@@ -1,8 +1,6 @@
-"""A result survives its page, tables load late, and names of columns keep their places."""
+"""A result survives its page, and names of columns keep their places."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -32,11 +30,6 @@ def test_a_result_whose_page_cannot_be_written_is_told_and_kept_as_json(tmp_path
         measure(tmp_path / "page.html", json=tmp_path / "result.json")
     assert capsys.readouterr().out == "20 mm\n"
     assert json.loads((tmp_path / "result.json").read_text())["distance_m"] == 0.02
-
-
-def test_a_command_of_tables_loads_no_table_library_before_it_runs():
-    code = "import sys, femfit.cli.fit, femfit.cli.compare; print('pandas' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
 
 
 def test_an_empty_name_keeps_its_place_among_the_names_of_columns(tmp_path):

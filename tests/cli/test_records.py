@@ -30,13 +30,6 @@ def experiment():
     return synthesise(inputs, np.random.default_rng(1))
 
 
-@pytest.fixture(scope="module")
-def record(experiment, tmp_path_factory):
-    path = tmp_path_factory.mktemp("record") / "coil.csv"
-    table(experiment).to_csv(path, index=False)
-    return path
-
-
 def integrated(record, output, *options):
     """The written rows and the result."""
     worked("integrate", record, "-o", output, "--json", output.with_suffix(".result.json"), *options)
@@ -60,8 +53,9 @@ def test_columns_units_and_table_of_a_record_can_be_said(tmp_path, experiment):
 
 # What each may be off by on the last plateau: lags and drifts of 7 uV.
 @pytest.mark.parametrize(("method", "more"), [("ffa1", ("--zero-reading-s", 20)), ("ffa2", ("--settling-s", 25))])
-def test_an_offset_that_is_read_or_averaged_is_taken_off(method, more, record, experiment, tmp_path):
-    rows, _ = integrated(record, tmp_path / "o.parquet", "--coil-area", AREA, "--method", method, *more)
+def test_an_offset_that_is_read_or_averaged_is_taken_off(method, more, experiment, tmp_path):
+    table(experiment).to_csv(tmp_path / "coil.csv", index=False)
+    rows, _ = integrated(tmp_path / "coil.csv", tmp_path / "o.parquet", "--coil-area", AREA, "--method", method, *more)
     assert list(rows)[-3:] == ["field_T", "field_sigma_T", "offset_V"]
     assert abs(rows["field_T"].iloc[-1] - experiment.field[-1]) < 0.02
 

@@ -35,13 +35,9 @@ def of_everything():
         return GraphFunction([x, u, SX(0, 1)], ca.vertcat(*smooth, *others, ca.dot(row, x[:2]) + u[0] * x[1] + u[1]))
 
 
-def a_simple_function(factor=2.0):
-    x = SX.sym("x")
-    return ca.Function("f", [x], [factor * x])
-
-
 def compilation_of(factor=2.0):
-    return Compilation(lambda: a_simple_function(factor))
+    x = SX.sym("x")
+    return Compilation(lambda: ca.Function("f", [x], [factor * x]))
 
 
 def value(library, x):

@@ -2,7 +2,6 @@
 
 import math
 import os
-import pickle
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -227,10 +226,3 @@ def test_threads_do_not_disturb_each_other(cells):
 
     with ThreadPoolExecutor(4) as pool:
         assert max(pool.map(off, range(8))) < 1e-12
-
-
-def test_what_is_made_once_stays_behind_when_its_owner_is_pickled(levitation_model):
-    d, i = np.linspace(0.02, 0.04, 50), np.full((50, 1), 0.5)
-    wanted = levitation_model.magnetics.force(d, i)
-    magnetics = pickle.loads(pickle.dumps(levitation_model.magnetics))  # noqa: S301  its own
-    np.testing.assert_array_equal(magnetics.force(d, i), wanted)

@@ -2,14 +2,13 @@
 
 import errno
 import json
-import subprocess
-import sys
 
 import pytest
 
 from femfit.core import files
 from femfit.core.errors import OutputError
 from femfit.core.files import replacing, require_outputs, write_json, write_text
+from support.command import python
 
 LOOP = "run,time_s,estimated_distance_m\n1,0,0.02\n"
 TAKEN = [
@@ -157,5 +156,4 @@ def test_the_names_that_files_begin_with_differ_and_are_new(tmp_path):
 
 def test_what_is_written_to_a_pipe_arrives(tmp_path):
     code = "from femfit.core.files import write_text; write_text('/dev/stdout', 'whole')"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "whole"
+    assert python(code) == "whole"

@@ -26,7 +26,6 @@ def test_the_rig_and_the_printed_suspension_differ_only_in_their_coil_and_have_t
     assert (printed.coil.turns, rig.coil.turns) == (30, 308)
     # eq. (32): R / L = 165.6 1/s and 1 / L = 61.61 1/H, R to the three digits the file gives
     assert rig.coil.resistance_ohm == pytest.approx(165.6 / 61.61, abs=0.005)
-    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     volume = sum(2 * math.pi * area(r.vertices_m) * (r.vertices_m[0][0] + r.vertices_m[1][0]) / 2 for r in rig.fixed)
     by_hand = math.pi * (2 * 0.005 * (0.02**2 - 0.0025**2) + 0.015 * (0.01**2 - 0.0025**2))
     assert volume == pytest.approx(by_hand, rel=1e-12)

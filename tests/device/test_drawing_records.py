@@ -27,7 +27,6 @@ MOVING_COIL = (DRAWINGS / "moving-coil.toml").read_text(encoding="utf-8")
 RIG = (GEOMETRY / "emaws-rig.toml").read_text(encoding="utf-8")
 AXES = "current_A = { start = 0, stop = 1.4, step = 0.2 }\ndistance_mm = { start = 15, stop = 45, step = 0.5 }\n"
 HYPERCUBE = 'design = "latin_hypercube"\nsamples = 20\nseed = 7'
-GRADES = '"moving.regions.magnet.material" = ["n42", "n52"]'
 
 
 def sampled(parameters, head=HYPERCUBE, axes=AXES):
@@ -37,7 +36,8 @@ def sampled(parameters, head=HYPERCUBE, axes=AXES):
 
 def test_a_latin_hypercube_has_one_sample_in_each_slice_and_each_material_equally_often():
     ranges = '"coils.coil.turns" = { min = 100, max = 300 }\n'
-    ranges += '"materials.ferrite.relative_permeability" = { min = 300, max = 600 }\n' + GRADES
+    ranges += '"materials.ferrite.relative_permeability" = { min = 300, max = 600 }\n'
+    ranges += '"moving.regions.magnet.material" = ["n42", "n52"]'
     sweep = sampled(ranges)
     for place, (low, high) in enumerate([(100, 300), (300, 600)]):
         slices = sorted(int(20 * (one.values[place] - low) / (high - low)) for one in sweep.variants)

@@ -16,14 +16,10 @@ from femfit.core.errors import FemfitError
 from femfit.device.load import read_actuator, remarks, starter_text
 from femfit.device.rewrite import read_variants
 from support.actuators import GEOMETRY
-from support.expected import cases, rounded, unmentioned
+from support.expected import cases, rounded, unmentioned, written_out
 
 DRAWINGS = Path(__file__).parent / "drawings"
 ASKED = ("read", "edits", "beside", "text", "paths", "mentions")
-
-
-def written_out(text):
-    return re.sub(r"<<(.)\*(\d+)>>", lambda match: match[1] * int(match[2]), text)
 
 
 def drawing(case, stem):

@@ -1,7 +1,5 @@
 """A drawing written with other numbers: comments and layout stay, and the numbers are those that were asked for."""
 
-import tomllib
-
 import pytest
 
 from femfit.device.drawn_numbers import numbers_from_toml
@@ -33,15 +31,6 @@ def test_only_the_lines_of_changed_numbers_change_and_keep_their_comments():
     assert text == windows.replace("r_mm = [0, 4]", "r_mm = [0, 4.02]")
 
 
-def test_a_face_moves_all_that_touches_it():
-    value = new_value(RIG, "fixed.regions.upper_flange.z_mm[1]", -19.9)
-    assert value[0].also
-    tables = tomllib.loads(rewritten(RIG, [value], "rig"))
-    assert tables["fixed"]["regions"]["upper_flange"]["z_mm"] == [-25, -19.9]
-    assert tables["fixed"]["regions"]["sleeve"]["z_mm"] == [-19.9, -5]
-    assert tables["coils"]["coil"]["z_mm"] == [-19.9, -5]
-
-
 def test_a_material_of_the_library_gets_a_table_of_its_own():
     library = SMALL.replace("[materials.hard]\nremanence_T = 1.2\nrelative_permeability = 1.05\n", "")
     library = library.replace('material = "hard"', 'material = "N42"').replace('"N42"', '"n42"')
@@ -50,35 +39,32 @@ def test_a_material_of_the_library_gets_a_table_of_its_own():
     assert (material.relative_permeability, material.remanence_T) == (1.07, 1.312)
 
 
-@pytest.mark.parametrize("lists", [True, False])
-def test_a_curve_is_scaled_as_a_whole(lists):
-    curve = "B_T = [0, 1.0, 1.5, 1.8] # own\nH_A_per_m = [0, 200, 2000, 20000]"
-    text = SMALL.replace("relative_permeability = 500", curve).replace(
-        '"materials.iron.relative_permeability" = 50', ""
-    )
-    if not lists:
-        text = text.replace("[materials.iron]\n" + curve + "\n", "").replace(
-            'material = "iron"', 'material = "steel_1010"'
-        )
-    name = "iron" if lists else "steel_1010"
-    before = actuator_from_toml(text).fixed[0].material
-    after = rewritten(text, [new_value(text, f"materials.{name}.H_A_per_m", 1.1)], "small")
+LISTS = "B_T = [0, 1.0, 1.5, 1.8] # own\nH_A_per_m = [0, 200, 2000, 20000]"
+
+
+@pytest.mark.parametrize(
+    ("curve", "name", "axis"),
+    [
+        (LISTS, "iron", "H_A_per_m"),
+        ('bh_curve = "steel.csv"', "iron", "B_T"),
+        (LISTS, "steel_1010", "H_A_per_m"),
+    ],
+    ids=["lists", "file", "library"],
+)
+def test_a_curve_is_scaled_as_a_whole_and_written_into_the_drawing(tmp_path, curve, name, axis):
+    text = SMALL.replace("relative_permeability = 500", curve)
+    text = text.replace('"materials.iron.relative_permeability" = 50', "")
+    if name != "iron":
+        text = text.replace(f"[materials.iron]\n{curve}\n", "").replace('material = "iron"', f'material = "{name}"')
+    (tmp_path / "steel.csv").write_text("B_T,H_A_per_m\n0,0\n1,200\n1.5,2000\n1.8,20000\n")
+    before = actuator_from_toml(text, directory=tmp_path).fixed[0].material
+    value = new_value(text, f"materials.{name}.{axis}", 1.1, tmp_path)
+    after = rewritten(text, [value], "small", tmp_path)
+    assert "steel.csv" not in after
+    assert ("# own" in after) == ("# own" in text)
     material = actuator_from_toml(after).fixed[0].material
     kept = len(material.field_A_per_m)  # one that rises with less than mu_0 is cut there when it is read
     assert kept > 0.8 * len(before.field_A_per_m)
-    assert material.flux_density_T == before.flux_density_T[:kept]
-    assert material.field_A_per_m == pytest.approx([1.1 * h for h in before.field_A_per_m[:kept]])
-    assert ("# own" in after) == lists
-
-
-def test_a_scaled_curve_of_a_file_is_written_into_the_drawing(tmp_path):
-    curve = 'bh_curve = "steel.csv"'
-    text = SMALL.replace("relative_permeability = 500", curve).replace(
-        '"materials.iron.relative_permeability" = 50', ""
-    )
-    (tmp_path / "steel.csv").write_text("B_T,H_A_per_m\n0,0\n1,200\n1.5,2000\n1.8,20000\n")
-    (tmp_path / "small.toml").write_text(text)
-    value = new_value(text, "materials.iron.B_T", 0.98, tmp_path)
-    after = rewritten(text, [value], "small", tmp_path)
-    assert "steel.csv" not in after
-    assert actuator_from_toml(after).fixed[0].material.flux_density_T == pytest.approx([0, 0.98, 1.47, 1.764])
+    b_factor, h_factor = (1.1, 1.0) if axis == "B_T" else (1.0, 1.1)
+    assert material.flux_density_T == pytest.approx([b_factor * b for b in before.flux_density_T[:kept]])
+    assert material.field_A_per_m == pytest.approx([h_factor * h for h in before.field_A_per_m[:kept]])

@@ -97,10 +97,6 @@ def read(coenergy):
     return {"force_N": -by_d, "flux_linkage_Wb": linkage, "hall_T": field}
 
 
-def changed(effect, base, nominal, parameters):
-    return read(acting(effect, base, Conditions(nominal), parameters))
-
-
 @pytest.mark.nightly
 def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(linear, nominal):
     effect, base, saturated = effect_by_name("core_saturation"), linear_coenergy(linear), solved(CURVE)
@@ -109,7 +105,7 @@ def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(line
 
     def left(x):
         values = dict(zip((p.name for p in effect.parameters), x * width, strict=True))
-        found = changed(effect, base, nominal, values)
+        found = read(acting(effect, base, Conditions(nominal), values))
         return target - np.concatenate([(found[n] - linear[n].ravel()) / s for n, s in SCALES.items()])
 
     low, high = (np.array([getattr(p, end) for p in effect.parameters]) / width for end in ("lower", "upper"))

@@ -9,21 +9,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import femfit.field.eddy_sweep as eddy_sweep_module
 from femfit.core.errors import TableError
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
 from femfit.effects.effect import AddedEffect
 from femfit.field.eddy_probe import EddyProbe
-from femfit.field.layout import layout_of
-from femfit.field.moving_mesh import MovingMesh
+from femfit.field.eddy_sweep import ORDER
 from femfit.field.sweep import run_sweep
-from femfit.field.tolerance import SolverSettings
 from femfit.fit.build import fit_model
 from femfit.model.with_effects import with_effects
 from femfit.tables.eddy_table import IMPEDANCES, NAME, read_eddy
 from femfit.tables.signatures import SLOPES_NAME
 from femfit.tables.sweep_table import read_sweep_table
+from support.eddy_transient import mesh_for
 from support.small_drawing import POT
 
 FEW = POT.replace("[1, 1.5, 2, 2.5]", "[1, 1.5, 2.5]")
@@ -45,11 +43,9 @@ def swept(tmp_path_factory):
 
 def test_patterns_give_the_direct_solution_on_another_mesh_and_at_other_frequencies(actuator, swept):
     _, table = swept
-    settings = SolverSettings(order=eddy_sweep_module.ORDER, skin_frequency_Hz=1000.0)
-    layout = layout_of(actuator, settings)
     distance = actuator.sweep.distances_m[1]
-    moving = MovingMesh(actuator, (distance,), layout, settings)
-    exact, _ = EddyProbe(actuator, moving, distance, settings.order).transfers(np.array([20.0, 200.0, 900.0]))
+    moving = mesh_for(actuator, distance, 1000.0)
+    exact, _ = EddyProbe(actuator, moving, distance, ORDER).transfers(np.array([20.0, 200.0, 900.0]))
     departures = table.eddy.transfers(1, exact.frequencies_Hz).departures(exact)
     assert departures.max() < 0.004  # an own mesh, frequencies between those of the patterns
     assert np.abs(exact.flux_linkage[-1, 0, 0]) < 0.7 * np.abs(exact.flux_linkage[0, 0, 0])  # there is an effect
@@ -138,9 +134,8 @@ def test_a_sweep_with_frequencies_has_them_and_its_conductivity_is_that_of_the_p
 def test_at_a_low_frequency_slopes_are_those_at_rest(actuator, swept):
     signatures, distance = swept[1].signatures, 0.0015
     numbers = [one for one in numbers_from_toml(FEW) if one.facts in signatures.numbers]
-    f, settings = np.array([0.01]), SolverSettings(order=eddy_sweep_module.ORDER, skin_frequency_Hz=0.01)
-    moving = MovingMesh(actuator, (distance,), layout_of(actuator, settings), settings)
-    probe = EddyProbe(actuator, moving, distance, settings.order)
+    f = np.array([0.01])
+    probe = EddyProbe(actuator, mesh_for(actuator, distance, f[0]), distance, ORDER)
     transfers, fields = probe.transfers(f)
     slopes, base = probe.slopes(numbers, f, fields)[:, 0, 0, 0], transfers.flux_linkage
     for number, slope in zip(numbers, slopes, strict=True):

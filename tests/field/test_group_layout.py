@@ -87,18 +87,13 @@ def test_no_edge_of_the_layer_is_too_short_to_be_meshed():
             assert edges.min() > 0.02 * own.inner_offset, distance
 
 
-def test_a_stepped_body_is_meshed_once_everywhere():
+def test_a_stepped_body_is_meshed_once_everywhere_and_a_mesh_that_covers_a_region_twice_is_refused(monkeypatch):
     actuator = actuator_from_toml(POT)
     settings = settings_for(actuator)
     moving = MovingMesh(actuator, (0.0015,), layout_of(actuator, settings), settings)
     layer = Integrate(CF(1.0), moving.mesh, definedon=moving.mesh.Materials("layer"))
     outer, inner = layer_outlines(actuator, moving.layout)[::-1]
     assert layer == pytest.approx(outer.area - inner.area, rel=1e-9)  # it was covered twice
-
-
-def test_a_mesh_that_covers_a_region_twice_is_refused(monkeypatch):
     monkeypatch.setattr("femfit.field.layout.without_spikes", lambda outline: outline)
-    actuator = actuator_from_toml(POT)
-    settings = settings_for(actuator)
     with pytest.raises(FieldSolverError, match=r"2\.0\d times"):
         MovingMesh(actuator, (0.0015,), layout_of(actuator, settings), settings)

@@ -11,10 +11,8 @@ from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
-from femfit.field.layout import layout_of
-from femfit.field.moving_mesh import MovingMesh
 from femfit.field.signature_rows import impedance_slopes
-from femfit.field.tolerance import SolverSettings
+from support.eddy_transient import mesh_for
 from support.small_drawing import POT
 
 POT_MAGNET = (Path(__file__).parents[2] / "geometry" / "pot-magnet.toml").read_text()
@@ -51,8 +49,7 @@ SECOND_ORDER = 0.02  # of a difference, by the steps below
 
 
 def solved(actuator, distance, frequencies):
-    settings = SolverSettings(order=ORDER, skin_frequency_Hz=frequencies[-1])
-    moving = MovingMesh(actuator, (distance,), layout_of(actuator, settings), settings)
+    moving = mesh_for(actuator, distance, frequencies[-1])
     probe = EddyProbe(actuator, moving, distance, ORDER)
     transfers, fields = probe.transfers(frequencies)
     return transfers.flux_linkage, fields, moving, probe.points.space

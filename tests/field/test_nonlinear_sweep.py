@@ -9,13 +9,12 @@ from femfit.field import sweep_task
 from femfit.field.point_rows import NO_CONVERGENCE
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import failed_points, summarise
-from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from support.actuators import magnet, swept_at
+from support.field import QUICK
 from support.saturating import bobbin, rows_at
 from support.sweeps import full_table
 
-QUICK = SolverSettings(order=3, corner_fraction=0.3)
 CURRENTS = (-2.0, 0.0, 2.0, 8.0)
 
 

@@ -1,5 +1,7 @@
 """Sweeps of actuators without a circuit and with several: columns, journal, reading back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,25 +13,19 @@ from femfit.field.sweep_rows import summarise
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import STEEL, device, linear, magnet, rectangle
-
-QUICK = SolverSettings(order=3, corner_fraction=0.3)
-
-
-def two_coils(material):
-    """A body between two coils, one of which it passes."""
-    coils = [
-        Coil(rectangle(0.012, 0.016, -0.006, 0.0), 200.0, 1.0, name="lower"),
-        Coil(rectangle(0.012, 0.016, 0.014, 0.02), 200.0, 1.0, name="upper"),
-    ]
-    body = magnet(0.0, 0.008, 0.006, name="body")
-    body = type(body)("body", body.vertices_m, material)
-    currents, distances = ((0.0, 1.0), (-1.0, 0.0, 2.0)), (-0.002, 0.0, 0.003)
-    return device("two", coils=coils, moving=[body], currents=currents, distances=distances)
+from support.field import QUICK
 
 
 @pytest.fixture(scope="module", params=["linear", "saturating"])
 def swept(request, tmp_path_factory):
-    actuator = two_coils(STEEL)
+    """A steel body between two coils, one of which it passes."""
+    coils = [
+        Coil(rectangle(0.012, 0.016, -0.006, 0.0), 200.0, 1.0, name="lower"),
+        Coil(rectangle(0.012, 0.016, 0.014, 0.02), 200.0, 1.0, name="upper"),
+    ]
+    body = replace(magnet(0.0, 0.008, 0.006, name="body"), material=STEEL)
+    currents, distances = ((0.0, 1.0), (-1.0, 0.0, 2.0)), (-0.002, 0.0, 0.003)
+    actuator = device("two", coils=coils, moving=[body], currents=currents, distances=distances)
     actuator = linear(actuator) if request.param == "linear" else actuator
     directory = tmp_path_factory.mktemp(request.param)
     sweep_task.MESHES.clear()

@@ -18,19 +18,13 @@ from femfit.field.sweep_rows import summarise
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from support.actuators import GEOMETRY, rig_at, swept_at
+from support.field import QUICK
 from support.saturating import bobbin
 
-QUICK = SolverSettings(order=3, corner_fraction=0.3)
-
 
 @pytest.fixture(scope="module")
-def rig():
-    return read_actuator(GEOMETRY / "emaws-rig.toml")
-
-
-@pytest.fixture(scope="module")
-def few(rig):
-    return swept_at(rig, (0.015, 0.02, 0.03, 0.045))
+def few():
+    return swept_at(read_actuator(GEOMETRY / "emaws-rig.toml"), (0.015, 0.02, 0.03, 0.045))
 
 
 @pytest.fixture(scope="module")

@@ -8,31 +8,21 @@ from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import actuator_from_tables, parse
 from femfit.device.rewrite import variants_from_toml
 from femfit.field.sweep import run_sweep
-from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
+from support.field import QUICK
 
-QUICK = SolverSettings(order=3, corner_fraction=0.3)
 TEXT = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
 NAMES = ["coils.coil.turns", "magnet_temperature_C", "sleeve_radius_m"]
 
 
 @pytest.fixture(scope="module")
-def variants():
-    return variants_from_toml(TEXT.replace("stop = 45, step = 5", "stop = 25, step = 5"))
+def whole(tmp_path_factory):
+    variants = variants_from_toml(TEXT.replace("stop = 45, step = 5", "stop = 25, step = 5"))
+    return run_sweep(variants, tmp_path_factory.mktemp("whole"), workers=1, settings=QUICK)
 
 
-@pytest.fixture(scope="module")
-def directory(tmp_path_factory):
-    return tmp_path_factory.mktemp("whole")
-
-
-@pytest.fixture(scope="module")
-def whole(variants, directory):
-    return run_sweep(variants, directory, workers=1, settings=QUICK)
-
-
-def test_the_table_has_a_column_for_each_parameter_and_a_row_for_each_point(whole, variants):
+def test_the_table_has_a_column_for_each_parameter_and_a_row_for_each_point(whole):
     names = [name for name in COLUMNS if not name.startswith("newton_")]
     assert list(whole.rows.columns) == [*names, "variant", *NAMES]
     assert len(whole.rows) == 3 * 3 * 3

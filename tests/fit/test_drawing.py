@@ -128,18 +128,14 @@ def _bench(table, path, noise=(2e-5, 2e-7, 2e-4)):
     return path
 
 
-@pytest.fixture(scope="module")
-def taller(tmp_path_factory):
-    """Sweeps of drawings whose magnet is 0.06 mm taller and lower."""
-    base = tmp_path_factory.mktemp("taller")
-    return [
-        _sweep(base / name, SMALL.replace("z_mm = [0, 4]", f"z_mm = [0, {height}]"))
-        for name, height in (("more", 4.06), ("less", 3.94))
+def test_columns_are_the_differences_of_whole_sweeps_and_their_fits(model, tmp_path):
+    """Of every reading of a bench, to a thousandth of the largest in its channel, of a magnet 0.06 mm taller and lower.
+
+    Each of both drawings is swept.
+    """
+    taller = [
+        _sweep(tmp_path / name, SMALL.replace("z_mm = [0, 4]", f"z_mm = [0, {name}]")) for name in ("4.06", "3.94")
     ]
-
-
-def test_columns_are_the_differences_of_whole_sweeps_and_their_fits(model, taller, tmp_path):
-    """Of every reading of a bench, to a thousandth of the largest in its channel."""
     observations = bench_observations(model, read_bench_table(_bench(taller[0], tmp_path / "bench.csv")))
     (found,) = effect_columns(_drawn(model, HEIGHT).effect, observations)
     high, low = (

@@ -10,7 +10,7 @@ from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_
 from femfit.fit.law_columns import FUNCTIONS, design_matrix, term_bounds
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.bspline import basis_matrix
-from support.sweeps import SaturatingCircuit, force_table, full_table
+from support.sweeps import SaturatingCircuit, force_table, full_table, paper_force
 
 DISTANCES = np.linspace(15e-3, 45e-3, 61)
 F1E = np.stack([DISTANCES**-4, DISTANCES**-2], axis=1)  # The paper's two columns; condition number 8e3
@@ -24,7 +24,7 @@ def noisy(scale=1e-4, seed=1):
 
 SWEEPS = {
     "closed form": full_table,
-    "paper": lambda: force_table(lambda d, i: 5.996e-9 * d**-4 + 4.509e-6 * i * d**-2),
+    "paper": lambda: force_table(paper_force),
     "both signs": lambda: force_table(lambda d, i: 4e-6 * (i + 0.1) * d**-2, currents=np.linspace(-0.6, 0.6, 7)),
     "saturating": lambda: SaturatingCircuit().table(np.linspace(0.0, 1.0, 6), np.geomspace(2e-4, 6e-3, 12)),
 }

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import DomainError, MissingPartError, ModelFileError, SimulationError, TableError, UsageError
+from femfit.core.errors import DomainError, MissingPartError, SimulationError, TableError, UsageError
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import law_magnetics
 from femfit.fit.ranking import as_written, misfit_to_rows
-from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
+from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import LawMagnetics
 from femfit.simulation.open_loop import simulate
 from femfit.tables.sweep_table import SweepTable
@@ -247,22 +247,6 @@ def test_a_model_of_several_takes_currents_of_each_and_refuses_what_needs_one():
             model.force(0.5e-3, current)
     with pytest.raises(MissingPartError, match="lower, upper"):
         model.require_circuit()
-
-
-def test_damaged_files_of_several_circuits_are_refused_by_their_key_and_early_ones_are_read():
-    model, tensor = fit_of("bearing").model, model_to_dict(fit_of("two circuits that saturate").model)
-    data = json.loads(json.dumps(model_to_dict(model)))
-    first, further = data["circuits"]
-    early = {key: value for key, value in data.items() if key != "circuits"} | {"schema": 2}
-    assert model_from_dict(early | {"circuit": first, "further_circuits": [further]}).circuits == model.circuits
-    tensor["magnetics"]["circuits"][1]["degree"] = 3
-    for damaged, words in (
-        (data | {"circuits": data["circuits"][:1]}, "of the same circuits"),
-        (data | {"magnetics": data["magnetics"] | {"coefficients": [[0.0]]}}, r"magnetics\.coefficients"),
-        (tensor, "knots_A"),
-    ):
-        with pytest.raises(ModelFileError, match=words):
-            model_from_dict(damaged)
 
 
 @pytest.mark.nightly

@@ -36,11 +36,9 @@ LONG = "pot from eleven"
 """Of six currents the same is fitted."""
 
 
-def params(names):
-    return [pytest.param(name, marks=[pytest.mark.nightly] * (name == LONG)) for name in names]
-
-
-every_device = pytest.mark.parametrize("name", params(DEVICES))
+every_device = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.nightly] * (name == LONG)) for name in DEVICES]
+)
 
 
 def rms(values):

@@ -165,16 +165,6 @@ def test_inductances_that_are_not_positive_and_a_single_distance_make_no_model()
         fit_eddy(made_up().at(np.array([0])), Plain())
 
 
-def test_slopes_of_the_departures_are_their_derivatives():
-    choice = StateChoice(made_up(), FREQUENCIES)
-    rng = np.random.default_rng(2)
-    place, combinations = choice._places[2], np.eye(12)[:, :4] + 0.1 * rng.normal(size=(12, 4))
-    change = 1e-6 * rng.normal(size=(12, 4))
-    above, below = (place.departures(combinations + side * change) for side in (1.0, -1.0))
-    along = (place.slopes(combinations) * change).sum(axis=(-2, -1))
-    assert along == pytest.approx((above - below) / 2.0, rel=1e-6, abs=1e-12)
-
-
 def with_conductivity(table, share):
     """The table of a first material that conducts better by a share, which takes its part of the resistance down."""
     n = 1 + len(table.circuits)

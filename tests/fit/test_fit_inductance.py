@@ -84,27 +84,28 @@ def written_table(directory):
     return path
 
 
-def test_circuit_and_mass_come_from_an_actuator_file_unless_they_are_given(tmp_path):
-    actuator = GEOMETRY / "plunger-solenoid.toml"
-    drawn = read_actuator(actuator)
-    worked(
-        "fit", written_table(tmp_path), "--model", "two-exponentials", "--actuator", actuator, "--mass-g", 60,
-        "-o", tmp_path / "model.json",
-    )  # fmt: skip
-    model = read_model(tmp_path / "model.json")
-    assert model.circuit.resistance_ohm == drawn.coil.resistance_ohm
-    assert model.circuit.voltage_max_V == drawn.circuits[0].voltage_max_V
-    assert model.motion.mass_kg == 0.06
+DRAWN = read_actuator(GEOMETRY / "plunger-solenoid.toml")
 
 
-def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
+@pytest.mark.parametrize(
+    ("options", "ohm", "highest_V"),
+    [
+        (("--resistance-ohm", 4, "--supply-V", "0:12"), 4.0, 12.0),
+        # Its mass is another than the one that is given
+        (
+            ("--actuator", GEOMETRY / "plunger-solenoid.toml"),
+            DRAWN.coil.resistance_ohm,
+            DRAWN.circuits[0].voltage_max_V,
+        ),
+    ],
+    ids=["by options", "by an actuator file"],
+)
+def test_a_file_of_inductances_becomes_a_model_file(tmp_path, options, ohm, highest_V):
     path = written_table(tmp_path)
     assert is_inductance_table(path)
-    worked(
-        "fit", path, "--model", "two-exponentials", "--mass-g", 60, "--resistance-ohm", 4, "--supply-V", "0:12",
-        "-o", tmp_path / "model.json",
-    )  # fmt: skip
+    worked("fit", path, "--model", "two-exponentials", "--mass-g", 60, *options, "-o", tmp_path / "model.json")
     model = read_model(tmp_path / "model.json")
+    assert (model.circuit.resistance_ohm, model.circuit.voltage_max_V, model.motion.mass_kg) == (ohm, highest_V, 0.06)
     assert flat(model.magnetics).force(np.array([5e-3]), np.ones(1)) == pytest.approx(force(5e-3, 1.0), rel=1e-3)
     refused = femfit("fit", path)
     assert refused.returncode == 2

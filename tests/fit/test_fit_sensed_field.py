@@ -110,7 +110,6 @@ def test_a_parabola_is_taken_where_the_field_is_quadratic_and_noise_buys_no_cell
     rows = rows_of_table(full_table(CLOSED), MASS, 9.80665)
     fit = fit_hall(rows, rows.hall + 1e-3 * rows.current**2)
     assert fit.field.spline.y_degree == 2
-    rows = rows_of_table(full_table(CLOSED), MASS, 9.80665)
     noisy = rows.hall + 1e-4 * np.random.default_rng(0).standard_normal(len(rows.hall))
     fit = fit_hall(rows, noisy)
     assert fit.field.spline.coefficients.size <= 24

@@ -20,12 +20,8 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def model(folder):
-    return ff.read_model(folder / "model.json")
-
-
-def test_voltages_move_it_and_reversed_together_as_they_do_forwards(model):
+def test_voltages_move_it_and_reversed_together_as_they_do_forwards(folder):
+    model = ff.read_model(folder / "model.json")
     moved = ff.simulate(model, voltage_V={"bottom": 1.2, "top": 0.4}, start_m=0.5e-3, duration_s=4e-3)
     assert not moved.extrapolated
     assert moved.table["distance_m"][-1] < 0.5e-3

@@ -49,17 +49,11 @@ PIECES = pytest.mark.parametrize(
 )
 
 
-@pytest.fixture(scope="module")
-def stretch(experiment):
-    """Two seconds around the first ramp."""
-    first = int(59.5 / DT)
-    return experiment.record[first : first + 5000]
-
-
 @pytest.mark.parametrize("name", INTEGRATORS)
 @PIECES
-def test_online_gives_the_numbers_of_offline(name, cuts, stretch):
-    integrator = INTEGRATORS[name]
+def test_online_gives_the_numbers_of_offline(name, cuts, experiment):
+    integrator, first = INTEGRATORS[name], int(59.5 / DT)
+    stretch = experiment.record[first : first + 5000]  # around the first ramp
     whole, pieces = run(integrator, stretch), run(integrator, stretch, cuts)
     for column in ("field", "variance", "offset", "innovation", "innovation_variance"):
         expected = getattr(whole, column)

@@ -18,12 +18,6 @@ DT = 1e-3
 KNOWN = Noise(LinearSigma(1e-5), LinearSigma(1e-5), 1e-3)
 
 
-def variances(noise, voltage, dt):
-    """Of a record's increments."""
-    record = CoilBlock(dt * np.arange(len(voltage)), voltage)
-    return increments(LastSample(), record, PAPER_COIL, noise, dt)[1].variance
-
-
 def test_the_literal_increment_is_equation_11():
     voltage, dt = np.array([0.010, 0.012]), np.array([1.0 / 204.8e3])
     sigma = 2.05e-3 + 3e-6 * voltage
@@ -31,7 +25,9 @@ def test_the_literal_increment_is_equation_11():
     # The area's term, 2.29e-6 m2 of it, is a ten-millionth of the voltage's and is left out.
     expected = dt**2 / (4 * area**2) * np.sum(sigma**2)
     assert (2.29e-6 / area * np.sum(voltage)) ** 2 < 2e-7 * np.sum(sigma**2)
-    np.testing.assert_allclose(variances(paper_noise(True), voltage, dt[0])[1], expected[0], rtol=1e-12)
+    record = CoilBlock(dt * np.arange(2), voltage)
+    found = increments(LastSample(), record, PAPER_COIL, paper_noise(True), dt[0])[1].variance
+    np.testing.assert_allclose(found[1], expected[0], rtol=1e-12)
 
 
 def test_independent_systematics_add_in_squares():

@@ -104,7 +104,6 @@ RATE, INDUCTANCE, RESISTANCE = 100.0, 0.02, 2.0
 RAMP = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 40)) ** 2
 CURRENT = np.concatenate([np.zeros(100), RAMP, np.ones(100), 1.0 - RAMP, np.zeros(100)])
 TIME = np.arange(len(CURRENT)) / RATE
-DISTANCE = np.full(len(CURRENT), 0.02)
 
 
 def induced(seed=1):
@@ -114,7 +113,7 @@ def induced(seed=1):
 def watched(rows, voltage, taken=RESISTANCE):
     time, current = TIME[rows], CURRENT[rows]
     without = voltage - taken * current
-    found = plateau_flux(time, without, current, DISTANCE[rows], PlateauOptions())
+    found = plateau_flux(time, without, current, np.full(len(rows), 0.02), PlateauOptions())
     return found, [one.code for one in watch_run(time, voltage, without, current, found)]
 
 

@@ -33,7 +33,7 @@ def results(tmp_path_factory, levitation_model):
     offset = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
     bench = campaign(levitation_model, 1, [offset], runs=2, distances=5, currents=4)
     series = ff.read_measurement(loop_record(place / "loop.csv", 0.5, 2.0))
-    found, added = ff.diagnose(levitation_model, bench), ff.add_effects(levitation_model, bench, EFFECT)
+    found, added = ff.diagnose(levitation_model, bench), ff.add_effects(levitation_model, bench, "coil_temperature")
     others = [name for name in ff.list_effects() if name != "hall_offset"]
     return {
         "place": place,
@@ -60,7 +60,6 @@ def results(tmp_path_factory, levitation_model):
     }
 
 
-EFFECT = "coil_temperature"
 KINDS = [
     "actuator", "sweep", "import", "fit", "model", "model-with-effects", "bench-table", "time-series", "comparison",
     "diagnosis", "diagnosis-of-a-record", "advice", "added", "filter", "filter-under-effects", "open-loop", "profile",

@@ -70,12 +70,9 @@ def test_one_winding_decays_or_grows_exactly():
     found = function_of(1)(ones, z[None], ones, ones)
     steep = (1e-6, 1e-6 - 1e-12, 0.5e-6 - 1e-12)  # the last, where no quadrature follows the integrand
     for power, values in enumerate(found):
-        wanted = [quad(_grown, 0.0, 1.0, args=(x, power))[0] / max(power, 1) for x in z[:-1]]
+        grown = [quad(lambda s, x=x, k=power: np.exp(-x * (1.0 - s)) * s**k, 0.0, 1.0)[0] for x in z[:-1]]
+        wanted = np.array(grown) / max(power, 1)
         np.testing.assert_allclose(values, [*wanted, steep[power]], rtol=1e-10)
-
-
-def _grown(s, rate, power):
-    return np.exp(-rate * (1.0 - s)) * s**power
 
 
 @pytest.mark.parametrize("circuits", [1, 2])

@@ -20,7 +20,6 @@ from support.halves import cut_in_two
 from support.model_kinds import by_volt, held, states_of, voltage_of
 from support.one_current import flat
 from support.readings import hall_voltage
-from support.steps import exponential_step, runge_kutta_step
 
 DISTANCE_M = 0.025
 
@@ -66,14 +65,9 @@ def test_impedances_are_those_of_the_simulated_sine(levitation_model, circuits):
     np.testing.assert_allclose(np.linalg.inv(by_volt(model, DISTANCE_M, bias, f)[:circuits]), z, rtol=1e-9)
 
 
-def falling(levitation_model, slope=0.02):
-    """A magnet without a winding beside a ring whose flux linkage grows steadily with the distance, in Wb/m."""
-    return one_ring(magnets_alone(levitation_model), linkage=slope * REFERENCE_M), slope
-
-
 def test_a_magnet_that_passes_a_ring_slowly_is_braked_by_the_linkage_squared_over_the_resistance(levitation_model):
-    model, slope = falling(levitation_model)
-    velocity = 0.01
+    slope, velocity = 0.02, 0.01  # of the ring's flux linkage, in Wb/m
+    model = one_ring(magnets_alone(levitation_model), linkage=slope * REFERENCE_M)
     current = -slope * velocity / 1.0  # steady: 0 = R e + lambda' v
     states = np.array([[DISTANCE_M, velocity, current], [DISTANCE_M, 0.0, 0.0]])
     moving, resting = state_derivative(model, states, np.zeros((2, 0)))
@@ -111,7 +105,6 @@ def test_the_field_beside_patterns_is_that_of_the_acting_currents_and_their_own(
 LAG = ("eddy_current_lag", {"ring_share": 0.1, "diffusion_share": 0.1, "time_s": 2e-3})
 HYSTERESIS = ("hysteresis", {"width_medium": 0.005, "width_large": 0.02, "taper": 0.02})
 FRICTION, SAG = ("coulomb_friction", {"level": 0.1}), ("supply_sag", {"inner_resistance": 0.2})
-DELAY = ("sensor_delay", {"delay_s": 1e-3})
 TURNS, SATURATION = ("turns", {"turns_error": 0.1}), ("core_saturation", {"mmf_loss_3": 0.1})
 
 
@@ -151,16 +144,6 @@ def test_under_effects_every_winding_obeys_faraday(levitation_model, chosen):
     np.testing.assert_allclose(growth, wanted, rtol=0.0, atol=1e-7 * np.abs(wanted).max())
 
 
-def test_a_filter_step_under_effects_follows_fine_steps(levitation_model):
-    model = held(under_effects(with_eddies(levitation_model), LAG))
-    state = np.zeros((1, model.order))
-    state[0, 0], volts = DISTANCE_M, np.array([2.0])
-    fine = runge_kutta_step(model, state, volts, 4e-3, 200)
-    for _ in range(64):
-        state = exponential_step(model, state, volts, 4e-3 / 64)
-    np.testing.assert_allclose(state[0, 2:6], fine[0, 2:6], atol=2e-3 * fine[0, 2])
-
-
 def test_a_prescribed_current_leaves_the_eddy_currents_to_themselves(levitation_model):
     """With i' given, R_e e + d(flux)/dt = 0 holds for the patterns; the voltage is what it takes."""
     plain = with_eddies(levitation_model)
@@ -176,7 +159,7 @@ def test_a_prescribed_current_leaves_the_eddy_currents_to_themselves(levitation_
 
 
 def test_a_late_sensor_follows_the_circuit_not_the_core(levitation_model):
-    model = under_effects(with_eddies(levitation_model), DELAY)
+    model = under_effects(with_eddies(levitation_model), ("sensor_delay", {"delay_s": 1e-3}))
     states, volts = states_of(model.without_effects)
     volts = voltage_of(model.without_effects, volts)
     states = np.column_stack([states, np.zeros(len(states))])

@@ -8,19 +8,12 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added
 from support.model_kinds import held
 from support.one_current import flat
 from support.readings import hall_voltage
 from support.steps import runge_kutta_step
-
-
-def linkage(model, x):
-    """Flux linkage at the states of effects."""
-    at = Conditions(nominal_of(model), memory=dict(zip(model.memory_names, x[:, 3:].T, strict=True)))
-    return predict_readings(model, x[:, 0], x[:, 2], at)["flux_linkage_Wb"]
 
 
 def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials(levitation_model):
@@ -100,22 +93,6 @@ def test_a_bench_whose_core_was_cycled_before_recalls_the_cycle(levitation_model
     # At the upper turning point the cycle counts as rising
     for name in effect.memory.names:
         np.testing.assert_allclose(path[name], cycle[name], atol=1e-12)
-
-
-@pytest.mark.nightly
-def test_a_loop_takes_energy_from_the_current(levitation_model):
-    model = held(with_effects(levitation_model, [added("hysteresis", width_medium=0.02)]))
-    x = np.array([[0.02, 0.0, 0.7, 0.0, 0.0, 0.0]])
-    energy, steps = 0.0, 600
-    for k in range(2 * steps):
-        volts = np.array([2.69 * (0.7 + 0.4 * np.sin(2.0 * np.pi * k / steps))])
-        after = runge_kutta_step(model, x, volts, 2e-3)
-        if k >= steps:
-            energy += 0.5 * (x[0, 2] + after[0, 2]) * (linkage(model, after) - linkage(model, x))[0]
-        x = after
-    # Width of the loop times its height: 2 w_max times the flux of +-0.4 A, less at its tips
-    largest = 2.0 * 0.02 * 1.4 * 0.0162 * 0.8
-    assert 0.3 * largest < energy < largest
 
 
 def test_a_delayed_reading_is_that_of_the_past(levitation_model):

@@ -125,6 +125,13 @@ FRICTION = [
 ]
 
 
+def moved(model, state, volts, seconds, steps):
+    """States after so many steps of equal length."""
+    for _ in range(steps):
+        state = exponential_step(model, state, volts, seconds / steps)
+    return state
+
+
 @pytest.mark.parametrize("name", ["one circuit", "halves", "solenoid with eddies", "lossy driver", "friction"])
 def test_steps_converge_with_the_second_order(name, levitation_model):
     """Over many motions, in some of which the errors of one kind make up for those of another."""
@@ -145,14 +152,10 @@ def test_steps_converge_with_the_second_order(name, levitation_model):
     most = {"halves": 1.2, "solenoid with eddies": 12.0}.get(name, 2.4)
     volts = voltage_of(model, generator.uniform(0.25 * most, most, (30, len(model.circuits))))
 
-    def moved(steps):
-        state = start
-        for _ in range(steps):
-            state = step(model, state, volts[:, None] if volts.ndim == 1 else volts, seconds / steps)
-        return state
-
     exact = runge_kutta_step(model, start, volts, seconds, substeps=256)
-    coarse, fine = (np.sqrt(np.mean((moved(steps) - exact) ** 2, axis=0)) for steps in (32, 64))
+    coarse, fine = (
+        np.sqrt(np.mean((moved(model, start, volts, seconds, steps) - exact) ** 2, axis=0)) for steps in (32, 64)
+    )
     # Asymptotic ratio 4; down to 0.15 of an order less for the pre-asymptotic part
     assert (np.log2(coarse / fine) > 1.85).all()
 
@@ -168,14 +171,10 @@ def test_states_of_effects_converge_with_the_second_order(levitation_model):
     start[:, 0], start[:, 2] = 0.024, (0.3, 0.9)
     volts, seconds = voltage_of(model, np.array([[2.4], [0.0]])), 8e-3
 
-    def moved(steps):
-        state = start
-        for _ in range(steps):
-            state = step(model, state, volts[:, None], seconds / steps)
-        return state
-
     exact = runge_kutta_step(model, start, volts, seconds, substeps=1024)
-    coarse, fine = (np.abs(moved(steps) - exact)[:, 2:].max(axis=0) for steps in (64, 128))
+    coarse, fine = (
+        np.abs(moved(model, start, volts, seconds, steps) - exact)[:, 2:].max(axis=0) for steps in (64, 128)
+    )
     assert (coarse < 5e-3 * np.abs(exact - start)[:, 2:].max(axis=0)).all()
     assert (coarse / fine > 3.0).all()  # four of them; a state that a fast change saturates forgets its errors
 
@@ -198,21 +197,6 @@ def test_at_rest_the_equations_under_an_effect_are_those_of_the_changed_magnetic
     expected = model.motion.gravity_m_s2 - flat(model.magnetics).force(d, i) / model.motion.mass_kg
     np.testing.assert_allclose(acceleration, expected, rtol=1e-10)
     np.testing.assert_allclose(hall_voltage(model, states), model.sensor.voltage(d, i), rtol=1e-12)
-
-
-def test_two_halves_fed_alike_move_as_the_whole(model_kind):
-    whole, halves = model_kind("choke"), model_kind("halves")
-    states, volts = states_of(whole)
-    alike = rates(halves, states[:, [0, 1, 2, 2]], 0.5 * volts[:, [0, 0]])
-    np.testing.assert_allclose(alike, rates(whole, states, volts)[:, [0, 1, 2, 2]], rtol=1e-9, atol=1e-12)
-
-
-def test_magnets_alone_fall_and_pull_as_their_force_says(model_kind):
-    magnets = model_kind("magnets")
-    acceleration = rates(magnets, np.array([[0.03, 0.2]]), np.zeros((1, 0)))[0]
-    force = float(flat(magnets.magnetics).force(0.03, 0.0))
-    assert acceleration.tolist() == pytest.approx([0.2, magnets.motion.gravity_m_s2 - force / magnets.motion.mass_kg])
-    magnets.require_dynamics()
 
 
 def test_a_model_that_lacks_a_circuit_or_an_inductance_has_no_dynamics(model_kind, levitation_model):
@@ -326,9 +310,7 @@ def test_a_sample_takes_as_many_steps_as_it_needs_for_half_a_percent_of_its_chan
     changed = np.sqrt(np.square(wanted - states)[within, 1:last].mean(axis=0))
     errors = []
     for count in (steps, 2 * steps):
-        found = states
-        for _ in range(count):
-            found = exponential_step(model, found, volts, model.sample_time_s / count)
+        found = moved(model, states, volts, model.sample_time_s, count)
         errors.append(np.sqrt(np.square(found - wanted)[within, 1:last].mean(axis=0)) / changed)
     assert (errors[0] < 5.3e-3).all()
     assert (errors[1] < np.maximum((0.35 if model.eddy is None else 0.6) * errors[0], 1e-6)).all()

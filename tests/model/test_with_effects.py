@@ -97,18 +97,13 @@ WEAK = added("magnet_demagnetisation", loss=0.1)
 LATE = added("eddy_current_lag", ring_share=0.3)
 
 
-def settings(count=20):
-    d, i = np.meshgrid(np.linspace(0.018, 0.04, count), np.linspace(0.1, 1.2, 3))
-    return d.ravel(), i.ravel()[:, None]
-
-
-def test_readings_with_conditions_of_their_own_are_each_that_of_a_model_under_these(levitation_model):
-    d, i = settings()
+def test_readings_with_conditions_of_their_own_are_each_that_of_a_model_under_these(levitation_model, points):
+    d, i = points[0], points[1][:, None]
     warm = np.linspace(10.0, 60.0, len(d))
     warm[3] = np.nan  # not recorded
     at = Conditions(nominal_of(levitation_model), magnet_temperature_C=warm)
     found = at_rest(Point(levitation_model, d, i, at, [COLD, WEAK]))
-    for k in (0, 3, 31):
+    for k in (0, 3, 21):
         known = replace(levitation_model, magnet_temperature_C=float(warm[k]))
         model = with_effects(known, [COLD, WEAK])
         state = model.magnetics.state(d[k], i[k])
@@ -118,8 +113,8 @@ def test_readings_with_conditions_of_their_own_are_each_that_of_a_model_under_th
         assert found.flux_linkage[k, 0] == pytest.approx(float(model.magnetics.flux_linkage(d[k], i[k])[0]), rel=1e-12)
 
 
-def test_states_that_the_conditions_know_are_taken_and_others_rest(levitation_model):
-    d, i = settings()
+def test_states_that_the_conditions_know_are_taken_and_others_rest(levitation_model, points):
+    d, i = points[0], points[1][:, None]
     at = Conditions(nominal_of(levitation_model))
     resting = at_rest(Point(levitation_model, d, i, at, [LATE])).flux_linkage
     np.testing.assert_allclose(resting, levitation_model.magnetics.flux_linkage(d, i), rtol=1e-12)

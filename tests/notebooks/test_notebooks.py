@@ -81,7 +81,3 @@ def test_the_copy_beside_the_pages_is_this_notebook_as_it_ran(path):
     outputs = [output for cell in shown for output in cell.get("outputs", [])]
     assert any("image/png" in output.get("data", {}) for output in outputs)
     assert not any(output.output_type == "error" or output.get("name") == "stderr" for output in outputs)
-
-
-def test_there_is_a_notebook_for_the_main_job():
-    assert "from_drawing_to_levitation" in {path.stem for path in NOTEBOOKS}

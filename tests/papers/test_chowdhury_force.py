@@ -15,11 +15,7 @@ from femfit.fit.law_columns import fit_coefficient_function
 from femfit.fit.rows import rows_of_table
 from femfit.tables.sweep_table import write_sweep_table
 from support.snapshot import check_snapshot
-from support.sweeps import force_table
-
-
-def paper_force(d, i):
-    return 5.996e-9 * d**-4 + 4.509e-6 * i * d**-2
+from support.sweeps import force_table, paper_force
 
 
 def test_the_papers_b_is_not_quite_linear_in_the_current():

@@ -1,6 +1,7 @@
 """Bearings, balls, plungers and magnets of any direction against closed forms, limits and each other."""
 
 import math
+from dataclasses import replace
 
 import ngsolve as ng
 import numpy as np
@@ -18,21 +19,10 @@ from support.actuators import GEOMETRY, STEEL, device, linear, magnet, rectangle
 from support.field import prepared
 
 
-def device_with(actuator, *sensors):
-    return device(
-        actuator.name,
-        fixed=actuator.fixed,
-        coils=actuator.coils,
-        moving=actuator.moving.regions,
-        distances=actuator.sweep.distances_m,
-        sensors=sensors,
-    )
-
-
 def test_a_hall_element_reads_the_component_along_its_direction():
     actuator = device("magnet", moving=[magnet(1.2, 0.005, 0.004)], distances=(0.02,))
     axial, radial, slanting = (
-        prepared(device_with(actuator, HallElement(0.006, 0.01, direction=direction)), 0.02).solve(0.02).hall[0]
+        prepared(replace(actuator, sensors=(HallElement(0.006, 0.01, direction=direction),)), 0.02).solve(0.02).hall[0]
         for direction in ((0.0, 1.0), (1.0, 0.0), (0.6, 0.8))
     )
     assert radial != 0.0
@@ -105,18 +95,13 @@ def test_a_saturating_bearings_circuits_are_reciprocal():
     distances = (0.45e-3 - step, 0.45e-3, 0.45e-3 + step)
     actuator = linear(swept_at(read_actuator(GEOMETRY / "bearing.toml"), distances), STEEL)
     points = np.array([(4.0, 4.0), (4.0 - change, 4.0), (4.0 + change, 4.0)])
-    low, middle, high = (rows_at_points(actuator, d, points[:n]) for d, n in zip(distances, (1, 3, 1), strict=True))
+    low, middle, high = (
+        prepared(swept_at(actuator, (d,)), d, SolverSettings(order=3)).rows(d, points[:n])
+        for d, n in zip(distances, (1, 3, 1), strict=True)
+    )
     slope = -(high["flux_linkage_lower_Wb"][0] - low["flux_linkage_lower_Wb"][0]) / (2.0 * step)
     by_current = (middle["force_N"][2] - middle["force_N"][1]) / (2.0 * change)
     assert by_current == pytest.approx(slope, rel=1e-2)
     for column, of in (("inductance_lower_H", "lower"), ("inductance_lower_upper_H", "upper")):
         flux = middle[f"flux_linkage_{of}_Wb"]
         assert (flux[2] - flux[1]) / (2.0 * change) == pytest.approx(middle[column][0], rel=1e-2)
-
-
-def rows_at_points(actuator, distance, points):
-    from femfit.field.problem import prepare
-
-    settings = SolverSettings(order=3)
-    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
-    return {name: np.array(values) for name, values in problem.rows(distance, points).items()}

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from femfit.device.electrics import HallElement, PickupCoil
 from femfit.device.load import read_actuator, sweep_manifest_entry
@@ -35,10 +34,9 @@ def solved(actuator, distance, currents):
     )
 
 
-@pytest.fixture(scope="module")
-def model():
-    actuator = drawn(DISTANCES)
-    frames = []
+def test_field_and_flux_linkage_between_the_sweeps_points_are_those_of_a_direct_solution():
+    """Where both currents reach the element."""
+    actuator, frames = drawn(DISTANCES), []
     for d in DISTANCES:
         rows = pd.DataFrame(solved(actuator, d, POINTS))
         names = {f"current_{circuit.name}_A": POINTS[:, k] for k, circuit in enumerate(actuator.circuits)}
@@ -46,11 +44,7 @@ def model():
     table = SweepTable(pd.concat(frames, ignore_index=True), {"actuator": sweep_manifest_entry(actuator)})
     fit = fit_model(table)
     assert not [note for note in fit.notes if "not in the model" in note]
-    return fit.model
-
-
-@pytest.mark.parametrize("distance", [0.45e-3])
-def test_field_and_flux_linkage_between_the_sweeps_points_are_those_of_a_direct_solution(model, distance):
+    model, distance = fit.model, 0.45e-3
     currents = np.array([[0.7, -0.4], [-0.3, 0.9]])
     direct = solved(drawn((distance,)), distance, currents)
     at = np.full(2, distance)
@@ -59,8 +53,5 @@ def test_field_and_flux_linkage_between_the_sweeps_points_are_those_of_a_direct_
     (search,) = (one for one in model.other_sensors if one.name == "search")
     np.testing.assert_allclose(search.flux.field(at, currents), direct["pickup_search_Wb"], rtol=2e-3)
     assert model.sensor.delay_s == 1e-4
-
-
-def test_both_currents_reach_the_element(model):
     _, _, slopes = model.sensor.field.derivatives(np.array([0.5e-3]), np.array([[0.0, 0.0]]))
     assert np.all(np.abs(slopes) > 0.5 * np.abs(slopes).max())

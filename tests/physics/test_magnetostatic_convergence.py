@@ -48,13 +48,3 @@ def test_flux_density_converges_with_the_elements_order(order):
     observed = np.log(errors[0] / errors[1]) / np.log(sizes[0] / sizes[1])
     # Unstructured meshes are not exactly nested, hence the half order of slack.
     assert order - 0.5 < observed < order + 1.0
-
-
-def test_a_field_of_constant_w_is_reproduced_exactly():
-    # w = 1/2 is the uniform field B_z = 1: the lowest order must hold it to rounding.
-    half = WorkPlane().MoveTo(0.0, -RADIUS).Arc(RADIUS, 180.0).Close().Face()
-    mesh = Mesh(OCCGeometry(half, dim=2).GenerateMesh(maxh=0.3))
-    w = ng.GridFunction(H1(mesh, order=1))
-    w.Set(0.5)
-    uniform = flux_density(w)
-    assert Integrate((uniform[1] - 1.0) ** 2 + uniform[0] ** 2, mesh) < 1e-28

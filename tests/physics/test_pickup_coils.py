@@ -18,7 +18,6 @@ from support.field import prepared
 from support.validation_cases import loops_exact, thin_coil
 
 SETTINGS = SolverSettings()
-UNDER = rectangle(0.008, 0.014, -0.02, -0.002)
 
 
 def winding(coil):
@@ -78,6 +77,7 @@ def test_in_saturating_iron_a_pickup_on_the_coil_links_a_share_of_its_turns():
 def test_a_pickup_coil_beyond_the_solved_field_is_refused_with_its_name():
     far = PickupCoil(name="far", vertices_m=rectangle(5.0, 5.1, 0.0, 0.1), turns=5.0)
     body = magnet(1.2, 0.007, 0.006, permeability=1.05)
-    actuator = device("one", coils=[Coil(UNDER, 200.0, 1.0)], moving=[body], distances=(0.006,), sensors=[far])
+    under = Coil(rectangle(0.008, 0.014, -0.02, -0.002), 200.0, 1.0)
+    actuator = device("one", coils=[under], moving=[body], distances=(0.006,), sensors=[far])
     with pytest.raises(FieldSolverError, match="'far'"):
         prepared(actuator, 0.006)

@@ -179,11 +179,6 @@ def switched_model(model, volts, times):
     return end, found.sol(np.minimum(times, end))[2]
 
 
-def arrival(times, distances):
-    """When a body was at the near end, in s."""
-    return float(np.interp(-NEAR, -distances, times))
-
-
 STEP = 2e-4
 
 
@@ -196,7 +191,7 @@ def model(tmp_path_factory):
 @pytest.mark.parametrize("volts", [6.0, 12.0, 24.0])
 def test_solid_steel_switches_late_and_the_model_says_by_how_much(model, volts):
     times, distances, currents, *_ = switched_field(volts, STEP * 12.0 / volts)
-    exact = arrival(times, distances)
+    exact = float(np.interp(-NEAR, -distances, times))  # when the body is at the near end
     late, found = switched_model(model, volts, times)
     static, plain = switched_model(model.without_eddies, volts, times)
     assert static < 0.97 * exact  # 3 to 6 % early

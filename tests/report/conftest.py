@@ -18,13 +18,11 @@ from femfit.simulation.summary import LoopSummary, Spread
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
-CURRENTS = np.linspace(0.0, 1.4, 5)
-DISTANCES = np.linspace(0.015, 0.045, 13)
-
 
 def sweep_of(actuator, magnet=1.0):
     """Force, flux linkage and Hall field of one co-energy; magnet=0 leaves the part quadratic in the current."""
-    i, d = (grid.ravel() for grid in np.meshgrid(CURRENTS, DISTANCES, indexing="ij"))
+    axes = np.linspace(0.0, 1.4, 5), np.linspace(0.015, 0.045, 13)
+    i, d = (grid.ravel() for grid in np.meshgrid(*axes, indexing="ij"))
     decay, length = np.exp(-d / 0.0166), 0.0166
     rows = {
         "current_A": i,

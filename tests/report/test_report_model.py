@@ -97,11 +97,11 @@ def test_only_a_body_that_is_meant_to_hang_is_drawn_where_it_hangs(rig_content, 
 
 
 TRUTH = Symmetric()
-FLOATING = {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}
 
 
 def test_a_bearings_numbers_are_those_of_its_closed_form_and_one_circuit_has_no_such_chapter(levitation_model):
-    several = several_circuits(fit_model(table_of(TRUTH, entry=FLOATING)).model)
+    floating = {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}
+    several = several_circuits(fit_model(table_of(TRUTH, entry=floating)).model)
     middle = len(several.distance_m) // 2
     force = several.grid.force[:, middle]
     np.testing.assert_allclose(several.along, [1.0, -1.0], rtol=1e-3)

@@ -71,13 +71,8 @@ def plunger_content(plunger_content):
 
 
 @pytest.fixture(scope="module")
-def rig_figures(rig_content):
-    return draw_figures(rig_content, drawn)
-
-
-@pytest.fixture(scope="module")
-def rig_page(rig_content, rig_figures):
-    return Page(render_report(rig_content, rig_figures))
+def rig_page(rig_content):
+    return Page(render_report(rig_content, draw_figures(rig_content, drawn)))
 
 
 @pytest.fixture(scope="module")

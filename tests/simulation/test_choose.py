@@ -22,14 +22,6 @@ from femfit.simulation.study import closed_loop_study
 from support.levitation import REFERENCE_DISTANCE, fitted_spline
 from support.readings import LASER_10_V as LASER
 
-LATE = 40
-"""Samples of 0.5 ms, two thirds of the time in which the body runs away by a factor e."""
-
-
-@pytest.fixture(scope="module")
-def late(optical):
-    return design_loop(optical, latency=LATE)
-
 
 def with_margins(monkeypatch, design, **each):
     """The design, whose controllers have margins as given: stable, modulus, share of the noise, rate of decay."""
@@ -57,8 +49,10 @@ def test_the_largest_margin_decides_and_a_loop_that_grows_comes_last(
 
 
 @pytest.mark.nightly
-def test_the_default_is_the_controller_with_the_largest_margin_and_holds(optical, late):
-    loop = close_loop(optical, latency=LATE, runs=2, seconds=0.5)
+def test_the_default_is_the_controller_with_the_largest_margin_and_holds(optical):
+    latency = 40  # samples of 0.5 ms, two thirds of the time in which the body runs away by a factor e
+    late = design_loop(optical, latency=latency)
+    loop = close_loop(optical, latency=latency, runs=2, seconds=0.5)
     margins = {name: worst_of(late.margins(name, "ukf4")) for name in CONTROLLERS}
     assert loop.experiment.controller == max(margins, key=lambda name: (margins[name].kept, margins[name].modulus))
     assert loop.held == 2
@@ -85,13 +79,9 @@ def test_a_model_of_which_no_loop_is_stable_is_not_studied_but_told_why(levitati
         closed_loop_study(levitation_model)
 
 
-@pytest.fixture(scope="module")
-def study(levitation_model):
-    return closed_loop_study(levitation_model, seed=1)
-
-
 @pytest.mark.nightly
-def test_a_study_compares_direct_measurement_and_filter_for_all_controllers(study, monkeypatch):
+def test_a_study_compares_direct_measurement_and_filter_for_all_controllers(levitation_model, monkeypatch):
+    study = closed_loop_study(levitation_model, seed=1)
     rms = {(row.controller, row.measurement): row.rms_m for row in study.steps}
     assert set(rms) == {(c, m) for c in CONTROLLERS for m in ("direct", "ukf")}
     for controller in CONTROLLERS:
@@ -190,10 +180,6 @@ def ball(levitation_model):
     )
 
 
-def driven(model, **drive):
-    return replace(model, circuits=(replace(model.circuit, drive=Drive(**drive), voltage_min_V=0.0),))
-
-
 def test_the_balls_unstable_pole_is_that_of_an_inverse_square(ball):
     point = operating_point(ball, 0.018)
     assert point.unstable_pole_rad_s == pytest.approx(np.sqrt(2.0 * 9.80665 / 0.018), rel=1e-6)
@@ -210,7 +196,8 @@ DRIVES = {
 @pytest.mark.nightly
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball, drive):
-    loop = close_loop(driven(ball, **DRIVES[drive]), runs=2, seconds=0.9, recorded=1)
+    circuit = replace(ball.circuit, drive=Drive(**DRIVES[drive]), voltage_min_V=0.0)
+    loop = close_loop(replace(ball, circuits=(circuit,)), runs=2, seconds=0.9, recorded=1)
     assert loop.held == 2, loop
     assert loop.tracking_rms_m.median < 4e-4
     currents = loop.result.series.currents_A

@@ -12,11 +12,7 @@ from femfit.model.validity import ValidityBox
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.profile import Profile, read_profiles
 from support.one_current import flat
-from support.solenoids import NoField, solenoid
-
-HELD = Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
-"""Pressed on its far stop."""
-
+from support.solenoids import HELD, NoField, solenoid
 
 DENSE_A = 1e-8
 """Between the integrator's steps its interpolation is a little worse than 1e-9 of the range, 4 A."""

@@ -17,7 +17,7 @@ from support.added_effects import added, usual
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.readings import LASER
-from support.solenoids import NoField, inductance, searched, solenoid
+from support.solenoids import HELD, NoField, inductance, searched, solenoid
 from support.steps import runge_kutta_step
 
 
@@ -179,8 +179,6 @@ def test_a_body_pressed_on_a_stop_that_gives_way_comes_to_rest_in_it():
 
 
 TIMES = (8e-3, 1e-5)
-HELD = Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
-"""Pressed on its far stop."""
 
 
 def closes(motion):

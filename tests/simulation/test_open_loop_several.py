@@ -187,13 +187,9 @@ def test_a_body_that_begins_between_its_stops_is_not_said_to_drop_out():
     assert found.switchings[0].started_s == pytest.approx(found.switchings[0].command_s)
 
 
-SPRING = Spring(20.0, 0.05, 5e-3)
-
-
 def on_springs(**changes):
-    return replace(
-        solenoid(), motion=Mechanics(**{"mass_kg": 0.02, "gravity_m_s2": 0.0, "springs": (SPRING,)} | changes)
-    )
+    usual = {"mass_kg": 0.02, "gravity_m_s2": 0.0, "springs": (Spring(20.0, 0.05, 5e-3),)}
+    return replace(solenoid(), motion=Mechanics(**usual | changes))
 
 
 def test_a_body_between_stops_is_switched_on_and_off():

@@ -26,11 +26,6 @@ from support.solenoids import searched, solenoid
 STEP_S = 0.5e-3
 
 
-@pytest.fixture
-def sensor(levitation_model):
-    return levitation_model.sensor
-
-
 def of(model, noise=0.0, names=("hall",)):
     return loop_sensors(model, names, dict.fromkeys(names, noise), STEP_S)
 
@@ -47,11 +42,11 @@ def readings(model, errors, steps, runs=1, seed=0, state=(0.025, 0.0, 0.5), nois
 
 
 @pytest.fixture
-def free(levitation_model, sensor):
-    return replace(levitation_model, sensor=replace(sensor, adc_bits=0))
+def free(levitation_model):
+    return replace(levitation_model, sensor=replace(levitation_model.sensor, adc_bits=0))
 
 
-def test_a_converter_rounds_within_half_a_step_and_clips_to_its_range(levitation_model, sensor, free):
+def test_a_converter_rounds_within_half_a_step_and_clips_to_its_range(levitation_model, free):
     (one,) = of(levitation_model)
     assert one.reading.step == pytest.approx(1.2207e-3, rel=1e-4)
     volts = np.linspace(0.1, 4.9, 100_001)
@@ -60,9 +55,9 @@ def test_a_converter_rounds_within_half_a_step_and_clips_to_its_range(levitation
     error = convert(one, volts) - volts
     assert np.abs(error).max() <= 0.5 * one.reading.step * (1 + 1e-9)
     assert error.std() == pytest.approx(one.reading.step / np.sqrt(12.0), rel=1e-3)
-    (one,) = of(levitation_model)
-    top = sensor.output_max_V - one.reading.step  # the largest code
-    np.testing.assert_allclose(convert(one, np.array([-1.0, 9.0])), [sensor.output_min_V, top])
+    low, high = levitation_model.sensor.output_min_V, levitation_model.sensor.output_max_V
+    largest_code = high - one.reading.step
+    np.testing.assert_allclose(convert(one, np.array([-1.0, 9.0])), [low, largest_code])
     (one,) = of(free)
     np.testing.assert_array_equal(convert(one, np.array([1.23456789])), [1.23456789])
     assert one.reading.step == 0.0
@@ -76,7 +71,7 @@ def test_white_noise_has_its_deviation_and_no_correlation(free):
     assert abs(np.mean(noise[1:] * noise[:-1])) < 4 * 3.2e-3**2 / np.sqrt(20_000)
 
 
-def test_offset_drift_a_stuck_sensor_and_dropouts_read_as_told(free, levitation_model, sensor):
+def test_offset_drift_a_stuck_sensor_and_dropouts_read_as_told(free, levitation_model):
     clean = free.sensor.voltage(np.asarray(0.025), np.asarray(0.5))
     values = readings(free, SensorErrors(offset=0.02, drift_per_s=0.1), steps=101)[:, 0]
     np.testing.assert_allclose(values - clean, 0.02 + 0.1 * STEP_S * np.arange(101), atol=1e-12)
@@ -84,7 +79,9 @@ def test_offset_drift_a_stuck_sensor_and_dropouts_read_as_told(free, levitation_
     assert len(np.unique(values[:10])) > 3
     np.testing.assert_array_equal(values[10:], values[9])
     values = readings(levitation_model, SensorErrors(dropout_probability=0.1), steps=200, runs=100)
-    assert np.mean(values == sensor.output_min_V) == pytest.approx(0.1, abs=0.01)  # 4.7 sigma of 20000 draws
+    assert np.mean(values == levitation_model.sensor.output_min_V) == pytest.approx(
+        0.1, abs=0.01
+    )  # 4.7 sigma of 20000 draws
 
 
 @pytest.fixture

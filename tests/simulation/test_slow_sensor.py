@@ -47,14 +47,9 @@ def slow(levitation_model):
     return design_with(levitation_model, NOISE, PERIOD)
 
 
-@pytest.fixture(scope="module")
-def prompt(levitation_model):
-    """Read at each sample, with noise that tells the filter as much."""
-    return design_with(levitation_model, NOISE * np.sqrt(PERIOD), 1)
-
-
-def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, prompt):
+def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, levitation_model):
     """The last of four samples is three samples old, the mean one and a half."""
+    prompt = design_with(levitation_model, NOISE * np.sqrt(PERIOD), 1)  # whose noise tells the filter as much
     one, other = (design.margins("backstepping", "ekf")[0].delay_s for design in (slow, prompt))
     assert other - one == pytest.approx(1.5 * slow.model.sample_time_s, rel=0.02)
 

@@ -12,9 +12,7 @@ from femfit.fit.build import fit_model
 from femfit.tables.sweep_table import SweepTable
 from support import bearing, saturating_bearing
 from support.saturating_bearing import SteelBearing
-from support.sweeps import ACTUATOR, DISTANCES, MASS, ClosedForm, SaturatingCircuit, force_table, full_table
-
-G = 9.80665
+from support.sweeps import ACTUATOR, DISTANCES, MASS, WIDE, ClosedForm, SaturatingCircuit, force_table, full_table
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,6 @@ HARD = SaturatingCircuit(core=400.0, saturation=5e-4)
 VALVE = SaturatingCircuit(turns=300.0, area=5.5e-5, fringing=1e-3, saturation=7.5e-5, core=5.0, leakage=0.8e-3)
 """A flat armature, which saturates between 0.3 A at its least distance and 1.5 A at its largest."""
 
-WIDE = 1e-3 * np.array([0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4, 1.9, 2.6, 3.5, 4.6, 6.0])
 NARROW = 1e-3 * np.array([0.05, 0.08, 0.12, 0.18, 0.25, 0.35])
 SIX, ELEVEN = np.linspace(0.0, 1.0, 6), np.linspace(0.0, 1.0, 11)
 FEW = np.array([0.0, 0.5, 1.0, 2.0, 3.5, 6.0])

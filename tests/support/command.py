@@ -42,6 +42,12 @@ def worked(*arguments, **options):
     return done
 
 
+def python(code, **options):
+    """What code prints in an interpreter of its own, which must not fail."""
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120, **options).stdout
+
+
 def separate_femfit(*arguments, **options):
     """Run the command in a process of its own, as a shell would."""
     return subprocess.run(

@@ -3,6 +3,7 @@
 import functools
 import json
 import math
+import re
 
 import pytest
 
@@ -15,6 +16,11 @@ def cases(folder):
         for path in paths
         for case in Expected.read(path)
     ]
+
+
+def written_out(text):
+    """A text of a case, in which ``<<c*n>>`` is a character n times."""
+    return re.sub(r"<<(.)\*(\d+)>>", lambda match: match[1] * int(match[2]), text)
 
 
 class Expected:

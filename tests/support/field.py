@@ -8,6 +8,9 @@ from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
 
+QUICK = SolverSettings(order=3, corner_fraction=0.3)
+"""For sweeps whose accuracy does not matter."""
+
 
 def prepared(actuator, distance, settings=None):
     """The prepared problem of the group that a distance belongs to."""

@@ -15,9 +15,7 @@ from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.solenoids import solenoid
 from support.steps import exponential_step
-from support.sweeps import SaturatingCircuit
-
-CHOKE_H = 4e-3
+from support.sweeps import WIDE, SaturatingCircuit
 
 SPRUNG = Mechanics(
     4.35e-3,
@@ -27,12 +25,10 @@ SPRUNG = Mechanics(
     near_stop=Stop(0.016),
 )
 
-SATURATING_DISTANCES = 1e-3 * np.array([0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4, 1.9, 2.6, 3.5, 4.6, 6.0])
-
 
 def with_choke(rig):
     """An inductance in series with the one circuit."""
-    return replace(rig, circuits=(replace(rig.circuit, inductance_H=CHOKE_H),))
+    return replace(rig, circuits=(replace(rig.circuit, inductance_H=4e-3),))
 
 
 def law_model(rig):
@@ -47,7 +43,7 @@ def law_model(rig):
 
 def saturating(_):
     """Iron that saturates at the least distance, swept to 1 A."""
-    fitted = fit_model(SaturatingCircuit().table(np.linspace(0.0, 1.0, 6), SATURATING_DISTANCES)).model
+    fitted = fit_model(SaturatingCircuit().table(np.linspace(0.0, 1.0, 6), WIDE)).model
     return replace(fitted, circuits=(Circuit(10.0, 0.0, 150.0),), motion=Mechanics(0.05, 0.0))
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femfit.device.electrics import PositionSensor
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.sensors import predict_sensor, sensor_named, sensors_of
 
 LASER = PositionSensor(name="laser", noise=2e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
@@ -10,6 +10,16 @@ LASER_10_V = PositionSensor(
     name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
 )
 """The same noise of 20 um as a voltage through a converter."""
+
+EVERY_SENSOR = (
+    CurrentSensor(name="shunt", noise=1e-3, minimum=-2.0, maximum=2.0, bits=8, circuit="coil", gain=0.99),
+    PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", delay_s=1e-3),
+    PositionSensor(name="gate", distances_m=(1e-3, 2e-3, 4e-3), readings=(5.0, 3.0, 1.0)),
+    AccelerationSensor(name="mems"),
+    ForceSensor(name="cell"),
+    AccelerationSensor(name="proper", reads_gravity=True),
+)
+"""Of each kind that is no field's; no two of the first five have one column."""
 
 
 def hall_voltage(model, states, time=0.0):

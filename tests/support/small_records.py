@@ -1,7 +1,11 @@
-"""Records of a loop, and of a coil's voltage, as short as they may be."""
+"""Records of a loop, of a coil's voltage and of a bench, as short as they may be."""
 
 import numpy as np
 import pandas as pd
+
+DISTANCE_M, CURRENT_A = np.repeat([2e-3, 4e-3, 6e-3], 4), np.tile([0.1, 0.4, 0.7, 1.0], 3)
+BENCH = {"distance_m": DISTANCE_M, "current_A": CURRENT_A, "force_N": 3e-6 * (1.0 + CURRENT_A) / DISTANCE_M**2}
+"""Columns."""
 
 
 def loop_record(path, seconds, hertz):

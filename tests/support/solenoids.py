@@ -22,6 +22,10 @@ def inductance(distance):
     return LEAKAGE_H + REACH_H_M / (distance + SHIFT_M)
 
 
+HELD = Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
+"""Pressed on its far stop."""
+
+
 def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None) -> ActuatorModel:
     """W' = L(d) i^2 / 2 as a spline in d_0 / (d + s) and i, which holds it to rounding; 12 V, 20 ohm, 25 g."""
     u = REFERENCE_M / (np.array([6e-3, -0.5e-3]) + SHIFT_M)

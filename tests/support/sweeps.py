@@ -11,6 +11,9 @@ from femfit.tables.sweep_table import SweepTable
 MASS = 4.35e-3
 CURRENTS = np.linspace(0.0, 1.4, 8)
 DISTANCES = np.linspace(0.015, 0.045, 61)
+WIDE = 1e-3 * np.array([0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4, 1.9, 2.6, 3.5, 4.6, 6.0])
+"""From a closed gap to where iron saturates no more, in m."""
+
 ACTUATOR = {
     "name": "test-rig",
     "mass_kg": MASS,
@@ -86,6 +89,11 @@ def force_table(force, currents=CURRENTS, distances=DISTANCES, actuator=None):
     i, d = grid(currents, distances)
     rows = pd.DataFrame({"current_A": i, "distance_m": d, "force_N": force(d, i), "status": "ok"})
     return SweepTable(rows, {} if actuator is None else {"actuator": actuator})
+
+
+def paper_force(d, i):
+    """Eq. (13) of the levitation paper, in N."""
+    return 5.996e-9 * d**-4 + 4.509e-6 * i * d**-2
 
 
 def full_table(truth=None, currents=CURRENTS, distances=DISTANCES, actuator=ACTUATOR):

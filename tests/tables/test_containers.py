@@ -15,11 +15,9 @@ from femfit.tables.foreign import import_table
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.measurement_file import read_measurement
 from support.expected import unmentioned
+from support.small_records import BENCH
 
-DISTANCE = np.repeat([2e-3, 4e-3, 6e-3], 4)
-CURRENT = np.tile([0.1, 0.4, 0.7, 1.0], 3)
-FORCE = 3e-6 * (1.0 + CURRENT) / DISTANCE**2
-BENCH = {"distance_m": DISTANCE, "current_A": CURRENT, "force_N": FORCE}
+DISTANCE, CURRENT, FORCE = BENCH.values()
 LAB = {"Luftspalt [mm]": 1e3 * DISTANCE, "Strom [A]": CURRENT, "Kraft [N]": FORCE}
 TIME = 1e-3 * np.arange(50)
 RECORD = {
@@ -72,10 +70,6 @@ def write_tdms(path, tables):
         )
 
 
-def write_parquet(path, tables):
-    pd.DataFrame(tables["bench"]).to_parquet(path)
-
-
 def write_xlsx(path, tables):
     with pd.ExcelWriter(path) as book:
         for name, columns in tables.items():
@@ -114,7 +108,10 @@ def test_the_table_that_has_the_columns_is_taken_and_of_several_the_user_chooses
 @pytest.mark.parametrize("name", ["a.h5", "a.tdms", "a.xlsx", "a.parquet"])
 def test_units_stand_in_the_headers_of_any_kind_of_file(tmp_path, name):
     path = tmp_path / name
-    (WRITERS | {"a.parquet": write_parquet})[name](path, {"bench": LAB})
+    if name == "a.parquet":
+        pd.DataFrame(LAB).to_parquet(path)
+    else:
+        WRITERS[name](path, {"bench": LAB})
     np.testing.assert_allclose(read_measurement(path).rows["distance_m"], DISTANCE)
     np.testing.assert_allclose(sorted(import_table(path).rows["distance_m"]), DISTANCE)
 

@@ -7,7 +7,6 @@ a few ``values`` of each column in SI, the codes of the findings (``noted`` wher
 of the error; ``mentions`` are the facts that its message names.
 """
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -18,17 +17,13 @@ from femfit.tables.coil_record import open_coil_record
 from femfit.tables.foreign import import_table
 from femfit.tables.measurement_file import read_measurement
 from femfit.tables.sweep_table import read_sweep_table
-from support.expected import cases, rounded, unmentioned
+from support.expected import cases, rounded, unmentioned, written_out
 
 FILES = Path(__file__).parent / "files"
 ASKED = ("read", "options", "lines", "edits", "beside", "as", "encoding", "each", "mentions")
 READERS = {"bench": read_measurement, "foreign": import_table, "sweep": read_sweep_table}
 FILLED_IN = ("run", "order", "mount", "branch", "segment", "current_A")
 LONGEST_MESSAGE = 1100
-
-
-def written_out(text):
-    return re.sub(r"<<(.)\*(\d+)>>", lambda match: match[1] * int(match[2]), text)
 
 
 def placed(case, stem, folder):

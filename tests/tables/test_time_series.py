@@ -81,10 +81,18 @@ def test_what_no_sensor_reads_is_set_aside_and_said(tmp_path, table, column, los
     assert (column in result.given) == (len(lost) < len(table))
 
 
-@pytest.mark.parametrize("step", [0.0, -1e-3], ids=["stands", "falls"])
-def test_a_clock_that_never_rises_is_refused_with_a_remedy(tmp_path, step):
-    with pytest.raises(TableError, match="time_s"):
-        series(tmp_path, record(200).assign(time_s=step * np.arange(200)))
+@pytest.mark.parametrize(
+    ("clock", "words"),
+    [
+        (np.zeros(600), "time_s"),
+        (-1e-3 * np.arange(600), "time_s"),
+        (np.floor(0.2 * np.arange(600) + 1e-9) * 1e-3, "stamp"),
+    ],
+    ids=["stands", "falls", "coarse stamps"],
+)
+def test_a_clock_that_does_not_rise_is_refused_with_a_remedy(tmp_path, clock, words):
+    with pytest.raises(TableError, match=words):
+        series(tmp_path, record(600, 2e-4).assign(time_s=clock))
 
 
 def test_a_clock_that_jumps_back_and_one_that_pauses_begin_new_segments(tmp_path):
@@ -112,12 +120,6 @@ def test_a_sidecar_declares_the_noise_of_a_sample(tmp_path):
     result = series(tmp_path, record(), sidecar)
     assert result.declared_noise == pytest.approx({"distance_m": 20e-6, "current_A": 6.5e-3})
     assert "flux_linkage_Wb" in finding(result, "unused-setting")
-
-
-def test_a_clock_of_coarse_stamps_is_refused_with_a_remedy(tmp_path):
-    table = record(600, 2e-4)
-    with pytest.raises(TableError, match="stamp"):
-        series(tmp_path, table.assign(time_s=np.floor(table["time_s"] * 1e3 + 1e-9) * 1e-3))
 
 
 @pytest.mark.parametrize("name", SERIES_COLUMNS[2:])
