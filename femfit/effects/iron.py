@@ -57,9 +57,8 @@ def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
     amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(p[f"mmf_loss_{n}"], 0.0)}
     if not amplitudes:
         return base(at.d, at.i, at.h)
-    inductance = np.maximum(slope(lambda i: linkage(i, at.h), at.i), _LEAST_INDUCTANCE * nominal.inductance_H)
-    own = inductance * nominal.peak_current_A / nominal.flux_linkage_Wb
-    lost = _envelope(flux / nominal.flux_linkage_Wb, amplitudes, own)
+    share = np.maximum(slope(lambda i: linkage(i, at.h), at.i) / nominal.inductance_H, _LEAST_INDUCTANCE)
+    lost = _envelope(flux / nominal.flux_linkage_Wb, amplitudes, share * _own_inductance(nominal))
     return base(at.d, at.i, at.h) - nominal.flux_linkage_Wb * nominal.peak_current_A * lost
 
 

@@ -24,12 +24,6 @@ def state_derivative(model: ActuatorModel, state: FloatArray, voltage: FloatArra
     return evaluated(model, model.equations.rates, state, voltage, free=free)
 
 
-def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
-    """Jacobian of :func:`state_derivative` with respect to the state."""
-    columns, order = evaluated(model, model.equations.rates_slope, state, voltage), state.shape[-1]
-    return np.swapaxes(columns.reshape(*state.shape[:-1], order, order), -1, -2)
-
-
 def voltages_needed(
     model: ActuatorModel, distance: FloatArray, velocity: FloatArray, currents: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

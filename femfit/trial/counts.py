@@ -25,16 +25,6 @@ class Outcome:
     certain: bool
     spurious: int  # Classes without any hidden error
 
-    @property
-    def alone(self) -> bool:
-        """Whether each hidden error was named, and nothing else would give the same readings as any name."""
-        return all(self.found) and all(len(members) == 1 for members in self.classes)
-
-    @property
-    def certain_and_wrong(self) -> bool:
-        """Whether a diagnosis that was called certain holds a class without any hidden error."""
-        return self.certain and self.spurious > 0
-
 
 def judge(number: int, key: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Outcome:
     """Compare the diagnosis with what was hidden."""
@@ -118,6 +108,9 @@ def is_shown(outcome: Outcome) -> bool:
     return bool(outcome.hidden) and outcome.level >= LEAST_LEVEL and all(outcome.could_be_shown)
 
 
+_WRONG: Mapping[str, Hit] = {"a wrong name was called certain": lambda o: o.certain and o.spurious > 0}
+"""A diagnosis that was called certain holds a class without any hidden error."""
+
 _COUNTED: Mapping[str, tuple[Hit, Mapping[str, Hit]]] = {
     "Nothing hidden": (
         lambda outcome: not outcome.hidden,
@@ -133,11 +126,11 @@ _COUNTED: Mapping[str, tuple[Hit, Mapping[str, Hit]]] = {
             "it stood among the names": lambda outcome: all(outcome.found),
             "it was named first, or as likely as the first": lambda outcome: outcome.named_first,
             "it was named and called certain": lambda outcome: all(outcome.found) and outcome.certain,
-            "a wrong name was called certain": lambda outcome: outcome.certain_and_wrong,
+            **_WRONG,
         },
     ),
     "One error hidden, named alone in its class": (
-        lambda outcome: len(outcome.hidden) == 1 and is_shown(outcome) and outcome.alone,
+        lambda o: len(o.hidden) == 1 and is_shown(o) and all(o.found) and all(len(names) == 1 for names in o.classes),
         {"it was called certain": lambda outcome: outcome.certain},
     ),
     "Two errors hidden": (
@@ -147,10 +140,7 @@ _COUNTED: Mapping[str, tuple[Hit, Mapping[str, Hit]]] = {
             "a third was named beside them": lambda outcome: outcome.spurious > 0,
         },
     ),
-    "All campaigns": (
-        lambda _outcome: True,
-        {"a wrong name was called certain": lambda outcome: outcome.certain_and_wrong},
-    ),
+    "All campaigns": (lambda _outcome: True, _WRONG),
 }
 """What is counted of each group of campaigns, in the order of printing."""
 

@@ -18,10 +18,11 @@ import pandas as pd
 import femfit as ff
 from femfit.audit.audit_model import audit_model
 from femfit.model.drive import command_limits
-from femfit.model.dynamics import state_derivative, state_jacobian
+from femfit.model.dynamics import state_derivative
 from femfit.model.sensors import sampled_readings, sensors_of
 from femfit.simulation.plant import Plant
 from femfit.tables.femm.read import import_fem_file
+from support.model_kinds import state_jacobian
 
 INPUTS = Path(__file__).parent / "inputs"
 POINTS = 50

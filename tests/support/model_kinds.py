@@ -9,7 +9,7 @@ from femfit.core.numerics import central_differences
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
-from femfit.model.dynamics import evaluated, state_derivative, state_jacobian, state_scale
+from femfit.model.dynamics import evaluated, state_derivative, state_scale
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
@@ -24,6 +24,12 @@ SPRUNG = Mechanics(
     load_N=-1e-3,
     near_stop=Stop(0.016),
 )
+
+
+def state_jacobian(model, state, voltage):
+    """Jacobian of the state's derivative with respect to the state."""
+    columns, order = evaluated(model, model.equations.rates_slope, state, voltage), state.shape[-1]
+    return np.swapaxes(columns.reshape(*state.shape[:-1], order, order), -1, -2)
 
 
 def with_choke(rig):

@@ -64,7 +64,8 @@ def test_what_readings_cannot_show_is_not_counted_as_missed():
 
 def test_any_certain_name_of_a_clean_campaign_is_wrong():
     clean = KEY | {"level": 0.0, "hidden": {}, "over_noise": {}}
-    assert judge(1, clean, answer(("force_gain",), certain=True)).certain_and_wrong
+    wrong = judge(1, clean, answer(("force_gain",), certain=True))
+    assert shares([wrong])["All campaigns", "a wrong name was called certain"] == Share(1, 1)
 
 
 def test_a_file_that_the_diagnosis_refuses_is_an_outcome(levitation_model, tmp_path, monkeypatch):
