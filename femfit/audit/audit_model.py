@@ -63,7 +63,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
     if model.circuits and model.motion is not None:
         findings += held_body(model)
     if model.sensor is not None:
-        findings += _hall(model.sensor, reading_of(model, HALL).step / 12.0**0.5, d, i)
+        findings += _hall(model.sensor, reading_of(model, HALL).rounding, d, i)
     return Audit(tuple(findings))
 
 

@@ -1,7 +1,6 @@
 """``femfit run``: the whole main job in turn."""
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -74,7 +73,8 @@ def run(
     model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
     seconds: dict[str, float] = {}
     step = partial(_step, seconds)
-    sys.stdout.writelines(f"{remark}\n" for remark in remarks(parts))
+    for remark in remarks(parts):
+        print(remark)
     with step("sweep") as say:
         processes = workers or len(os.sched_getaffinity(0))
         with sweep_progress(parts.name) as progress:

@@ -50,9 +50,14 @@ class Reading:
         return self.low + slack, self.high - slack
 
     @property
+    def rounding(self) -> float:
+        """Standard deviation of the converter's rounding, LSB / sqrt(12)."""
+        return self.step / float(np.sqrt(12.0))
+
+    @property
     def white(self) -> float:
-        """Standard deviation of one sample, the rounding LSB / sqrt(12) included."""
-        return float(np.hypot(self.noise, self.step / 12.0**0.5))
+        """Standard deviation of one sample, the rounding included."""
+        return float(np.hypot(self.noise, self.rounding))
 
     def period(self, step_s: float) -> int:
         """Samples of ``step_s`` from one reading to the next, to the nearest; 1 where it is read at each."""

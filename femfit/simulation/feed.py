@@ -20,9 +20,8 @@ from math import pi
 import casadi as ca
 from casadi import SX
 
-from femfit.core.graph import GraphFunction, building
+from femfit.core.graph import GraphFunction, once
 from femfit.core.numerics import FloatArray
-from femfit.core.results import remembered
 from femfit.device.electrics import Circuit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import command_limits
@@ -181,12 +180,6 @@ class Feed:
 MODE_NUMBERS = 6
 
 
-@remembered
-def _moments(_: ActuatorModel) -> dict[tuple[int, ...], GraphFunction]:
-    """Those of :func:`moment_function` that were made."""
-    return {}
-
-
 def moment_function(model: ActuatorModel, driven: tuple[int, ...]) -> GraphFunction:
     """The derivative of state and energies, the net force, and the drivers' voltages.
 
@@ -194,27 +187,27 @@ def moment_function(model: ActuatorModel, driven: tuple[int, ...]) -> GraphFunct
     friction in N, and of a stop that is pressed the direction away from it, its distance in m, its stiffness in N/m and
     its damping in N s/m.
     """
-    known = _moments(model)
-    if driven not in known:
-        motion, windings, n = model.require_motion(), model.windings, len(model.circuits)
-        with building():
-            inputs = [SX.sym("x", model.order), SX.sym("given", n), SX.sym("drops", n), SX.sym("mode", MODE_NUMBERS)]
-            state, given, drops, mode = inputs
-            held, friction, away, end, stiffness, damper = ca.vertsplit(mode)
-            rates, volts = model.equations.flow_at(state, given, driven)
-            contact = away * ca.fmax(0.0, stiffness * (away * (end - state[0])) - damper * (away * state[1]))
-            net = motion.mass_kg * rates[1] + contact
-            velocity = ca.if_else(held, 0.0, state[1])
-            acceleration = ca.if_else(held, 0.0, (net - friction) / motion.mass_kg)
-            currents = state[2 : windings.end]
-            lost = SX(windings.resistances_ohm) * currents**2
-            energies = [
-                ca.dot(currents[:n], ca.if_else(drops, 0.0, volts)),
-                ca.sum1(lost[:n]),
-                ca.sum1(lost[n:]),
-                ca.dot(currents[:n], drops),
-                (motion.viscous_N_s_per_m * velocity + friction) * velocity,
-                -contact * velocity,
-            ]
-            known[driven] = GraphFunction(inputs, ca.vertcat(velocity, acceleration, rates[2:], *energies, net, volts))
-    return known[driven]
+    motion, windings, n = model.require_motion(), model.windings, len(model.circuits)
+
+    def made() -> GraphFunction:
+        inputs = [SX.sym("x", model.order), SX.sym("given", n), SX.sym("drops", n), SX.sym("mode", MODE_NUMBERS)]
+        state, given, drops, mode = inputs
+        held, friction, away, end, stiffness, damper = ca.vertsplit(mode)
+        rates, volts = model.equations.flow_at(state, given, driven)
+        contact = away * ca.fmax(0.0, stiffness * (away * (end - state[0])) - damper * (away * state[1]))
+        net = motion.mass_kg * rates[1] + contact
+        velocity = ca.if_else(held, 0.0, state[1])
+        acceleration = ca.if_else(held, 0.0, (net - friction) / motion.mass_kg)
+        currents = state[2 : windings.end]
+        lost = SX(windings.resistances_ohm) * currents**2
+        energies = [
+            ca.dot(currents[:n], ca.if_else(drops, 0.0, volts)),
+            ca.sum1(lost[:n]),
+            ca.sum1(lost[n:]),
+            ca.dot(currents[:n], drops),
+            (motion.viscous_N_s_per_m * velocity + friction) * velocity,
+            -contact * velocity,
+        ]
+        return GraphFunction(inputs, ca.vertcat(velocity, acceleration, rates[2:], *energies, net, volts))
+
+    return once(model, ("moment", driven), made)
