@@ -19,6 +19,7 @@ from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import beyond_noise
+from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.refit import Start, starting_point
@@ -98,6 +99,7 @@ def add_effects(
     observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
     say("Fitting the effects")
     start = in_their_runs(starting_point(whitening, wanted), whitening, runs or {})
+    whitening = beside_effects(whitening, checked_refit(whitening, start)[0].effects)
     fit, held = checked_refit(whitening, start)
     stay = of_last_run(fit.effects, observations)
     # The temperatures where it is to run: as given, else as recorded in the mean

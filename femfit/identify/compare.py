@@ -15,8 +15,7 @@ from femfit.identify.decision.campaign import campaign_remarks, considered_effec
 from femfit.identify.decision.naming import decide, fails_surely
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import allowed, beyond_noise, finer_sweep
-from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.scatter import scatter_as_noise
+from femfit.identify.noise.components import estimate_noise, noise_by_smoothness
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.where import Where, where_it_fails
@@ -152,7 +151,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     campaign = gather(observations, considered_effects((), observations.nominal))
     if isinstance(campaign, Finding):
         noise, findings, test, verdict = estimate_noise(observations), [campaign], None, "compare_only"
-        whitening = Whitening(observations, noise or scatter_as_noise(observations))
+        whitening = Whitening(observations, noise or noise_by_smoothness(observations))
     else:
         whitening, noise, findings = campaign.whitening, campaign.noise, campaign_remarks(campaign)
         test, verdict = campaign.patterns.test(whitening.residual), "fails"

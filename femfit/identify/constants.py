@@ -5,7 +5,6 @@ Those of the decision itself are in :mod:`femfit.identify.decision.constants`. *
 with no calibration behind it. *Numerical* bounds rounding or time.
 """
 
-
 # The test of the model, and of what is named
 
 LEVEL = 0.01
@@ -81,9 +80,25 @@ declares it; a run's offset over the standard deviation of one reading."""
 PRIOR_WEIGHT = 8.0
 """Assumed: that judgement counts like so many mounts, or runs."""
 
-CORRELATION_SHOWN = 2.71
-"""Conventional: fall of -2 log likelihood from which readings that follow each other are taken to be correlated: 5 % by
-chance, for a correlation that is at the end of its range where there is none (half a chi-square of one degree)."""
+PRIOR_MEMORY, PRIOR_SHARE = 0.1, 0.1
+"""Assumed: scales of half-Cauchy priors: of rho / sqrt(1 - rho^2), how readings follow each other, and of what readings
+of a setting share beyond smooth patterns, over the standard deviation of one."""
+
+OF_SETTINGS = 0.25
+"""Assumed: smooth patterns that are taken out before the noise is sought, over the number of settings."""
+
+LEAST_SHARE, LARGEST_SHARE, SHARES = 0.1, 1000.0, 36
+"""Numerical: shares of a setting that are tried, even in their logarithm, beside none."""
+
+ROUNDS = 2
+"""Numerical: rounds in which correlations are sought by the variances, and these by the correlations."""
+
+FIXED = 1e3
+"""Numerical: size of a random effect, over its usual one, or over a reading's, that is as good as fixed."""
+
+VARIANCES_TRIED = 37
+"""Numerical: values over which a variance is averaged, even in its logarithm, from 512 times below the largest
+standard deviation."""
 
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each
@@ -99,10 +114,6 @@ CONTRADICTED = 0.01
 LARGEST_CORRELATION = 0.95
 """Assumed: readings that follow each other more closely are not noise."""
 
-TEST_LEVEL = 2.5e-4
-"""Derived: one tail of the decision's level, 0.01, over some twenty effects; there a test's normal quantile is replaced
-by Student's, for scatter that is known from few mounts or runs."""
-
 UNKNOWN_CHANNEL = 1e6
 """Numerical: a channel of unknown noise gets this many times its largest reading, so that it has no weight."""
 
@@ -111,14 +122,6 @@ SAME_SETTING = 1.0 / 400.0
 
 SAME_LINE = 1.0 / 50.0
 """Assumed: settings closer than this part of their range lie on one line, along which a smooth misfit is compared."""
-
-INDEPENDENT_DIFFERENCES = 0.37 / 2.0
-"""Derived: efficiency of a median, over pseudo-residuals that share two of three readings with the next."""
-
-GUESS_WIDER = 1.5
-"""Calibrated (November 2026): clean single sweeps of a levitated magnet, a voice coil and a lifting magnet, 8 x 6
-settings, noise of successive readings independent and correlated by 0.5: something was missing in 0 of 240, at most
-1.2 %."""
 
 SAME_READING = 1e-12
 """Derived: some thousand roundings of a float, over the largest reading."""
@@ -130,7 +133,7 @@ CORRELATIONS = 40
 """Numerical: correlations that are tried, even in artanh(rho), which moves the variance of a slow pattern,
 (1 + rho) / (1 - rho), by 10 % from one to the next."""
 
-SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-7, 1e-6
+SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-5, 1e-6
 """Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of where the
 search began below which a variance is none."""
 
@@ -207,7 +210,6 @@ circuits may be hardly linked."""
 OF_THREE = 2.45
 """Derived: misfit of Z_1 - Z_12^2 / Z_2 over that of Z_1 where Z_12^2 is about Z_1 Z_2 and each of the three is off by
 a same share, independently: the root of 1 + 2^2 + 1."""
-
 
 MOST_STEPS = 8
 """Numerical: numbers that have not settled after so many sweeps in a row follow no Gauss-Newton step."""

@@ -128,13 +128,13 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
     }
     if noise is None:
         return facts | {"unknown": (), "mount": "", "stop_m": 0.0, "runs": {}}
-    any_distance = noise.test_mount_m >= np.ptp(observations.column("distance_m"))
+    any_distance = noise.mount_m >= np.ptp(observations.column("distance_m"))
     made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
     source = "any" if any_distance else "assumed" if noise.mount_assumed else "estimated"
     return facts | {
         "unknown": [name for name in observations.channels if name not in noise.source],
         "mount": source if noise.mount_m > 0.0 else "",
-        "mount_m": noise.test_mount_m,
+        "mount_m": noise.mount_m,
         "stop_m": noise.stop_m if made.any() else 0.0,
         "runs": {
             name: (float(offset), OF_RUNS + name in observations.declared_noise)

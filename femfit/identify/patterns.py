@@ -10,7 +10,6 @@ D. R. Cox and D. V. Hinkley, Theoretical Statistics (Chapman and Hall, 1974), se
 alternatives.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from operator import itemgetter
@@ -46,13 +45,28 @@ def smooth_patterns(observations: Observations) -> Patterns:
 
     They are independent of each other within rounding, and at most a third of each channel's readings.
     """
-    return _assembled(observations, lambda here: _surface(observations, here) + _drift(observations, here))
-
-
-@once_for_settings
-def drift_patterns(observations: Observations) -> Patterns:
-    """The patterns of temperature, speed and time alone: what may differ between repeats of one setting."""
-    return _assembled(observations, lambda here: _drift(observations, here))
+    blocks = [np.zeros((len(observations.value), 0))]
+    channel: list[int] = []
+    chosen: Labelled = []
+    for c in range(len(observations.channels)):
+        here = np.flatnonzero(observations.channel == c)
+        labelled = _surface(observations, here) + _drift(observations, here) if len(here) >= LEAST_READINGS else []
+        if not labelled:
+            continue
+        # Few readings have room for the broad ones alone, of every covariate
+        labelled.sort(key=itemgetter(1))
+        columns = np.stack([column for column, _, _ in labelled], axis=1)
+        # Those that the ones before them do not span to 1e-6
+        triangle = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r")
+        keep = np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)[: max(1, len(here) // 3)]
+        wide = np.zeros((len(observations.value), len(keep)))
+        wide[here] = columns[:, keep]
+        blocks.append(wide)
+        channel += [c] * len(keep)
+        chosen += [labelled[k] for k in keep]
+    degree = np.array([degree for _, degree, _ in chosen], dtype=int)
+    along = tuple(names for _, _, names in chosen)
+    return Patterns(np.concatenate(blocks, axis=1), np.array(channel, dtype=int), degree, along)
 
 
 def own_misfit_columns(observations: Observations) -> FloatArray | None:
@@ -81,31 +95,6 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
         columns * weight / np.maximum(np.sqrt(np.sum(columns**2, axis=0) / readings), 1e-300) for columns in kinds
     ]
     return np.asarray(observations.tolerance[:, None] * np.concatenate(scaled, axis=1))
-
-
-def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:
-    blocks = [np.zeros((len(observations.value), 0))]
-    channel: list[int] = []
-    chosen: Labelled = []
-    for c in range(len(observations.channels)):
-        here = np.flatnonzero(observations.channel == c)
-        labelled = of_channel(here) if len(here) >= LEAST_READINGS else []
-        if not labelled:
-            continue
-        # Few readings have room for the broad ones alone, of every covariate
-        labelled.sort(key=itemgetter(1))
-        columns = np.stack([column for column, _, _ in labelled], axis=1)
-        # Those that the ones before them do not span to 1e-6
-        triangle = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r")
-        keep = np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)[: max(1, len(here) // 3)]
-        wide = np.zeros((len(observations.value), len(keep)))
-        wide[here] = columns[:, keep]
-        blocks.append(wide)
-        channel += [c] * len(keep)
-        chosen += [labelled[k] for k in keep]
-    degree = np.array([degree for _, degree, _ in chosen], dtype=int)
-    along = tuple(names for _, _, names in chosen)
-    return Patterns(np.concatenate(blocks, axis=1), np.array(channel, dtype=int), degree, along)
 
 
 def _surface(observations: Observations, here: IntArray) -> Labelled:

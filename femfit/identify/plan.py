@@ -152,18 +152,15 @@ def planned_noise(observations: Observations) -> NoiseModel:
     zeros, many = np.zeros(len(channels)), np.full(len(channels), np.inf)
     source = {name: "declared" if name in declared else "assumed" for name in channels}
     run = PRIOR_RUN * sigma
-    return NoiseModel(channels, sigma, zeros, PRIOR_MOUNT_M, run, many, many, source, PRIOR_MOUNT_M, run)
+    return NoiseModel(channels, sigma, zeros, PRIOR_MOUNT_M, run, many, many, source)
 
 
 def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
     """An estimated noise model, with what is assumed for channels that were never measured."""
     planned, channels = planned_noise(replace(observations, declared_noise={})), list(observations.channels)
-    estimated = replace(noise, test_run=np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma))
-    filled: dict[str, Any] = {
-        "mount_m": noise.mount_m or PRIOR_MOUNT_M,
-        "test_mount_m": noise.test_mount_m or PRIOR_MOUNT_M,
-    }
-    for name in ("sigma", "rho", "run", "repeats", "degrees_of_freedom", "test_run"):
+    estimated = replace(noise, run=np.where(noise.run > 0.0, noise.run, PRIOR_RUN * noise.sigma))
+    filled: dict[str, Any] = {"mount_m": noise.mount_m or PRIOR_MOUNT_M}
+    for name in ("sigma", "rho", "run", "repeats", "degrees_of_freedom"):
         measured = pd.Series(getattr(estimated, name), noise.channels).reindex(channels)
         filled[name] = measured.fillna(pd.Series(getattr(planned, name), channels)).to_numpy()
     return replace(noise, channels=observations.channels, **filled)

@@ -41,7 +41,7 @@ from femfit.identify.constants import (
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.left_out import cross_validated
-from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.observations import Observations
 from femfit.identify.words import plain, printed
@@ -301,9 +301,8 @@ def add_remainder(
     parts = parts_of(observations)
     columns = [columns_of(observations, part) for part in parts]
     learnt = learn(whitening, parts, columns, by_names) if parts else Learnt()
-    if learnt.effects:  # a misfit that is taken away is no scatter of mounts and runs
-        clean = observations.with_values(observations.value - observations.predict(learnt.effects) + observations.base)
-        whitening = Whitening(observations, estimate_noise(clean) or whitening.noise)
+    if learnt.effects:
+        whitening = Whitening(observations, beside_effects(whitening, learnt.effects).noise)
         learnt = learn(whitening, parts, columns, by_names)
     noise = whitening.noise
 

@@ -353,7 +353,7 @@ def _error(observations: Observations, predicted: FloatArray, key: dict[str, Any
     meters = [Meter(**key["meters"][name]) for name in names]
     sigma = np.array([np.hypot(meter.sigma, meter.step / np.sqrt(12.0)) for meter in meters])
     none, many = np.zeros(len(names)), np.full(len(names), np.inf)
-    noise = NoiseModel(names, sigma, none, key["mount_m"], none, many, many, {}, key["mount_m"], none)
+    noise = NoiseModel(names, sigma, none, key["mount_m"], none, many, many, {})
     whitening = Whitening(unseen, noise)
     residual = beside_random((observations.value - predicted)[last], whitening) / sigma[unseen.channel]
     squares = [np.mean(residual[unseen.of(name)] ** 2) for name in names if unseen.of(name).any()]

@@ -29,7 +29,7 @@ def written(table, folder, name="bench"):
 
 
 def numbers(noise):
-    return np.concatenate([noise.sigma, noise.rho, noise.run, noise.test_run, [noise.mount_m, noise.test_mount_m]])
+    return np.concatenate([noise.sigma, noise.rho, noise.run, [noise.mount_m, noise.stop_m]])
 
 
 def told(model, data):

@@ -1,4 +1,4 @@
-"""The noise of readings: its variance components, repeats, converters, and a guess where nothing tells it."""
+"""The noise of readings: its variance components, repeats, converters, single sweeps."""
 
 from dataclasses import replace
 
@@ -9,11 +9,10 @@ from statsmodels.regression.mixed_linear_model import MixedLM
 
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
-from femfit.identify.constants import GUESS_WIDER
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
-from femfit.identify.noise.scatter import guessed_noise
-from femfit.identify.noise.whitening import Whitening, stops
+from femfit.identify.noise.design import ChannelDesign, rho_of, share_of
+from femfit.identify.noise.likelihood import Contrasts, Likelihood, Priors
+from femfit.identify.noise.whitening import Chain, Whitening, places, setting_errors
 from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign
 
@@ -25,10 +24,18 @@ def alone(n):
 
 def design_of(y, fixed, random, cell=None, chain=None):
     n = len(random)
-    cells = 0 if cell is None else int(cell.max()) + 1
     columns = np.linalg.qr(fixed)[0] if fixed.shape[1] else fixed
-    cell = np.zeros(n, dtype=int) if cell is None else cell
-    return ChannelDesign(np.arange(n), cell, cells, columns, random, chain or alone(n), np.ones(n), y)
+    cell = np.arange(n) if cell is None else cell
+    return ChannelDesign(cell, columns, random, chain or alone(n), np.ones(n), y)
+
+
+def variances(contrasts, group, scale, weight=None, from_zero=False):
+    """Those of random effects, then of the channels."""
+    scale = np.asarray(scale, dtype=float)
+    weight = np.zeros(len(scale)) if weight is None else np.asarray(weight)
+    priors = Priors(scale, weight, np.full(len(scale), from_zero) & (np.arange(len(scale)) < len(scale) - 1))
+    likelihood = Likelihood([contrasts], np.asarray(group), np.zeros(len(group), bool), priors)
+    return np.exp(likelihood.maximum()), likelihood
 
 
 def nested(seed, mounts, runs, readings, missing):
@@ -70,70 +77,61 @@ def test_variances_are_those_that_statsmodels_finds(missing, sloped):
     y, fixed = table["y"].to_numpy(), np.column_stack([np.ones(len(table)), table["x"]])
     design = design_of(y, fixed, np.concatenate(random, axis=1))
     group, count = np.repeat(np.arange(len(random)), [one.shape[1] for one in random]), len(random) + 1
-    contrasts = design.contrasts(0)
-    found = restricted_estimate([contrasts], group, np.zeros(len(group), bool), np.ones(count), np.zeros(count))
-    assert found.converged
+    found, _ = variances(design.contrasts(0, 0), group, np.ones(count))
     want = [float(expected.cov_re.iloc[0, 0]), *map(float, expected.vcomp), expected.scale]
-    np.testing.assert_allclose(found.variance, want, rtol=1e-3)
+    np.testing.assert_allclose(found, want, rtol=1e-3)
 
 
-def test_a_mean_for_each_setting_is_the_same_as_its_column_among_the_fixed_ones():
-    table = nested(5, 3, 2, 30, 0.2)
-    cell = table["x"].rank().to_numpy().astype(int) // 5
-    runs = columns_of(table, "run")
-    columns = (cell[:, None] == np.unique(cell)).astype(float)
-    follows = np.append(False, np.diff(table["run"]) == 0)
-    n = np.arange(len(table))
-    chain = Chain(np.where(follows, n - 1, n), ~follows, np.where(n % 7 == 3, 2.0, 1.0))
-    y = table["y"].to_numpy()
-    sparse = design_of(y, np.zeros((len(table), 0)), runs, cell, chain)
-    dense = design_of(y, columns, runs, None, chain)
-    assert sparse.free == dense.free
-    for k in (0, 10, 30):
-        one, other = sparse.contrasts(k), dense.contrasts(k)
-        assert one.square == pytest.approx(other.square, rel=1e-9)
-        np.testing.assert_allclose(one.columns.T @ one.columns, other.columns.T @ other.columns, atol=1e-8)
-        np.testing.assert_allclose(one.columns.T @ one.along, other.columns.T @ other.along, atol=1e-8)
-        # The likelihoods differ by the determinant of the orthonormal basis' triangle, the same at every rho
-    shift = [sparse.contrasts(k).cost - dense.contrasts(k).cost for k in (0, 10, 30)]
-    np.testing.assert_allclose(shift, shift[0], atol=1e-8)
-
-
-def test_the_likelihood_of_the_correlation_is_the_normal_density_of_contrasts():
+@pytest.mark.parametrize("share", [0, 12], ids=["no share", "a share of the settings"])
+def test_the_likelihood_of_correlation_and_share_is_the_normal_density_of_contrasts(share):
     rng = np.random.default_rng(6)
     n, k = 40, 20
-    fixed, rho = rng.normal(size=(n, 3)), rho_of(k)
+    fixed, cell, random = rng.normal(size=(n, 3)), np.arange(n) % 15, rng.normal(size=(n, 4))
     chain = Chain(np.maximum(np.arange(n) - 1, 0), np.arange(n) == 0, np.ones(n))
     y = rng.normal(size=n)
-    design = design_of(y, fixed, np.zeros((n, 0)), None, chain)
+    design = design_of(y, fixed, random, cell, chain)
     free = np.linalg.svd(fixed, full_matrices=True)[0][:, 3:]  # an orthonormal basis of what fixed columns leave
+    repeats = (cell[:, None] == cell) * 1.0
 
-    def density(rho):
-        inside = free.T @ rho ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))) @ free
-        square = y @ free @ np.linalg.solve(inside, free.T @ y)
-        return np.linalg.slogdet(inside)[1] + (n - 3) * np.log(square)
+    def density(rho, share, size):
+        serial = rho ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+        inside = free.T @ (serial + share**2 * repeats + size**2 * random @ random.T) @ free
+        return np.linalg.slogdet(inside)[1] + y @ free @ np.linalg.solve(inside, free.T @ y)
 
-    found = design.contrasts(k).cost - design.contrasts(0).cost
-    assert found == pytest.approx(density(rho) - density(1e-12), abs=1e-8)
+    def cost(memory, share, size):
+        contrasts = design.contrasts(memory, share)
+        priors = Priors(np.ones(2), np.zeros(2), np.zeros(2, bool))
+        likelihood = Likelihood([contrasts], np.zeros(4, int), np.zeros(4, bool), priors)
+        return contrasts.log_det + likelihood.cost(np.log([size**2, 1.0]))
 
-
-def test_an_estimate_without_a_prior_has_the_degrees_of_freedom_of_its_readings():
-    rng = np.random.default_rng(7)
-    mounts = np.kron(np.eye(12), np.ones((50, 1)))
-    y = mounts @ rng.normal(0.0, 3.0, 12) + rng.normal(0.0, 0.1, 600)
-    design = design_of(y, np.ones((600, 1)), mounts)
-    found = restricted_estimate([design.contrasts(0)], np.zeros(12, int), np.zeros(12, bool), np.ones(2), np.zeros(2))
-    # 12 mounts that the readings resolve: 11 differences; and 600 readings less 12 means
-    np.testing.assert_allclose(found.degrees_of_freedom, [11.0, 588.0], rtol=0.01)
+    found = cost(k, share, 0.7) - cost(0, 0, 0.2)
+    assert found == pytest.approx(density(rho_of(k), share_of(share), 0.7) - density(1e-12, 0.0, 0.2), abs=1e-8)
 
 
 def test_a_prior_counts_like_readings_of_its_variance():
     y = np.random.default_rng(8).normal(0.0, 2.0, 30)
     square = float(y @ y)
     none = Contrasts(square, 30.0, np.zeros(0), np.zeros((0, 0)))
-    found = restricted_estimate([none], np.zeros(0, int), np.zeros(0, bool), np.array([9.0]), np.array([20.0]))
-    assert found.variance[0] == pytest.approx((square + 20.0 * 9.0) / 50.0, rel=1e-6)
-    assert found.degrees_of_freedom[0] == pytest.approx(50.0, rel=1e-6)
+    found, _ = variances(none, np.zeros(0, int), [9.0], [20.0])
+    assert found[0] == pytest.approx((square + 20.0 * 9.0) / 50.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.0, 3.0], ids=["none", "thirty times the readings'"])
+def test_what_readings_do_not_show_is_none_and_what_is_there_is_not_made_smaller(size):
+    rng = np.random.default_rng(7)
+    mounts = np.kron(np.eye(12), np.ones((50, 1)))
+    offsets = rng.normal(0.0, size, 12) if size else np.zeros(12)
+    noise = rng.normal(0.0, 0.1, (12, 50))
+    y = offsets[:, None] + noise - noise.mean(axis=1, keepdims=True)  # which differ by less than chance, or by far more
+    contrasts = design_of(y.ravel(), np.ones((600, 1)), mounts).contrasts(0, 0)
+    found, likelihood = variances(contrasts, np.zeros(12, int), [1e-4, 1e-2], from_zero=True)
+    if size:
+        # The prior costs two of eleven differences; their mean over the posterior lies above the likeliest
+        assert found[0] == pytest.approx(np.var(offsets, ddof=1), rel=0.2)
+        assert 1.0 < likelihood.mean_variance(np.log(found), 0) / found[0] < 1.5
+    else:
+        assert found[0] < 1e-7
+        assert likelihood.mean_variance(np.log(found), 0) < 1e-4
 
 
 def test_the_declared_error_of_the_distance_is_how_well_a_body_comes_back(levitation_model):
@@ -143,7 +141,7 @@ def test_the_declared_error_of_the_distance_is_how_well_a_body_comes_back(levita
         estimate_noise(bench_observations(levitation_model, replace(table, declared_noise=declared)))
         for declared in ({}, {"distance_m": 5e-6})
     ]
-    assert noise[0].mount_m == pytest.approx(20e-6, rel=0.2)
+    assert noise[0].mount_m == pytest.approx(29e-6, rel=0.2)  # the posterior of two mounts: 20 um and more
     assert noise[1].mount_m == pytest.approx(5e-6, rel=0.4)
     assert [one.mount_assumed for one in noise] == [True, False]
 
@@ -172,18 +170,23 @@ def test_the_error_of_each_stop_of_the_stage_is_told_from_the_scatter_of_reading
     assert scatter.stop_m < 0.2 * noise.stop_m
 
 
-def test_readings_of_a_stop_share_its_error_in_the_tests_too(levitation_model):
-    """The map to independent readings is the inverse root of the covariance that it says."""
-    observations = bench_observations(levitation_model, at_stops(levitation_model, 5, 50e-6))
-    noise = replace(
-        estimate_noise(observations), rho=np.zeros(4), test_run=np.zeros(4), test_mount_m=0.0, test_stop_m=50e-6
-    )
-    of_stop = 50e-6 * observations.distance_slope[:, None] * (stops(observations)[:, None] == np.arange(30))
-    covariance = np.diag(noise.sigma[observations.channel] ** 2) + of_stop @ of_stop.T
-    whitening = Whitening(observations, noise)
-    columns = np.random.default_rng(6).normal(size=(len(covariance), 3)) * noise.sigma[observations.channel][:, None]
-    white = whitening.full(columns)
-    np.testing.assert_allclose(white.T @ white, columns.T @ np.linalg.solve(covariance, columns), rtol=1e-9)
+def test_the_map_to_independent_readings_is_an_inverse_root_of_their_covariance(levitation_model):
+    """Readings follow each other; those of a stop share its distance error, those of a row one of the current."""
+    declared = {"distance_m": 50e-6, "current_A": 0.01}
+    observations = bench_observations(levitation_model, at_stops(levitation_model, 5, 50e-6, declared_noise=declared))
+    rho = np.array([0.3, 0.0, 0.6, 0.1])
+    noise = replace(estimate_noise(observations), rho=rho, run=np.zeros(4), mount_m=0.0, stop_m=50e-6)
+    run, channel = observations.column("run"), observations.channel
+    each = (run[:, None] == run) & (channel[:, None] == channel)
+    between = np.abs(places(observations)[:, None] - places(observations))
+    sigma = noise.sigma[channel]
+    covariance = np.where(each, rho[channel][:, None] ** between, 0.0) * np.outer(sigma, sigma)
+    for number, size in setting_errors(observations, noise.stop_m):
+        covariance += np.where(number[:, None] == number, np.outer(size, size), 0.0)
+    assert len(setting_errors(observations, noise.stop_m)) == 2
+    columns = np.random.default_rng(6).normal(size=(len(covariance), 3)) * sigma[:, None]
+    white = Whitening(observations, noise).full(columns)
+    np.testing.assert_allclose(white.T @ white, columns.T @ np.linalg.solve(covariance, columns), rtol=1e-8)
 
 
 def test_declared_offsets_of_runs_stand_whatever_the_runs_differ_by(levitation_model):
@@ -203,7 +206,6 @@ def test_declared_offsets_of_runs_stand_whatever_the_runs_differ_by(levitation_m
 
     assert noise().run[hall] > 5e-3
     assert noise(hall_V=1e-3).run[hall] == pytest.approx(1e-3, rel=1e-3)
-    assert noise(hall_V=1e-3).test_run[hall] == pytest.approx(1e-3, rel=1e-2)
 
 
 def test_a_channel_that_no_distance_changes_has_neither_mounts_nor_stops(levitation_model):
@@ -238,13 +240,11 @@ def rising(model, seed, **more):
     return replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
 
 
-def test_white_noise_is_guessed_and_widened(levitation_model):
-    observations = bench_observations(levitation_model, rising(levitation_model, 3, distances=24, currents=16))
-    for name, sigma in NOISE.items():
-        guess, degrees = guessed_noise(observations, name)
-        # The larger of two medians of 350 pseudo-residuals each is known to 10 %
-        assert guess == pytest.approx(GUESS_WIDER * sigma, rel=0.25)
-        assert 20 < degrees < len(observations.value)
+def test_the_noise_of_a_single_sweep_is_what_smooth_patterns_leave(levitation_model):
+    table = rising(levitation_model, 3, distances=24, currents=16)
+    noise = estimate_noise(bench_observations(levitation_model, table))
+    np.testing.assert_allclose(noise.sigma, [NOISE[name] for name in noise.channels], rtol=0.15)
+    assert set(noise.source.values()) == {"guess"}
 
 
 def test_a_smooth_misfit_is_not_taken_for_noise(levitation_model):
@@ -255,13 +255,26 @@ def test_a_smooth_misfit_is_not_taken_for_noise(levitation_model):
         levitation_model, rising(levitation_model, 4, distances=16, currents=12, change=bent)
     )
     assert np.abs(observations.residual[observations.of("force_N")]).max() > 50 * NOISE["force_N"]
-    assert guessed_noise(observations, "force_N")[0] < 2.5 * NOISE["force_N"]
+    assert estimate_noise(observations).floor["force_N"] < 1.5 * NOISE["force_N"]
 
 
-def test_noise_that_lasts_along_a_sweep_shows_across_it(levitation_model):
+def test_noise_that_lasts_along_a_sweep_is_not_taken_for_less(levitation_model):
     table = rising(levitation_model, 5, distances=24, currents=16, rho=0.8)
-    guess, _ = guessed_noise(bench_observations(levitation_model, table), "hall_V")
-    assert guess > 0.9 * NOISE["hall_V"]
+    noise = estimate_noise(bench_observations(levitation_model, table))
+    np.testing.assert_allclose(noise.sigma, [NOISE[name] for name in noise.channels], rtol=0.25)
+    np.testing.assert_allclose(noise.rho, 0.8, atol=0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_passes_without_runs_say_the_noise_as_well_as_their_own_errors_do(levitation_model, seed):
+    """Twenty settings read twice: their errors' own rms is within a quarter of the truth in 19 of 20."""
+    table = campaign(levitation_model, seed, runs=2, distances=5, currents=4, mount_m=0.0, rho=0.0)
+    rows = table.rows[table.rows["branch"] > 0].reset_index(drop=True).drop(columns=["run", "mount", "order"])
+    rows = rows.assign(run=1.0, mount=np.nan, order=np.nan, coil_temperature_C=np.nan, magnet_temperature_C=np.nan)
+    given = tuple(n for n in table.given if n in ("distance_m", "current_A", *table.channels))
+    noise = estimate_noise(bench_observations(levitation_model, replace(table, rows=rows, given=given)))
+    np.testing.assert_allclose(noise.sigma, [NOISE[name] for name in noise.channels], rtol=0.4)
+    assert abs(np.mean(np.log(noise.sigma / [NOISE[name] for name in noise.channels]))) < 0.25
 
 
 def test_a_declaration_or_repeats_leave_no_room_for_a_guess(levitation_model):

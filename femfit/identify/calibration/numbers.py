@@ -166,7 +166,14 @@ def with_named(choice: Choice, decision: Decision, suspects: Sequence[NumberFact
         else:
             numbers = _apart([*numbers, *drawn])
             if len(members) > 1:
-                remarks[drawn[0].key] = _left_open(drawn, effects)
+                # What would explain the data as well, and a measurement that tells it apart
+                rivals = " or ".join([*(number.subject for number in drawn[1:]), *effects])
+                direct = f"Measure {drawn[0].subject} on the device itself."
+                to_tell = effect_by_name(effects[0]).check if effects else direct
+                remarks[drawn[0].key] = (
+                    f"{drawn[0].subject} was fitted, as the drawing's; {rivals} would give the same readings. "
+                    f"To tell: {to_tell}"
+                )
     return Choice(tuple(numbers), beside, remarks)
 
 
@@ -177,10 +184,3 @@ def _apart(numbers: Iterable[NumberFacts]) -> list[NumberFacts]:
         if not any(map(number.overlaps, result)):
             result.append(number)
     return result
-
-
-def _left_open(drawn: Sequence[NumberFacts], effects: Sequence[str]) -> str:
-    """What would explain the data as well, and a measurement that tells it apart."""
-    rivals = " or ".join([*(number.subject for number in drawn[1:]), *effects])
-    to_tell = effect_by_name(effects[0]).check if effects else f"Measure {drawn[0].subject} on the device itself."
-    return f"{drawn[0].subject} was fitted, as the drawing's; {rivals} would give the same readings. To tell: {to_tell}"

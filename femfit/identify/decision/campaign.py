@@ -23,7 +23,7 @@ from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Nominal
-from femfit.effects.effect import Effect
+from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.constants import FINER, LEVEL, POWER
 from femfit.identify.decision.constants import (
     BROAD,
@@ -32,9 +32,10 @@ from femfit.identify.decision.constants import (
     FORM_DIRECTIONS,
     FORM_ELSEWHERE,
     SHARE_DEGREE,
+    STILL_THE_NOISE,
 )
 from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
-from femfit.identify.noise.components import estimate_noise, never_varying
+from femfit.identify.noise.components import beside_effects, estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations, WithoutCache
 from femfit.identify.patterns import products, scaled_to_one
@@ -65,6 +66,15 @@ class Campaign(WithoutCache):
     def noise(self) -> NoiseModel:
         """Variances of the campaign."""
         return self.whitening.noise
+
+    def beside(self, effects: Sequence[AddedEffect]) -> "Campaign | None":
+        """The campaign with the noise of what effects leave; None where that is next to the same."""
+        whitening = beside_effects(self.whitening, effects)
+        now, before = (np.r_[n.sigma, n.run, n.mount_m, n.stop_m] for n in (whitening.noise, self.noise))
+        if np.all(now > STILL_THE_NOISE * before):
+            return None
+        starts = Start.at_null([start.columns for start in self.effects], whitening)
+        return Campaign(whitening, starts, self.untestable)
 
     @cached_property
     def patterns(self) -> PatternSpace:

@@ -64,6 +64,10 @@ MOST_EFFECTS = 5
 PAIRED = 12
 """Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
 
+STILL_THE_NOISE = 0.8
+"""Assumed: part of a standard deviation down to which what is named leaves the noise as it was: as well as the noise of
+forty readings is known, and mounts and runs far less."""
+
 NOTHING_MISSING = 0.1
 """Calibrated: probability of nothing missing down to which nothing is named."""
 

@@ -85,6 +85,11 @@ def diagnose_observations(
         return _no_verdict(model, observations, campaign, exclude)
     say("Scoring the effects")
     decision = decide(campaign)
+    fit = decision.chosen.fit if decision.chosen else None
+    again = campaign.beside(fit.effects) if fit else None
+    if again is not None:  # a large misfit looks like scatter of mounts and runs
+        second = replace(decide(again), lack_of_fit=decision.lack_of_fit)
+        campaign, decision = (again, second) if second.chosen else (campaign, decision)
     return replace(_diagnosis(model, campaign, decision), excluded=tuple(dict.fromkeys(exclude)))
 
 

@@ -35,17 +35,13 @@ class LogDensity:
 
     readings: int
     degrees_of_freedom: float  # Of the noise; infinite where it is declared, and the density normal
-    # Whether the noise is a wide guess: it may then be larger, but readings that scatter less do not make it smaller
-    guessed: bool = False
 
     def __call__(self, square: FloatArray | float, log_det: FloatArray | float) -> FloatArray:
         """Take squares and determinants of one shape."""
         if not np.isfinite(self.degrees_of_freedom):
             return np.asarray(-0.5 * (square + log_det))
         half = 0.5 * (self.degrees_of_freedom + self.readings)
-        # Where the squares are as many as the readings, both densities fall alike
-        least = np.maximum(square, self.readings) if self.guessed else square
-        return np.asarray(-half * np.log1p(least / self.degrees_of_freedom) + 0.5 * (least - square - log_det))
+        return np.asarray(-half * np.log1p(square / self.degrees_of_freedom) - 0.5 * log_det)
 
 
 class Solved(NamedTuple):
@@ -113,7 +109,7 @@ def density_of(campaign: Campaign) -> LogDensity:
     """The density of a campaign's readings."""
     noise = campaign.noise
     free = float(np.sum(noise.degrees_of_freedom))
-    return LogDensity(len(campaign.observations.value), free, "guess" in noise.source.values())
+    return LogDensity(len(campaign.observations.value), free)
 
 
 def null(campaign: Campaign) -> Linear:

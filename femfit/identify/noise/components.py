@@ -1,40 +1,96 @@
 """Estimates the noise of a campaign: its readings', its runs' and its mounts'; docs/explanation/noise.md has the model.
 
-The scatter of a reading comes from repeats of one setting and from what was declared, weighted by their degrees of
-freedom; from a guess where there is neither. Nothing here looks at an effect, and a hidden one does not widen the
-noise: it is the same in every repeat. Simulated campaigns draw their noise from the same model.
+The scatter of a reading comes from repeats of one setting, from what was declared, and from what smooth patterns of the
+settings leave: one restricted likelihood of all. Nothing here looks at an effect, and a hidden one does not widen the
+noise as far as it is smooth or the same in every repeat. Simulated campaigns draw their noise from the same model.
+
+References
+----------
+F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of an estimated variance.
 """
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import (
+    CONTRADICTED,
     EXACT,
+    FIXED,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
     PRIOR_MOUNT_M,
     PRIOR_RUN,
     PRIOR_WEIGHT,
+    ROUNDS,
     SAME_READING,
-    TEST_LEVEL,
     UNKNOWN_CHANNEL,
 )
-from femfit.identify.noise.contrasts import ChannelDesign, Contrasts, restricted_estimate, rho_of
-from femfit.identify.noise.scatter import (
-    Scatter,
-    contradicts,
-    guessed_scatter,
-    known_scatter,
-    repeated_readings,
-)
-from femfit.identify.noise.whitening import NoiseModel, random_effects
+from femfit.identify.noise.design import ChannelDesign, channel_design, made_by_settings, rho_of
+from femfit.identify.noise.likelihood import Contrasts, Likelihood, Priors
+from femfit.identify.noise.whitening import NoiseModel, Whitening, random_effects
 from femfit.identify.observations import Observations
-from femfit.identify.settings import quantisation_step
+from femfit.identify.settings import quantisation_step, setting_cells
 from femfit.tables.measurement import OF_RUNS
+
+GUESS = "guess"
+"""Source of a noise that smooth patterns of the settings leave, where neither repeats nor a declaration tell it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """A channel's readings, what is known of their noise beforehand, and what is likeliest of it."""
+
+    design: ChannelDesign
+    declared: float  # Standard deviation of a reading; NaN where nothing declares it
+    weight: float  # So many readings it counts like
+    source: str
+    repeats: float  # Those that count
+    place: tuple[int, int] = (0, 0)  # Numbers of the correlation and of the setting's share
+
+    def likeliest(self, ratio: FloatArray) -> Self:
+        """With the correlation and the setting's share that are likeliest where random effects (q,) are so large.
+
+        Repeats, or a declaration, tell what a setting has from what a reading has; that is a misfit and no noise.
+        """
+        shared = bool(self.repeats or self.weight)
+        return replace(self, place=self.design.likeliest(self.declared, self.weight, ratio, shared=shared))
+
+    @property
+    def rho(self) -> float:
+        """Correlation of successive readings."""
+        return rho_of(self.place[0])
+
+    @property
+    def contrasts(self) -> Contrasts:
+        """What the readings say of variances."""
+        return self.design.contrasts(*self.place)
+
+    @property
+    def variance(self) -> float:
+        """Of a reading, random effects taken for fixed."""
+        known = self.weight * self.declared**2 if self.weight else 0.0
+        return (known + self.contrasts.square) / (self.weight + max(self.contrasts.free, 1.0))
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Of the variance, counted in independent readings; infinite where it is known.
+
+        Readings that follow each other by the correlation rho say it only as well as (1 - rho^2) / (1 + rho^2) times as
+        many independent ones; and slow patterns have (1 + rho) / (1 - rho) of it, which rho's own uncertainty,
+        (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance.
+        """
+        rho, free = self.rho, max(self.contrasts.free, 1.0)
+        if self.weight == EXACT:
+            return np.inf
+        independent = self.weight + free * (1.0 - rho**2) / (1.0 + rho**2)
+        return 1.0 / (2.0 * (rho > 0.0) / ((1.0 - rho**2) * free) + 1.0 / independent)
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
@@ -43,151 +99,173 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     None where neither repeats nor a declaration say the noise of any channel, and it cannot be guessed either.
     """
     names, constant = observations.channels, never_varying(observations)
-    scatter = [known_scatter(observations, c, name in constant) for c, name in enumerate(names)]
-    if not any(of_channel.design for of_channel in scatter):
-        scatter = [guessed_scatter(observations, c) for c in range(len(names))]
-    designs = {c: of_channel.design for c, of_channel in enumerate(scatter) if of_channel.design is not None}
-    if not designs:
+    every = {c: _scatter(observations, c, name in constant) for c, name in enumerate(names)}
+    guessed = {c: of_channel for c, of_channel in every.items() if of_channel is not None}
+    scatter = {c: of_channel for c, of_channel in guessed.items() if of_channel.source != GUESS}
+    if not scatter and len(guessed) + len(constant) == len(names):  # a guess is one of all channels
+        scatter = guessed
+    if not scatter:
         return None
-    rho, contrasts = np.zeros(len(names)), {}
-    for c, design in designs.items():
-        if not design.cells and not _is_noise(scatter[c], design):  # but a misfit
-            contrasts[c] = Contrasts(0.0, 0.0, np.zeros(0), np.zeros((0, design.random.shape[1])))
-            continue
-        # Too few readings that follow each other do not say how they are correlated
-        follows = int(np.count_nonzero(~design.chain.first))
-        k = design.best_rho() if min(follows, design.free) >= LEAST_REPEATS else 0
-        rho[c], contrasts[c] = rho_of(k), design.contrasts(k)
-        if not scatter[c].repeats:  # what smooth patterns leave is never taken for the noise of a reading
-            contrasts[c] = Contrasts(0.0, 0.0, contrasts[c].along, contrasts[c].columns)
-    sigma, variances = _variances(observations, scatter, contrasts)
-    for c in range(len(names)):
-        if c not in designs:
-            largest = float(np.abs(observations.value[observations.channel == c]).max())
-            sigma[c] = UNKNOWN_CHANNEL * (largest or 1.0)
+    scales = _scales(observations, scatter)
+    # An offset of a run looks like readings that follow each other: it is begun with small ones and with large ones
+    ends = [_settled(observations, scatter, scales, factor * scales) for factor in (1.0, FIXED)]
+    scatter, sizes, of_readings, (likelihood, used, x) = min(ends, key=_cost)
+    means = sizes.copy()
+    means[used] = [np.sqrt(likelihood.mean_variance(x, k)) for k in range(len(used))]
+    largest = [float(np.abs(observations.value[observations.channel == c]).max()) for c in range(len(names))]
+    sigma = UNKNOWN_CHANNEL * np.array([value or 1.0 for value in largest])
+    rho, repeats, degrees = *np.zeros((2, len(names))), np.full(len(names), 1.0 / EXACT)  # of none where unknown
+    for c, of_channel in scatter.items():
+        step = quantisation_step(observations.value[observations.channel == c])
+        sigma[c] = max(float(np.sqrt(of_readings[c])), step / np.sqrt(12.0))
+        rho[c], repeats[c] = of_channel.rho, of_channel.repeats
+        degrees[c] = of_channel.degrees_of_freedom
     return NoiseModel(
         channels=names,
         sigma=sigma,
         rho=rho,
-        degrees_of_freedom=_degrees_of_freedom(observations, scatter, rho),
-        repeats=np.array([of_channel.repeats for of_channel in scatter]),
-        source={names[c]: scatter[c].source for c in designs},
+        mount_m=float(means[0]),
+        run=means[1:-1],
+        repeats=repeats,
+        degrees_of_freedom=degrees,
+        source={names[c]: of_channel.source for c, of_channel in scatter.items()},
+        stop_m=float(means[-1]),
+        mount_assumed="distance_m" not in observations.declared_noise and bool(2.0 * sizes[0] < means[0]),
         never_varying=tuple(constant),
-        **variances,
     )
+
+
+def beside_effects(whitening: Whitening, effects: Sequence[AddedEffect]) -> Whitening:
+    """The map with the noise of what effects leave: a misfit that is taken away is no scatter of mounts and runs."""
+    observations = whitening.observations
+    explained = observations.predict(effects) - observations.base
+    noise = estimate_noise(observations.with_values(observations.value - explained))
+    return replace(whitening, noise=noise or whitening.noise)
+
+
+def noise_by_smoothness(observations: Observations) -> NoiseModel:
+    """What smooth patterns leave, in place of an unknown noise: enough to weigh the channels by."""
+    zeros, channels = np.zeros(len(observations.channels)), range(len(observations.channels))
+    sigma = np.array([max(float(np.sqrt(channel_design(observations, c).variance)), 1e-12) for c in channels])
+    return NoiseModel(observations.channels, sigma, zeros, 0.0, zeros, zeros, zeros, {})
 
 
 def never_varying(observations: Observations) -> list[str]:
     """Channels whose readings are the same, but for the rounding of a float, wherever a setting was repeated."""
-    names = []
-    for c, name in enumerate(observations.channels):
-        sorting, start, _ = repeated_readings(observations)[c]
-        if len(sorting) - len(start) < LEAST_REPEATS:
-            continue
-        value = observations.value[sorting]
-        spread = np.maximum.reduceat(value, start) - np.minimum.reduceat(value, start)
-        if spread.max() <= SAME_READING * float(np.abs(observations.value[observations.channel == c]).max()):
+    names, cells = [], setting_cells(observations)
+    for name in observations.channels:
+        here = observations.of(name)
+        value, by_cell = observations.value[here], pd.Series(observations.value[here]).groupby(cells[here])
+        spread = by_cell.max() - by_cell.min()
+        repeated = len(value) - len(spread) >= LEAST_REPEATS
+        if repeated and spread.max() <= SAME_READING * float(np.abs(value).max()):
             names.append(name)
     return names
 
 
-def _is_noise(scatter: Scatter, design: ChannelDesign) -> bool:
-    """Whether smooth patterns leave noise: enough readings to say it, and no more than a declared noise makes.
+def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | None:
+    """What repeats, a declaration and smooth patterns say of a channel's readings; None where nothing does."""
+    declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
+    least = quantisation_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
+    weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
+    if constant and not np.isfinite(declared):  # coarser than its noise: rounding is left
+        declared, source, weight = least or np.nan, "resolution", EXACT
+    known = bool(np.isfinite(declared))
+    design = channel_design(observations, c, max(declared, least) if known else 0.0)
+    if not known and (constant or design.contrasts(0, 0).free < LEAST_REPEATS):
+        return None
+    made, free = made_by_settings(observations, c), design.contrasts(0, 0).free
+    if not known and made.any():
+        # Without what the declared errors of the settings make; but not less is left than the standard error of a
+        # variance from so many readings: below it nothing can be told apart
+        variance = max(design.variance - float(made.mean()), design.variance * np.sqrt(2.0 / free), least**2)
+        design = channel_design(observations, c, float(np.sqrt(variance)))
+    repeats = 0.0 if constant or design.repeats < LEAST_REPEATS else float(design.repeats)
+    if not known:
+        varies = design.contrasts(0, 0).square > SAME_READING**2 * float(np.sum(design.residual**2))
+        return Scatter(design, np.nan, 0.0, "repeats" if repeats else GUESS, repeats) if varies else None
+    told = Scatter(design, max(declared, least), EXACT, source, 0.0)  # which nothing moves
+    if not repeats:
+        return told
+    alone = Scatter(design, np.nan, 0.0, "repeats", repeats)
+    shown = alone.likeliest(np.full(design.random.shape[1], FIXED)).variance
+    ratio = shown / declared**2
+    if 2.0 * min(stats.f.sf(ratio, repeats, weight), stats.f.cdf(ratio, repeats, weight)) < CONTRADICTED:
+        return alone
+    return told if weight == EXACT else Scatter(design, declared, weight, f"{source} and repeats", repeats)
 
-    Else it is a misfit, which says nothing of how readings follow each other, nor of runs and mounts.
+
+class _Settled(NamedTuple):
+    """Correlations, shares and variances that are the likeliest together."""
+
+    scatter: dict[int, Scatter]
+    sizes: FloatArray  # Standard deviations of mounts, runs of each channel and stops; shape (2 + channels,)
+    of_readings: dict[int, float]  # Variances by the channel
+    # The likelihood, which of mounts, runs and stops have a variance in it, and its logarithms of all variances
+    variances: tuple[Likelihood, IntArray, FloatArray]
+
+
+def _settled(
+    observations: Observations, scatter: Mapping[int, Scatter], scales: FloatArray, sizes: FloatArray
+) -> _Settled:
+    """Correlations by the variances, and these by the correlations."""
+    effects, of_readings = random_effects(observations), {c: each.variance for c, each in scatter.items()}
+    likeliest, near = dict(scatter), list[FloatArray]()
+    for _ in range(ROUNDS):
+        deviations = effects.deviations(sizes[0], sizes[1:-1], sizes[-1])
+        likeliest = {c: each.likeliest(deviations / np.sqrt(of_readings[c])) for c, each in likeliest.items()}
+        likelihood, used = _likelihood(observations, likeliest, scales)
+        x, sizes = likelihood.maximum(*near), np.zeros(len(scales))
+        near = [x]
+        sizes[used] = np.exp(0.5 * x[: len(used)])
+        of_readings = dict(zip(scatter, np.exp(x[len(used) :]).tolist(), strict=True))
+    return _Settled(likeliest, sizes, of_readings, (likelihood, used, x))
+
+
+def _cost(end: _Settled) -> float:
+    """-2 log of likelihood and prior of all."""
+    likelihood, _, x = end.variances
+    return likelihood.cost(x) + sum(each.design.cost(each.place) for each in end.scatter.values())
+
+
+def _scales(observations: Observations, scatter: Mapping[int, Scatter]) -> FloatArray:
+    """What mounts, runs of each channel and stops are assumed to scatter by, or were declared to: standard deviations.
+
+    A stop is assumed to make, in the channel which shows it most, what runs are assumed to differ by.
     """
-    if design.free < LEAST_REPEATS_AGAINST_DECLARED:
-        return False
-    ratio = design.contrasts(0).square / design.free / scatter.prior**2
-    return ratio <= 1.0 or not contradicts(ratio, design.free, scatter.weight)
+    names, declared = observations.channels, observations.declared_noise
+    slope = np.sqrt(observations.mean_square(observations.distance_slope))
+    sigma = {c: np.sqrt(of_channel.variance) for c, of_channel in scatter.items()}
+    runs = [declared.get(OF_RUNS + name) or PRIOR_RUN * sigma.get(c, 1.0) for c, name in enumerate(names)]
+    shown = max(float(slope[c] / sd) for c, sd in sigma.items())
+    stop = PRIOR_RUN / shown if shown else PRIOR_MOUNT_M
+    distance_m = declared.get("distance_m")
+    return np.array([distance_m or PRIOR_MOUNT_M, *runs, distance_m or stop])
 
 
-def _variances(
-    observations: Observations, scatter: Sequence[Scatter], contrasts: dict[int, Contrasts]
-) -> tuple[FloatArray, dict[str, Any]]:
-    """Standard deviations of readings; and those of mounts, runs and stops as the noise model has them."""
-    judged, random, names = list(contrasts), random_effects(observations), observations.channels
-    sigma = np.array([of_channel.prior for of_channel in scatter])
-    # Of the variances only those that several mounts or runs, in a channel of known noise, have
-    groups = range(2 + len(names))
-    moved = [c for c in judged if observations.distance_slope[observations.channel == c].any()]
-    used = [g for g in groups if random.differences[g] > 0.0 and (g - 1 in judged or (g in {0, groups[-1]} and moved))]
-    place = np.array([used.index(g) if g in used else -1 for g in groups])
-    columns = place[random.group] >= 0
-    declared, distance_m = observations.declared_noise, observations.declared_noise.get("distance_m")
-    mount = distance_m or PRIOR_MOUNT_M
-    # A stop is assumed to make, in the channel which shows it most, what runs are assumed to differ by
-    slopes = [np.sqrt(np.mean(observations.distance_slope[observations.channel == c] ** 2)) / sigma[c] for c in moved]
-    stop = distance_m or PRIOR_RUN / float(max(slopes, default=np.inf))
-    declared_run = np.array([declared.get(OF_RUNS + name, np.nan) for name in names])
-    offsets = np.where(np.isnan(declared_run), PRIOR_RUN * sigma, declared_run)
-    scale = np.array([mount, *offsets, stop])[used] ** 2
-    is_declared = np.array([False, *np.isfinite(declared_run), False])[used]
-    group, second = place[random.group[columns]], random.second[columns]
-    parts = [
-        Contrasts(contrasts[c].square, contrasts[c].free, contrasts[c].along, contrasts[c].columns[:, columns])
-        for c in judged
-    ]
-    # Without repeats nothing may move a declared noise: what a misfit differs by from run to run would
-    start, trust = sigma[judged] ** 2, np.array([scatter[c].weight if scatter[c].repeats else EXACT for c in judged])
+def _likelihood(
+    observations: Observations, scatter: Mapping[int, Scatter], scales: FloatArray
+) -> tuple[Likelihood, IntArray]:
+    """The likelihood of all variances, and which of mounts, runs of each channel and stops have one.
 
-    scale, u = np.concatenate([scale, start]), len(used)
-    none = np.concatenate([np.zeros(u), trust])
-    alone = restricted_estimate(parts, group, second, scale, none)
-    # How many differences of mounts, and of runs, are left once fixed effects, drifts above all, are taken out
-    scaled = np.concatenate([of_channel.columns / s for of_channel, s in zip(parts, np.sqrt(start), strict=True)])
-    ranks = [np.linalg.matrix_rank(scaled[:, (group == k) & ~second], rtol=1e-6) for k in range(u)]
-    n = np.minimum(np.array(ranks, dtype=np.float64), random.differences[used])
-    # A difference of which readings alone tell with the variance b tells of v with the variance 2 (v + b)^2
-    shown = np.maximum(np.sqrt(n * alone.spread_alone[:u] / 2.0), alone.variance[:u])
-    read = shown - alone.variance[:u]
-    against = [
-        not declared and bool(k) and alone.converged and contradicts(float(s / (a + b)), float(k), PRIOR_WEIGHT)
-        for s, a, b, k, declared in zip(shown, scale[:u], read, n, is_declared, strict=True)
-    ]
-    weight = np.concatenate([np.where(is_declared, EXACT, np.where(against, 0.0, PRIOR_WEIGHT)), trust])
-    # From what the readings say alone: a large offset of runs is not to be taken for noise of readings on the way
-    estimate = restricted_estimate(parts, group, second, scale, weight, np.maximum(alone.variance, scale))
-    variance = estimate.variance[:u].copy()
-    if not estimate.converged:  # no scatter is taken for smaller than what is assumed before any reading
-        variance = np.maximum(variance, scale[:u])
-    degrees = np.maximum(estimate.degrees_of_freedom[:u], PRIOR_WEIGHT)
-    tests = np.where(against, shown * _student(np.maximum(n, 1.0)) - read, variance * _student(degrees))
-    assumed = ~np.array(against, dtype=bool) & (degrees < 2.0 * PRIOR_WEIGHT)
-    result, wide = np.zeros(len(groups)), np.zeros(len(groups))
-    result[used], wide[used] = np.sqrt(variance), np.sqrt(np.maximum(tests, variance))
-    sigma[judged] = np.sqrt(estimate.variance[u:])
-    for c in judged:
-        step = quantisation_step(observations.value[observations.channel == c])
-        sigma[c] = max(sigma[c], step / np.sqrt(12.0))
-    return sigma, {
-        "mount_m": float(result[0]),
-        "test_mount_m": float(wide[0]),
-        "mount_assumed": bool(0 in used and assumed[0] and distance_m is None),
-        "run": result[1:-1],
-        "test_run": wide[1:-1],
-        "stop_m": float(result[-1]),
-        "test_stop_m": float(wide[-1]),
-    }
-
-
-def _student(degrees_of_freedom: FloatArray) -> FloatArray:
-    """Square of Student's quantile over the normal one, at the tests' level."""
-    return np.asarray((stats.t.isf(TEST_LEVEL, degrees_of_freedom) / stats.norm.isf(TEST_LEVEL)) ** 2)
-
-
-def _degrees_of_freedom(observations: Observations, scatter: Sequence[Scatter], rho: FloatArray) -> FloatArray:
-    """Degrees of freedom of each channel's noise, counted in independent readings; infinite where it is known.
-
-    Repeats that follow each other by the correlation rho say the variance only as well as (1 - rho^2) / (1 + rho^2)
-    times as many independent ones; and slow patterns have (1 + rho) / (1 - rho) of that variance, which rho's own
-    uncertainty, (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance.
+    Only those have a variance that several mounts or runs, in a channel of known noise, have.
     """
-    count = np.bincount(observations.channel, minlength=len(rho))
-    declared = np.array([of_channel.weight for of_channel in scatter])
-    repeats = np.array([of_channel.repeats for of_channel in scatter])
-    independent = declared + repeats * (1.0 - rho**2) / (1.0 + rho**2)
-    independent[declared >= EXACT] = np.inf
-    slow = np.where(rho > 0.0, 2.0 / ((1.0 - rho**2) * np.maximum(count, 1)), 0.0)
-    with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / (slow + 1.0 / np.maximum(independent, 1e-300)))
+    random, names, declared = random_effects(observations), observations.channels, observations.declared_noise
+    moved = any(observations.distance_slope[observations.channel == c].any() for c in scatter)
+    judged = np.array([moved, *(c in scatter for c in range(len(names))), moved])
+    used = np.flatnonzero((random.differences > 0.0) & judged)
+    of_distance = PRIOR_WEIGHT * ("distance_m" in declared)
+    weight = np.array([of_distance, *(EXACT * (OF_RUNS + name in declared) for name in names), of_distance])
+    columns = np.isin(random.group, used)
+    known = [(s.declared**2 if s.weight else s.variance, s.weight) for s in scatter.values()]
+    likelihood = Likelihood(
+        [replace(s.contrasts, columns=s.contrasts.columns[:, columns]) for s in scatter.values()],
+        np.searchsorted(used, random.group[columns]),
+        random.second[columns],
+        Priors(
+            scale=np.concatenate([scales[used] ** 2, [variance for variance, _ in known]]),
+            weight=np.concatenate([weight[used], [counted for _, counted in known]]),
+            from_zero=np.concatenate([weight[used] == 0.0, np.zeros(len(scatter), dtype=bool)]),
+        ),
+    )
+    return likelihood, used

@@ -19,10 +19,26 @@ from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import SAME_SETTING
-from femfit.identify.noise.contrasts import Chain
+from femfit.identify.noise.shared_errors import SharedErrors
 from femfit.identify.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.patterns import own_misfit_columns
 from femfit.identify.settings import levels, setting_cells
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Each reading's predecessor in its run, among the readings that are used."""
+
+    before: IntArray  # Its own number where there is none; shape (n,)
+    first: BoolArray  # Whether there is none; shape (n,)
+    gap: FloatArray  # Readings since then, at least 1; shape (n,)
+
+    def whitening(self, rho: FloatArray | float) -> sparse.csr_array:
+        """The matrix W that makes readings independent which follow each other by a correlation, shape (n, n)."""
+        share, rows = np.where(self.first, 0.0, rho**self.gap), np.arange(len(self.gap))
+        root = np.sqrt(1.0 - share**2)
+        place = np.concatenate([rows, rows]), np.concatenate([rows, self.before])
+        return sparse.csr_array((np.concatenate([1.0 / root, -share / root]), place), shape=(len(rows), len(rows)))
 
 
 @once_for_settings
@@ -111,10 +127,11 @@ class RandomEffects:
     # unless the file says that the body was put back; shape (2 + channels,)
     differences: FloatArray
 
-    @property
-    def of_stops(self) -> BoolArray:
-        """Which of the columns are of stops, the last of the variances; shape (q,)."""
-        return np.asarray(self.group == len(self.differences) - 1)
+    def deviations(self, mount_m: float, run: FloatArray, stop_m: float) -> FloatArray:
+        """The standard deviation of each where mounts, runs of each channel, (channels,), and stops have these."""
+        size = np.array([mount_m, *run, stop_m])[self.group]
+        # The square of a normal error of variance s^2 has the root mean square sqrt(3) s^2
+        return np.where(self.second, np.sqrt(3.0) * size**2, size)
 
 
 @once_for_settings
@@ -148,10 +165,8 @@ def random_columns(observations: Observations, mount_m: float, run: FloatArray) 
     The offsets of a channel's runs scatter by ``run``, of shape (channels,).
     """
     effects = random_effects(observations)
-    rows = ~effects.of_stops
-    deviations = np.array([mount_m, *run])[effects.group[rows]]
-    # The square of a normal error of variance s^2 has the root mean square sqrt(3) s^2
-    return effects.columns[:, rows], np.where(effects.second[rows], np.sqrt(3.0) * deviations**2, deviations)
+    deviations = effects.deviations(mount_m, run, 0.0)
+    return effects.columns[:, deviations > 0.0], deviations[deviations > 0.0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +182,7 @@ class NoiseModel:
     repeats: FloatArray
     degrees_of_freedom: FloatArray
     source: Mapping[str, str]
-    # The same standard deviations as tests use them: widened for having been estimated from few mounts and runs
-    test_mount_m: float
-    test_run: FloatArray
     stop_m: float = 0.0  # Of the distance at each stop of the stage, as repeats show it; 0 where they do not
-    test_stop_m: float = 0.0
     # Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts
     mount_assumed: bool = False
     never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
@@ -213,44 +224,36 @@ class Whitening(WithoutCache):
         return result
 
     @cached_property
-    def _settings(self) -> list[sparse.csr_array]:
-        """Arrays V, shape (n, M), a row for those that share the error of a setting: x becomes x - V' V x.
-
-        The readings of a stop share its error g, so that their covariance is I + g g' with the inverse root
-        I - (1 - (1 + g'g)^-1/2) g g' / g'g; the second error is first mapped by that of the first.
-        """
-        observations = self.observations
-        maps: list[sparse.csr_array] = []
-        errors = setting_errors(observations, self.noise.test_stop_m)
-        if self.misfit is not None and observations.of_impedances and observations.tolerance.any():
-            # The states of eddy currents are chosen for the smallest largest error, which ripples over the frequency
-            # and from one bias to the next: no smooth pattern has it, and repeats of a setting share it
-            each = setting_cells(observations) * len(observations.channels) + observations.channel
-            errors.append((np.unique(each, return_inverse=True)[1], observations.tolerance))
-        for number, size in errors:
-            error = _shrunk(size / self.noise.sigma[observations.channel], maps)
-            length = np.sqrt(np.bincount(number, error**2))
-            scale = np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + length**2)) / np.maximum(length, 1e-300)
-            place, shape = (number, np.arange(len(error))), (len(length), len(error))
-            maps.append(sparse.csr_array((error * scale[number], place), shape=shape))
-        return maps
-
-    @cached_property
     def along_runs(self) -> sparse.csr_array:
         """The map of readings that follow each other in a run, shape (M, M)."""
         channel = self.observations.channel
         return chain_of(self.observations, np.arange(len(channel))).whitening(self.noise.rho[channel])
 
+    @cached_property
+    def _of_settings(self) -> SharedErrors:
+        """What errors of the settings make, once readings are independent along the runs."""
+        observations = self.observations
+        errors = setting_errors(observations, self.noise.stop_m)
+        if self.misfit is not None and observations.of_impedances and observations.tolerance.any():
+            # The states of eddy currents are chosen for the smallest largest error, which ripples over the frequency
+            # and from one bias to the next: no smooth pattern has it, and repeats of a setting share it
+            each = setting_cells(observations) * len(observations.channels) + observations.channel
+            errors.append((np.unique(each, return_inverse=True)[1], observations.tolerance))
+        rows, sigma = np.arange(len(observations.value)), self.noise.sigma[observations.channel]
+        columns = [sparse.csr_array((len(rows), 0))]
+        columns += [sparse.csr_array((size / sigma, (rows, number))) for number, size in errors]
+        return SharedErrors(self.along_runs @ sparse.hstack(columns, format="csr"))
+
     def serial(self, x: FloatArray) -> FloatArray:
         """Only the noise of each setting and along the runs whitened, for x of shape (M,) or (M, k)."""
         scaled = (x.T / self.noise.sigma[self.observations.channel]).T
-        return np.asarray(self.along_runs @ _shrunk(scaled, self._settings))
+        return self._of_settings.whitened(np.asarray(self.along_runs @ scaled))
 
     @cached_property
     def _random(self) -> FloatArray:
-        """The same of random effects as :attr:`_settings`, once these are mapped: an array V', shape (M, n)."""
-        columns, deviations = random_columns(self.observations, self.noise.test_mount_m, self.noise.test_run)
-        columns = columns[:, deviations > 0.0] * deviations[deviations > 0.0]
+        """Array V, shape (M, n), of random effects beside errors of settings: whitened readings x become x - V V' x."""
+        columns, deviations = random_columns(self.observations, self.noise.mount_m, self.noise.run)
+        columns = columns * deviations
         if self.misfit is not None:
             columns = np.concatenate([columns, self.misfit], axis=1)
         if not columns.shape[1]:
@@ -265,13 +268,6 @@ class Whitening(WithoutCache):
         """All of the noise whitened, for x of shape (M,) or (M, k)."""
         serial = self.serial(x)
         return serial - self._random @ (self._random.T @ serial)
-
-
-def _shrunk(x: FloatArray, maps: list[sparse.csr_array]) -> FloatArray:
-    """x, of shape (M,) or (M, k), less what errors of settings make of it."""
-    for shared in maps:
-        x = x - shared.T @ (shared @ x)
-    return x
 
 
 def orthonormal_basis(columns: FloatArray) -> FloatArray:

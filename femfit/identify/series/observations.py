@@ -24,8 +24,9 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.estimate.record import with_distance
 from femfit.identify.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, SLOPE_STEP, TURNS_OF_MISFIT
-from femfit.identify.noise.scatter import beside_patterns
+from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
+from femfit.identify.patterns import smooth_patterns
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedPoints,
@@ -215,9 +216,11 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
 def _with_scatter(observations: Observations) -> Observations:
     """The noise of channels whose successive windows scatter more than their sensors' noise makes."""
     noise, findings = dict(observations.declared_noise), []
-    order, run = observations.column("order"), observations.column("run")
+    order, run, patterns = observations.column("order"), observations.column("run"), smooth_patterns(observations)
     for c, name in enumerate(observations.channels):
-        here, scatter, basis = beside_patterns(observations, c)
+        here = np.flatnonzero(observations.channel == c)
+        basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
+        scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
         follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
         shown, declared = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
         if np.isfinite(shown) and not shown <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * declared:

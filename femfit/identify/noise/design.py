@@ -1,0 +1,189 @@
+"""The readings of one channel as a design: what settings, and a hidden effect, may do is taken out of its residual.
+
+Smooth patterns of the settings, temperatures and times are taken out, and what an error of the distance that all mounts
+share would do. What the repeats of a setting share beyond them is a misfit that is not smooth; it has a variance of its
+own, whose root over that of a reading is the setting's ``share``. Repeats tell the two apart.
+
+Successive readings of a run are whitened by W, (y_i - r y_(i-1)) / sqrt(1 - r^2) with r = rho^gap, so that all of it is
+least squares with the products X' W' W X.
+
+References
+----------
+N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: pure error.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import solve_triangular
+from scipy.sparse.linalg import splu
+
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.identify.constants import (
+    CORRELATIONS,
+    LARGEST_CORRELATION,
+    LARGEST_SHARE,
+    LEAST_REPEATS,
+    LEAST_SHARE,
+    OF_SETTINGS,
+    PRIOR_MEMORY,
+    PRIOR_SHARE,
+    SHARES,
+    SPANNED_SQUARE,
+)
+from femfit.identify.noise.likelihood import Contrasts
+from femfit.identify.noise.whitening import Chain, chain_of, orthonormal_basis, random_effects
+from femfit.identify.observations import Observations
+from femfit.identify.patterns import smooth_patterns
+from femfit.identify.settings import setting_cells
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelDesign:
+    """The readings of a channel, less what the model predicts, and what else differs between them."""
+
+    cell: IntArray  # The setting of each reading, from 0; shape (n,)
+    fixed: FloatArray  # Orthonormal columns that are taken out, shape (n, f)
+    random: FloatArray  # Columns of mounts, runs and stops, shape (n, q)
+    chain: Chain
+    weight: FloatArray  # 1 over the standard deviation of each reading, over that of the channel; shape (n,)
+    residual: FloatArray  # Shape (n,)
+    kept: dict[tuple[int, int], Contrasts] = field(default_factory=dict)
+
+    @property
+    def repeats(self) -> int:
+        """Readings beside the first of each setting."""
+        return len(self.cell) - int(self.cell.max()) - 1
+
+    @property
+    def variance(self) -> float:
+        """Of a reading, were all readings independent."""
+        return self.contrasts(0, 0).square / max(self.contrasts(0, 0).free, 1)
+
+    def likeliest(self, declared: float, weight: float, ratio: FloatArray, *, shared: bool) -> tuple[int, int]:
+        """Numbers of the correlation and of the setting's share that are likeliest.
+
+        Parameters
+        ----------
+        declared, weight : float
+            The standard deviation of a reading that is known beforehand, and like how many readings it counts.
+        ratio : array, shape (q,)
+            Standard deviations of the random effects over that of a reading.
+        shared : bool
+            Whether a setting has a share.
+        """
+        most = (CORRELATIONS if np.count_nonzero(~self.chain.first) >= LEAST_REPEATS else 0, SHARES * shared)
+
+        def cost(place: tuple[int, int]) -> float:
+            contrasts = self.contrasts(*place)
+            random = contrasts.columns * ratio
+            lower = np.linalg.cholesky(np.eye(len(random)) + random @ random.T)
+            along = solve_triangular(lower, contrasts.along, lower=True)
+            square, free = contrasts.square + float(along @ along), contrasts.free + len(along)
+            beside = self.cost(place) + 2.0 * float(np.log(np.diag(lower)).sum())
+            if not weight:
+                return free * float(np.log(max(square, 1e-300))) + beside
+            grown = np.log1p(square / (weight * declared**2)) - np.log1p(free / weight)
+            return (free + weight) * float(grown) + beside
+
+        best, step = (0, 0), 8
+        while step:
+            near = [(best[0] + a * step, best[1] + b * step) for a, b in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
+            better = min(((a, b) for a, b in near if 0 <= a <= most[0] and 0 <= b <= most[1]), key=cost)
+            best, step = (better, step) if better != best else (best, step // 2)
+        return best
+
+    def cost(self, place: tuple[int, int]) -> float:
+        """What -2 log of likelihood and prior have of a correlation and a share beside that of the variances."""
+        rho, share = rho_of(place[0]), share_of(place[1])
+        memory = rho / np.sqrt(1.0 - rho**2)
+        prior = 2.0 * np.log1p((memory / PRIOR_MEMORY) ** 2) + 2.0 * np.log1p((share / PRIOR_SHARE) ** 2)
+        return self.contrasts(*place).log_det + float(prior)
+
+    def contrasts(self, memory: int, share: int) -> Contrasts:
+        """What the readings say of the variances at these numbers of the correlation and of the setting's share."""
+        if (memory, share) not in self.kept:
+            self.kept[memory, share] = self._contrasts(rho_of(memory), share_of(share))
+        return self.kept[memory, share]
+
+    @cached_property
+    def _columns(self) -> tuple[FloatArray, FloatArray, int]:
+        """Everything as columns, the fixed ones first and the residual last; the size of the random ones.
+
+        At last how many of these the fixed ones do not span: at no correlation, as at every one.
+        """
+        size = np.linalg.norm(self.random, axis=0)
+        moving = self.random[:, size > 0.0] / size[size > 0.0]
+        basis, random = orthonormal_basis(self.fixed * self.weight[:, None]), moving * self.weight[:, None]
+        beyond = random - basis @ (basis.T @ random)
+        rank = int(np.count_nonzero(np.linalg.eigvalsh(beyond.T @ beyond) > SPANNED_SQUARE))
+        return np.concatenate([self.fixed, moving, self.residual[:, None]], axis=1), size, rank
+
+    def _contrasts(self, rho: float, share: float) -> Contrasts:
+        """Least squares of readings with correlated noise: settings by a sparse factor, others by their products."""
+        serial, (columns, size, rank), n = self.chain.whitening(rho), self._columns, len(self.cell)
+        whitening = serial @ sparse.diags_array(self.weight)
+        white = whitening @ columns
+        products, log_det = white.T @ white, -2.0 * float(np.log(serial.diagonal()).sum())
+        if share:
+            settings = int(self.cell.max()) + 1
+            indicator = whitening @ sparse.csr_array(
+                (np.full(n, share), (np.arange(n), self.cell)), shape=(n, settings)
+            )
+            factor = splu((indicator.T @ indicator + sparse.eye_array(settings)).tocsc())
+            beside = indicator.T @ white
+            products -= beside.T @ factor.solve(beside)
+            log_det += float(np.log(np.abs(factor.U.diagonal())).sum())
+        f = self.fixed.shape[1]
+        triangle = np.linalg.cholesky(products[:f, :f])
+        shared = np.linalg.solve(triangle, products[:f, f:])
+        beyond = products[f:, f:] - shared.T @ shared
+        values, vectors = np.linalg.eigh(beyond[:-1, :-1])
+        values, vectors = values[len(values) - rank :], vectors[:, len(values) - rank :]
+        along = vectors.T @ beyond[:-1, -1] / np.sqrt(values)
+        square = max(float(beyond[-1, -1] - along @ along), 0.0)
+        random = np.zeros((rank, len(size)))
+        random[:, size > 0.0] = np.sqrt(values)[:, None] * vectors.T * size[size > 0.0]
+        log_det += 2.0 * float(np.log(np.diag(triangle)).sum())
+        return Contrasts(square, n - f - rank, along, random, log_det)
+
+
+def rho_of(k: int) -> float:
+    """The k-th value of the correlation of successive readings."""
+    return float(np.tanh(np.arctanh(LARGEST_CORRELATION) * k / CORRELATIONS))
+
+
+def share_of(k: int) -> float:
+    """The k-th standard deviation of what repeats share, over that of a reading; 0 for the first."""
+    return LEAST_SHARE * (LARGEST_SHARE / LEAST_SHARE) ** ((k - 1) / (SHARES - 1)) if k else 0.0
+
+
+def channel_design(observations: Observations, c: int, sigma: float = 0.0) -> ChannelDesign:
+    """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0."""
+    here = np.flatnonzero(observations.channel == c)
+    cell = np.unique(setting_cells(observations)[here], return_inverse=True)[1]
+    effects = random_effects(observations)
+    made = made_by_settings(observations, c)
+    weight = 1.0 / np.sqrt(1.0 + made / sigma**2) if sigma else np.ones(len(here))
+    patterns = smooth_patterns(observations)
+    numbers = np.flatnonzero(patterns.channel == c)[: max(1, int(OF_SETTINGS * (int(cell.max()) + 1)))]
+    # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it, or an
+    # error of the stage that every run meets at the same place
+    common = np.stack([observations.distance_slope[here], observations.distance_curvature[here]], axis=1)
+    distance, stops_repeat = observations.column("distance_m")[here], effects.differences[-1] > 0.0
+    places = (distance[:, None] == np.unique(distance)[: len(distance) * stops_repeat]) * common[:, :1]
+    fixed = orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1))
+    random = effects.columns[here] * (effects.differences > 0.0)[effects.group]
+    return ChannelDesign(cell, fixed, random, chain_of(observations, here), weight, observations.residual[here])
+
+
+def made_by_settings(observations: Observations, c: int) -> FloatArray:
+    """Variance of each reading of a channel by errors of its settings that are weighed as if each row had its own.
+
+    Those of stops of the stage are not among them where they have columns.
+    """
+    has_columns = random_effects(observations).differences[-1] > 0.0
+    columns = observations.setting_columns[observations.channel == c, int(has_columns) :]
+    return np.asarray(np.sum(columns**2, axis=1))
