@@ -12,7 +12,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.results import listing
-from femfit.tables.header import match_score, parse_header
+from femfit.tables.header import MAYBE, parse_header, score
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
 from femfit.tables.raw_table import RawTable, check_width, decode
 from femfit.tables.units import CHANNELS, is_unit
@@ -255,4 +255,4 @@ def _header_cells(line: Line, delimiter: str, width: int) -> tuple[str, ...] | N
 
 
 def _is_known(cell: str) -> bool:
-    return bool(cell) and any(match_score(parse_header(cell), column) for column in CHANNELS)
+    return bool(cell) and any(score(parse_header(cell), column) >= MAYBE for column in CHANNELS)
