@@ -79,12 +79,15 @@ class RawTable:
         return self.texts[self.headers.index(header)]
 
     def frame(self) -> pd.DataFrame:
-        """Return the columns by their headers, as text where a cell that is not empty is no number."""
+        """Return the columns by their headers: whole numbers, numbers, or text where a filled cell is no number."""
+        if isinstance(self.texts, _FrameTexts):
+            return self.texts.frame
         columns = {}
         for k, header in enumerate(self.headers):
             cells = self.texts[k]
             worded = any(np.isnan(number) and cell for number, cell in zip(self.numbers[:, k], cells, strict=True))
-            columns[header] = list(cells) if worded else self.numbers[:, k]
+            counts = all(len(cell) < 16 and cell.lstrip("-").isdecimal() for cell in cells)  # as exact in a double
+            columns[header] = list(cells) if worded else self.numbers[:, k].astype(np.int64 if counts else np.float64)
         return pd.DataFrame(columns)
 
 
@@ -155,7 +158,7 @@ def typed_numbers(column: "pd.Series[Any]") -> FloatArray:
     """Convert a typed column; moments of a clock become seconds from the first one. NaN where there is no number."""
     kind = column.dtype
     if pd.api.types.is_datetime64_any_dtype(kind) or pd.api.types.is_timedelta64_dtype(kind):
-        elapsed = pd.to_timedelta(column - column.dropna().iloc[0]) if column.notna().any() else column
+        elapsed = pd.to_timedelta(column - (column.dropna().iloc[0] if column.notna().any() else pd.NaT))
         return np.asarray(elapsed.dt.total_seconds().to_numpy(dtype=np.float64, na_value=np.nan))
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
     return np.where(np.abs(values) < LARGEST, values, np.nan)

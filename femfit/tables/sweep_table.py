@@ -155,23 +155,19 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     >>> print(ff.read_sweep("runs/rig"))
     50 points: 5 currents 0 to 1.4 A, 10 distances 15 to 45 mm
     """
-    import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
-
-    from femfit.tables.raw_table import check_width, decoding  # noqa: PLC0415
-    from femfit.tables.table_file import is_container, parse_table  # noqa: PLC0415
+    from femfit.tables.raw_table import file_content  # noqa: PLC0415
+    from femfit.tables.table_file import parse_table  # noqa: PLC0415  pandas loads while a sweep's workers solve
     from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
     file = _table_file(path_of(path, "A sweep table"))
-    with decoding(file, "a sweep table"):
-        if file.suffix == ".parquet":
-            rows = pd.read_parquet(file)
-        elif is_container(file):
-            raw = parse_table(file.read_bytes(), str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
-            rows = raw.frame()
-        else:
-            with file.open("rb") as head:
-                check_width(head.readline().count(b",") + 1, str(file))
-            rows = pd.read_csv(file)
+    content = file_content(file, "sweep table")
+    raw = parse_table(content, str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
+    if raw.ragged:
+        raise TableError(
+            f"Sweep table {file} must have as many cells in a row as column names; line {listing(raw.ragged)} has more "
+            "or fewer. Repair it."
+        )
+    rows = raw.frame()
     manifest_file = file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     _check(rows, file, swept=manifest.get("kind") == "sweep")
