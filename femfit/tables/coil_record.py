@@ -22,7 +22,7 @@ from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.text import counted, quoted
-from femfit.tables.columns import UsedColumn, recognise
+from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
 from femfit.tables.raw_table import check_width, decode, decoding, typed_numbers
 from femfit.tables.reading import Wants, Words, read_raw_table
@@ -154,9 +154,10 @@ def open_coil_record(
         else:
             headers, samples, tables = _text_record(path)
     check_width(len(headers), str(path))
-    used, findings = recognise(headers, str(path), COIL.names, words.columns, words.units)
-    COIL.require([column.name for column in used], headers, str(path), used, findings)
-    return CoilRecord(path, tuple(used), samples, tables)
+    used, findings = match_columns(headers, str(path), COIL.names, words.columns, words.units)
+    columns_used = tuple(used.values())
+    COIL.require([column.name for column in columns_used], headers, str(path), columns_used, findings)
+    return CoilRecord(path, columns_used, samples, tables)
 
 
 Record = tuple[list[str], int | None, Tables]

@@ -5,7 +5,7 @@ A header is the column's name (``distance_m``), or its stem or another name for 
 """
 
 import shlex
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -46,6 +46,14 @@ class UsedColumn:
     factor: float
     unit: str
     assumed: bool = False  # True if neither the file nor the user named a unit
+
+    def conversion(self) -> Finding:
+        """Say as what a column of another header is read."""
+        how = f"converted to {self.name}, times {self.factor:g}"
+        how = f"read as {self.name}" if self.factor == 1.0 else how
+        in_grams = self.name == "force_N" and self.factor == GRAVITY * 1e-3
+        how += f" ({self.unit} as a weight, gram-force)" if in_grams else ""
+        return finding("column", column=self.name, header=quoted(self.header), how=how)
 
 
 def match_columns(
@@ -108,28 +116,7 @@ def match_columns(
     return used, _unused(unused, [name for name in names if name not in chosen])
 
 
-def recognise(
-    headers: Iterable[str],
-    source: str,
-    names: Sequence[str] = BENCH_COLUMNS,
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str | float] | None = None,
-) -> tuple[list[UsedColumn], list[Finding]]:
-    """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
-    headers = list(headers)
-    used, findings = match_columns(headers, source, names, columns, units)
-    conversions = []
-    for column in used.values():
-        if column.header.strip() != column.name:
-            how = f"converted to {column.name}, times {column.factor:g}"
-            how = f"read as {column.name}" if column.factor == 1.0 else how
-            in_grams = column.name == "force_N" and column.factor == GRAVITY * 1e-3
-            how += f" ({column.unit} as a weight, gram-force)" if in_grams else ""
-            conversions.append(finding("column", column=column.name, header=quoted(column.header), how=how))
-    return list(used.values()), findings + conversions
-
-
-def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColumn | None:
+def match_column(header: str, names: Sequence[str]) -> UsedColumn | None:
     """Return the column that a header means, if its unit is one of the right kind."""
     parsed = parse_header(header)
     name = next((name for name in names if score(parsed, name) >= MAYBE), None)

@@ -167,7 +167,7 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
     elif min(numbers.shape) < 2:
         raise TableError(f"{raw.source} as a matrix needs at least two rows and two columns; it is {numbers.shape}.")
     else:
-        across, label_unit, corner = numbers[0, 1:], None, raw.texts[0][0]
+        across, label_unit, corner = numbers[0, 1:], None, raw.texts(0)[0]
         numbers, lines = numbers[1:], lines[1:]
     corner, down = corner[:_LONGEST_CORNER], numbers[:, 0]
     if not _monotone(down) or not _monotone(across):

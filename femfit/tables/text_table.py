@@ -85,7 +85,7 @@ def parse_text(
         source=source,
         headers=layout.headers,
         numbers=np.column_stack([numbers_of(column, decimal) for column in texts]),
-        texts=texts,
+        texts=texts.__getitem__,
         lines=[line.number for line in body],
         dialect=f"{encoding}, {_DELIMITER_NAMES.get(layout.delimiter, repr(layout.delimiter))}, decimal {decimal}",
         decimal=decimal,
