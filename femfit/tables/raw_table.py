@@ -31,15 +31,11 @@ def decoding(source: object, kind: str) -> Iterator[None]:
     except (FemfitError, MemoryError):
         raise
     except Exception as error:
-        raise TableError(damaged(source, kind, f"{type(error).__name__}: {error}")) from error
-
-
-def damaged(source: object, kind: str, reason: object) -> str:
-    """Say that a file cannot be decoded."""
-    return (
-        f"{source} cannot be read as {kind}; it seems to be damaged ({quoted(reason, 300)}). Write it again, or export "
-        "it as CSV."
-    )
+        reason = quoted(f"{type(error).__name__}: {error}", 300)
+        raise TableError(
+            f"{source} cannot be read as {kind}; it seems to be damaged ({reason}). Write it again, or export it as "
+            "CSV."
+        ) from error
 
 
 PARQUET_MAGIC = b"PAR1"
