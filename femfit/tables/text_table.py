@@ -184,19 +184,23 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
         for line, cells in headed
         if cells is not None and not all(map(looks_numeric, cells)) and not _units_of(cells)
     ]
-    if not named:
-        headers, used = _axis_line(above, width)
-        return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
-    _, number, headers = max(named)
+    # A matrix whose upper left corner is blank has a first line with one number less
+    rows = (line for line in above if not line.comment and all(map(looks_numeric, line.cells)))
+    axes = [(0, line.number, ("", *line.cells)) for line in rows if len(line.cells) == width - 1]
+    _, number, headers = max(named or axes, default=(0, 0, ()))
     used = frozenset((number,))
-    for line, cells in headed:
+    for line, cells in headed if named else ():
         if line.number > number and cells is not None and (units := _units_of(cells)):
             headers = tuple(
                 name if parse_header(name).unit or unit in _NO_UNITS else f"{name} [{unit}]"
                 for name, unit in zip(headers, units, strict=True)
             )
             used |= {line.number}
-    return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
+    passed = [line.number for line in above if line.number not in used]
+    note = "lines {} above the readings are text, such as titles, and were ignored"
+    if len(passed) == 1:
+        note = "line {} above the readings is text, such as a title, and was ignored"
+    return Layout(delimiter, width, headers, start, used, (note.format(listing(passed)),) if passed else ())
 
 
 def _first_row(lines: list[Line], width: int) -> int:
@@ -211,24 +215,6 @@ def _first_row(lines: list[Line], width: int) -> int:
         elif first is not None and rows < 2 and sum(map(_is_known, line.cells)) >= 2:
             first = None
     return first or lines[-1].number + 1
-
-
-def _axis_line(above: list[Line], width: int) -> tuple[tuple[str, ...], frozenset[int]]:
-    """A matrix whose upper left corner is blank has a first line with one number less."""
-    for line in reversed(above):
-        if not line.comment and len(line.cells) == width - 1 and all(map(looks_numeric, line.cells)):
-            return ("", *line.cells), frozenset((line.number,))
-    return (), frozenset()
-
-
-def _passed_over(above: list[Line], used: frozenset[int]) -> tuple[str, ...]:
-    numbers = [line.number for line in above if line.number not in used]
-    if not numbers:
-        return ()
-    words = "lines {} above the readings are text, such as titles, and were"
-    if len(numbers) == 1:
-        words = "line {} above the readings is text, such as a title, and was"
-    return (f"{words.format(listing(numbers))} ignored",)
 
 
 _NO_UNITS = frozenset(("", "-", "1"))
