@@ -188,8 +188,6 @@ def _table_file(path: Path) -> Path:
             if (path / f"{TABLE_STEM}{suffix}").is_file():
                 return path / f"{TABLE_STEM}{suffix}"
         raise TableError(f"{path} holds no {TABLE_STEM}.parquet; run femfit sweep ACTUATOR.toml -o {path} first.")
-    if not path.is_file():
-        raise TableError(f"Sweep table {path} does not exist.")
     return path
 
 

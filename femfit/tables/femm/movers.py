@@ -39,11 +39,9 @@ def divide(pieces: Body, air: Body, options: FemOptions, notes: Notes) -> FemBod
         notes.say(fault, places=" and ".join(piece.place for piece in pieces))
         return None
     moving = _named(bodies, options.moving_labels, notes) if options.moving_labels else _inferred(bodies, notes)
-    return _divided(pieces, moving, air) if moving else None
-
-
-def _divided(pieces: Body, moving: Body, air: Body) -> FemBodies:
-    """What stands still and what moves, with the non-magnetic blocks that join it."""
+    if not moving:
+        return None
+    # Non-magnetic blocks of its group join what moves, where that is in pieces
     groups = {piece.group for piece in moving if piece.group} if len(_connected(moving)) > 1 else set()
     joining = [face for face in air if face.label.meshed and face.group in groups]
     fixed = tuple(piece for piece in pieces if piece not in moving)
