@@ -74,7 +74,7 @@ def parse_text(
     blank = ("",) * layout.width  # in place of cells that may be shifted, and stand in wrong columns
     rows = [line.cells if len(line.cells) == layout.width else blank for line in body]
     if not decimal:
-        cells = set(itertools.chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
+        cells = dict.fromkeys(itertools.chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
         if any("," in cell for cell in cells):
             marked = [cell for cell in cells if "," in cell or "." in cell]
         else:
