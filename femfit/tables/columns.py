@@ -5,7 +5,7 @@ A header is the column's name (``distance_m``), or its stem or another name for 
 """
 
 import shlex
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -17,7 +17,7 @@ from femfit.core.numerics import GRAVITY, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.text import quoted
 from femfit.tables.findings import finding
-from femfit.tables.header import SURELY, find_header, match_score, names_of, parse_header, same_header
+from femfit.tables.header import MAYBE, SURE, UNIT, WORD, WORD_IN_UNIT, find_header, parse_header, same_header, score
 from femfit.tables.measurement import CHANNELS, SETTINGS
 from femfit.tables.number_text import EMPTY, LARGEST, clock_seconds, looks_numeric
 from femfit.tables.raw_table import RawTable
@@ -47,6 +47,14 @@ class UsedColumn:
     unit: str
     assumed: bool = False  # True if neither the file nor the user named a unit
 
+    def conversion(self) -> Finding:
+        """Say as what a column of another header is read."""
+        how = f"converted to {self.name}, times {self.factor:g}"
+        how = f"read as {self.name}" if self.factor == 1.0 else how
+        in_grams = self.name == "force_N" and self.factor == GRAVITY * 1e-3
+        how += f" ({self.unit} as a weight, gram-force)" if in_grams else ""
+        return finding("column", column=self.name, header=quoted(self.header), how=how)
+
 
 def match_columns(
     headers: Sequence[str],
@@ -55,12 +63,13 @@ def match_columns(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str | float] | None = None,
     optional: Collection[str] = (),
+    guessed: Sequence[str] = (),
 ) -> tuple[dict[int, UsedColumn], list[Finding]]:
     """Find columns among headers.
 
     The user's ``columns`` say which header is which column where its name does not say it, and ``units``, by header or
     column, its unit or a number that multiplies it to SI. An optional column is left out, not refused, where several
-    headers may be it.
+    headers may be it. What is still missing of the guessed columns is a header with a word of its name in its unit.
 
     Returns
     -------
@@ -85,12 +94,12 @@ def match_columns(
     chosen = {name: headers.index(header) for header, name in header_columns.items()}
     scores = {name: [_score(header, name, texts.get(header, texts.get(name))) for header in headers] for name in names}
     best = [max(of_header) for of_header in zip(*scores.values(), strict=True)]
-    for name in names:
+    for name, enough in [*((name, MAYBE) for name in names), *((name, WORD_IN_UNIT) for name in guessed)]:
         # A column belongs to the quantity that it names best: "flux density" is no flux linkage.
-        free = {k: score for k, score in enumerate(scores[name]) if 0 < score == best[k] and k not in chosen.values()}
-        top = [k for k, score in free.items() if score == max(free.values())]
+        free = {k: how for k, how in enumerate(scores[name]) if enough <= how == best[k] and k not in chosen.values()}
+        top = [k for k, how in free.items() if how == max(free.values())]
         if name not in chosen and top:
-            if len(top) > 1 and name not in optional and free[top[0]] > 1:
+            if len(top) > 1 and name not in optional and free[top[0]] == SURE:
                 raise TableError(
                     f"{source} must have one column for {name}; instead received {listing(headers[k] for k in top)}. "
                     f"Remove all but one, or say which with --column HEADER={name}."
@@ -107,31 +116,10 @@ def match_columns(
     return used, _unused(unused, [name for name in names if name not in chosen])
 
 
-def recognise(
-    headers: Iterable[str],
-    source: str,
-    names: Sequence[str] = BENCH_COLUMNS,
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str | float] | None = None,
-) -> tuple[list[UsedColumn], list[Finding]]:
-    """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
-    headers = list(headers)
-    used, findings = match_columns(headers, source, names, columns, units)
-    conversions = []
-    for column in used.values():
-        if column.header.strip() != column.name:
-            how = f"converted to {column.name}, times {column.factor:g}"
-            how = f"read as {column.name}" if column.factor == 1.0 else how
-            in_grams = column.name == "force_N" and column.factor == GRAVITY * 1e-3
-            how += f" ({column.unit} as a weight, gram-force)" if in_grams else ""
-            conversions.append(finding("column", column=column.name, header=quoted(column.header), how=how))
-    return list(used.values()), findings + conversions
-
-
-def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColumn | None:
+def match_column(header: str, names: Sequence[str]) -> UsedColumn | None:
     """Return the column that a header means, if its unit is one of the right kind."""
     parsed = parse_header(header)
-    name = next((name for name in names if match_score(parsed, name)), None)
+    name = next((name for name in names if score(parsed, name) >= MAYBE), None)
     return None if name is None else used_column(header, name, parsed.unit, "")
 
 
@@ -149,20 +137,20 @@ def used_column(
 def _score(header: str, name: str, override: str | None) -> int:
     """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
     if header.strip() == name:
-        return SURELY
+        return SURE
     parsed, (_, si_unit) = parse_header(header), column_unit(name)
     if override is not None and unit_factor(override, si_unit) is not None:
         parsed = replace(parsed, unit=override)
     elif override is not None and unit_factor(parsed.unit or "", si_unit) is None:
         parsed = replace(parsed, unit=None)
-    return match_score(parsed, name)
+    return score(parsed, name)
 
 
 def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
     """The other headers, with what each may be among the columns that are still free."""
     if not headers:
         return []
-    options = " ".join(column_options([header for header in headers if not header.startswith(SIMULATED)], free, _named))
+    options = " ".join(column_options([header for header in headers if not header.startswith(SIMULATED)], free, WORD))
     remedy = f"Where one is meant, say {options}." if options else ""
     return [finding("unused-column", headers=listing(headers, 20), options=remedy)]
 
@@ -229,39 +217,18 @@ def remedy_for_columns(unused: Sequence[str], needed: Sequence[str]) -> str:
     """
     if not unused:
         return f"Add {needed[0]}."
-    options = column_options(unused, needed, _named, _in_its_unit) or [column_option(unused[0], needed[0])]
+    options = column_options(unused, needed, WORD, UNIT) or [column_option(unused[0], needed[0])]
     return (
         f"Not used: {listing(unused, 20)}. Rename columns, or say what they are, for example with {' '.join(options)}."
     )
 
 
-def column_options(headers: Sequence[str], names: Sequence[str], *rules: Callable[[str, str], bool]) -> list[str]:
-    """The options that say what headers may mean, in the headers' order."""
-    meant = meant_columns(headers, names, *rules)
-    return [column_option(header, meant[header]) for header in headers if header in meant]
-
-
-def meant_columns(headers: Sequence[str], names: Sequence[str], *rules: Callable[[str, str], bool]) -> dict[str, str]:
-    """Headers to what they may mean, each column once; of several rules the first counts most."""
+def column_options(headers: Sequence[str], names: Sequence[str], *enough: int) -> list[str]:
+    """The options that say what headers may mean, in their order, each column once; the first score counts most."""
     meant: dict[str, str] = {}
-    for may_be, name in product(rules, names):
-        header = next((header for header in headers if header not in meant and may_be(header, name)), None)
+    for least, name in product(enough, names):
+        free = (header for header in headers if header not in meant and score(parse_header(header), name) >= least)
+        header = next(free, None)
         if header is not None and name not in meant.values():
             meant[header] = name
-    return meant
-
-
-def named_in_its_unit(header: str, name: str) -> bool:
-    """Whether a word of a header names a column, and its unit is of that kind: ``ForceOnSlug(N)``."""
-    return _named(header, name) and _in_its_unit(header, name)
-
-
-def _in_its_unit(header: str, name: str) -> bool:
-    unit, si_unit = parse_header(header).unit, column_unit(name)[1]
-    return bool(si_unit) and unit is not None and unit_factor(unit, si_unit) is not None
-
-
-def _named(header: str, name: str) -> bool:
-    parsed = parse_header(header)
-    words = {column_unit(name)[0], *names_of(name)}.intersection(parsed.words)
-    return bool(words) and (parsed.unit is None or _in_its_unit(header, name))
+    return [column_option(header, meant[header]) for header in headers if header in meant]

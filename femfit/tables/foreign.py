@@ -137,10 +137,8 @@ def _files(paths: Sequence[Path]) -> list[Path]:
             if not tables:
                 raise TableError(f"Directory {path} holds no table ({', '.join(SUFFIXES)}).")
             files += tables
-        elif path.is_file():
-            files.append(path)
         else:
-            raise TableError(f"Table {path} does not exist.")
+            files.append(path)
     if not files:
         raise TableError("An import needs at least one file or directory.")
     return files

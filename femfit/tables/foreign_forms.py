@@ -18,7 +18,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import counted, quoted
-from femfit.tables.columns import UsedColumn, match_columns, meant_columns, named_in_its_unit
+from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.findings import finding
 from femfit.tables.header import names_of, parse_header
 from femfit.tables.number_text import looks_numeric, parse_number
@@ -95,12 +95,9 @@ def long_points(
             f"({listing(headers, 12)}); give one name a column with --columns."
         )
     optional = [name for name in SWEPT if name not in REQUIRED]
-    matched, findings = match_columns(headers, raw.source, SWEPT, options.columns, options.units, optional)
-    lacking = [name for name in REQUIRED if name not in {column.name for column in matched.values()}]
-    unused = [header for k, header in enumerate(headers) if k not in matched]
-    if meant := meant_columns(unused, lacking, named_in_its_unit):
-        columns = {**meant, **options.columns}
-        matched, findings = match_columns(headers, raw.source, SWEPT, columns, options.units, optional)
+    matched, findings = match_columns(
+        headers, raw.source, SWEPT, options.columns, options.units, optional, guessed=REQUIRED
+    )
     findings = [remark for remark in findings if remark.column not in options.without]
     uses: dict[str, UsedColumn] = {}
     data: dict[str, FloatArray] = {}
@@ -170,7 +167,7 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
     elif min(numbers.shape) < 2:
         raise TableError(f"{raw.source} as a matrix needs at least two rows and two columns; it is {numbers.shape}.")
     else:
-        across, label_unit, corner = numbers[0, 1:], None, raw.texts[0][0]
+        across, label_unit, corner = numbers[0, 1:], None, raw.texts(0)[0]
         numbers, lines = numbers[1:], lines[1:]
     corner, down = corner[:_LONGEST_CORNER], numbers[:, 0]
     if not _monotone(down) or not _monotone(across):

@@ -33,8 +33,9 @@ _IMPEDANCE = (
 """How the parts of an impedance are written, whose marks would be taken for units or for nothing."""
 
 _WORD = re.compile(r"[A-ZΑ-Ω]?[a-zα-ω]+|[A-ZΑ-Ω]+(?![a-z])|\d+")
-SURELY = 7
-"""The score of a header that is a column's name."""
+SURE, MAYBE, WORD_IN_UNIT, WORD, UNIT = 5, 4, 3, 2, 1
+"""Scores of a header: it is a column's name; it may be; a word of it is a name beside a unit of the kind, or without
+one; its unit alone is of the kind. Below ``MAYBE`` it is only asked about."""
 
 _LONGEST = 200
 """Characters of a header that are looked at."""
@@ -109,22 +110,23 @@ def find_header(key: str, headers: Sequence[str], source: str, option: str) -> s
     return matches[0]
 
 
-def match_score(header: Header, column: str) -> int:
-    """Tell how surely a header names a column.
+def score(header: Header, column: str) -> int:
+    """Tell how surely a header names a column; a unit of another kind makes it 0.
 
-    0: not; 7: it is the name; 1: it may be, as a name of one letter, or one that means several things beside a unit of
-    the right kind, or is made of its names as in ``Spannung U [mV]``. A unit of another kind makes it 0.
+    It may be the column as a name of one letter, or one that means several things beside a unit of the right kind, or
+    where it is made of the column's names as in ``Spannung U [mV]``.
     """
     stem, si_unit = column_unit(column)
     fits = header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None
     if header.unit is not None and not fits:
         return 0
-    names = names_of(column)
-    if header.name != re.sub("[_-]", "", stem).casefold() and header.name not in names:
-        return int(fits and bool(header.words) and all(word in names for word in header.words))
-    if header.name in NEEDS_UNIT:
-        return int(fits)
-    return SURELY if fits or len(header.name) > 1 else 1
+    names = {re.sub("[_-]", "", stem).casefold(), *names_of(column)}
+    if header.name in names and header.name not in NEEDS_UNIT:
+        return SURE if fits or len(header.name) > 1 else MAYBE
+    named = names.intersection(header.words)
+    if fits and (header.name in names or (named and named.issuperset(header.words))):
+        return MAYBE
+    return (WORD_IN_UNIT if fits else WORD) if named or header.name in names else int(fits)
 
 
 def names_of(column: str) -> tuple[str, ...]:

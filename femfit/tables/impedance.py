@@ -138,22 +138,15 @@ def _one_in_series(
             )
     if mutual or "inductance_H" not in series:
         return series, findings
-    inductive, resonance = without_capacitive(series, frequency, source, column_of("inductance_H", circuit))
-    return inductive, [*findings, *resonance]
-
-
-def without_capacitive(
-    series: dict[str, FloatArray], frequency: FloatArray, source: str, column: str
-) -> tuple[dict[str, FloatArray], list[Finding]]:
-    """An impedance without readings that no inductance gives, those above the winding's own resonance."""
-    wrong = series["inductance_H"] <= 0.0
+    wrong = series["inductance_H"] <= 0.0  # above the winding's own resonance
     if not wrong.any():
-        return series, []
+        return series, findings
+    column = column_of("inductance_H", circuit)
     if wrong[np.isfinite(series["inductance_H"])].all():
         raise TableError(
             f"An impedance of a coil must have an inductance > 0; {source} has none in {column}. If its imaginary "
             "part or its phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
         )
     lowest, count = amount(float(np.min(frequency[wrong])), "frequency_Hz"), int(wrong.sum())
-    remark = finding("resonance", size=float(count), column=column, readings=count, frequency=lowest)
-    return {name: np.where(wrong, np.nan, values) for name, values in series.items()}, [remark]
+    findings.append(finding("resonance", size=float(count), column=column, readings=count, frequency=lowest))
+    return {name: np.where(wrong, np.nan, values) for name, values in series.items()}, findings

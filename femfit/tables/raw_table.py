@@ -5,11 +5,11 @@ The net under every library that decodes a foreign file: a damaged one is said t
 
 import codecs
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -31,27 +31,17 @@ def decoding(source: object, kind: str) -> Iterator[None]:
     except (FemfitError, MemoryError):
         raise
     except Exception as error:
-        raise TableError(damaged(source, kind, f"{type(error).__name__}: {error}")) from error
-
-
-def damaged(source: object, kind: str, reason: object) -> str:
-    """Say that a file cannot be decoded."""
-    return (
-        f"{source} cannot be read as {kind}; it seems to be damaged ({quoted(reason, 300)}). Write it again, or export "
-        "it as CSV."
-    )
+        reason = quoted(f"{type(error).__name__}: {error}", 300)
+        raise TableError(
+            f"{source} cannot be read as {kind}; it seems to be damaged ({reason}). Write it again, or export it as "
+            "CSV."
+        ) from error
 
 
 PARQUET_MAGIC = b"PAR1"
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 MOST_COLUMNS = 2000
 """A table that is wider was read with the wrong delimiter, or is no table of measurements."""
-
-
-class Texts(Protocol):
-    """The text of each cell of a table, by the place of its column."""
-
-    def __getitem__(self, k: int, /) -> Sequence[str]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +51,7 @@ class RawTable:
     source: str
     headers: tuple[str, ...]  # One a column; empty if the file has none
     numbers: FloatArray  # NaN where the cell is no finite number; shape (n, m)
-    texts: Texts  # The text of each cell, column by column
+    texts: Callable[[int], Sequence[str]]  # The text of each cell of a column, by the column's place
     lines: Sequence[int]  # Line (text) or row (Parquet) of each row in the file, from 1; shape (n,)
     dialect: str  # Encoding, delimiter and decimal mark in one phrase
     decimal: str = "."
@@ -69,6 +59,7 @@ class RawTable:
     ragged: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()  # What was passed over: comment lines, repeated headers
     name: str = ""  # Among the tables of a file that may have several
+    typed: pd.DataFrame | None = None  # The columns themselves, where the file says their types
 
     def column(self, header: str) -> FloatArray:
         """Return the numbers of a column, shape (n,)."""
@@ -76,15 +67,18 @@ class RawTable:
 
     def text(self, header: str) -> Sequence[str]:
         """Return the cells of a column."""
-        return self.texts[self.headers.index(header)]
+        return self.texts(self.headers.index(header))
 
     def frame(self) -> pd.DataFrame:
-        """Return the columns by their headers, as text where a cell that is not empty is no number."""
+        """Return the columns by their headers: whole numbers, numbers, or text where a filled cell is no number."""
+        if self.typed is not None:
+            return self.typed
         columns = {}
         for k, header in enumerate(self.headers):
-            cells = self.texts[k]
+            cells = self.texts(k)
             worded = any(np.isnan(number) and cell for number, cell in zip(self.numbers[:, k], cells, strict=True))
-            columns[header] = list(cells) if worded else self.numbers[:, k]
+            counts = all(len(cell) < 16 and cell.lstrip("-").isdecimal() for cell in cells)  # as exact in a double
+            columns[header] = list(cells) if worded else self.numbers[:, k].astype(np.int64 if counts else np.float64)
         return pd.DataFrame(columns)
 
 
@@ -129,33 +123,28 @@ def raw_table_of(frame: pd.DataFrame, source: str, dialect: str, name: str = "")
     """Return typed columns as a table."""
     check_width(frame.shape[1], source)
     columns = [typed_numbers(frame.iloc[:, k]) for k in range(frame.shape[1])]
+
+    def texts(k: int) -> list[str]:  # when they are asked for: a long record is rarely shown
+        column = frame.iloc[:, k]
+        return ["" if missing else str(cell) for cell, missing in zip(column, column.isna(), strict=True)]
+
     return RawTable(
         source=source,
         headers=tuple(str(name) for name in frame.columns),
         numbers=np.array(columns, dtype=np.float64).reshape(frame.shape[1], len(frame)).T,
-        texts=_FrameTexts(frame),
+        texts=texts,
         lines=range(1, len(frame) + 1),
         dialect=dialect,
         name=name,
+        typed=frame,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _FrameTexts:
-    """The cells of typed columns as text, made when they are asked for: a long record is rarely shown."""
-
-    frame: pd.DataFrame
-
-    def __getitem__(self, k: int) -> list[str]:
-        column = self.frame.iloc[:, k]
-        return ["" if missing else str(cell) for cell, missing in zip(column, column.isna(), strict=True)]
 
 
 def typed_numbers(column: "pd.Series[Any]") -> FloatArray:
     """Convert a typed column; moments of a clock become seconds from the first one. NaN where there is no number."""
     kind = column.dtype
     if pd.api.types.is_datetime64_any_dtype(kind) or pd.api.types.is_timedelta64_dtype(kind):
-        elapsed = pd.to_timedelta(column - column.dropna().iloc[0]) if column.notna().any() else column
+        elapsed = pd.to_timedelta(column - (column.dropna().iloc[0] if column.notna().any() else pd.NaT))
         return np.asarray(elapsed.dt.total_seconds().to_numpy(dtype=np.float64, na_value=np.nan))
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
     return np.where(np.abs(values) < LARGEST, values, np.nan)

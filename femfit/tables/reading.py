@@ -17,7 +17,7 @@ from femfit.core.files import finite_number, read_settings
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import amount, counted, quoted
-from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, recognise, remedy_for_columns
+from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, remedy_for_columns
 from femfit.tables.findings import finding
 from femfit.tables.header import circuit_columns, parts_of, same_header
 from femfit.tables.measurement import OF_RUNS, SETTINGS
@@ -266,13 +266,16 @@ def read_raw_table(
 
 def read_columns(raw: RawTable, wants: Wants, words: Words) -> ReadTable:
     """What a file has of the columns that a kind of table may have, and what was the same in every row of it."""
-    filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts[k])]
+    filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts(k))]
     names = wants.columns(raw.headers, words)
-    used, recognised = recognise(filled, raw.source, names, words.columns, words.units)
+    matched, findings = match_columns(filled, raw.source, names, words.columns, words.units)
+    used = list(matched.values())
     if not len(raw.lines):
         raise TableError(f"{raw.source} has column names and no row below them; it needs one row a reading.")
     rows, remarks = column_values(raw, used)
-    findings = [finding("reading", note=note[0].upper() + note[1:]) for note in raw.notes] + recognised + remarks
+    notes = [finding("reading", note=note[0].upper() + note[1:]) for note in raw.notes]
+    conversions = [column.conversion() for column in used if column.header.strip() != column.name]
+    findings = [*notes, *findings, *conversions, *remarks]
     for name, value in words.settings.items():
         if name in rows and rows[name].notna().any():
             raise TableError(

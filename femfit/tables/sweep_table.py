@@ -4,6 +4,7 @@ Written by the sweep and by the importer of FEMM tables, read by the fit; both k
 sweep's table one variant is chosen, with what its model needs beside the rows.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings, replacing, write_json
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed, listing
 from femfit.core.sweep_columns import VARIANT, is_current
 from femfit.core.text import counted, quoted
@@ -155,23 +156,19 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     >>> print(ff.read_sweep("runs/rig"))
     50 points: 5 currents 0 to 1.4 A, 10 distances 15 to 45 mm
     """
-    import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
-
-    from femfit.tables.raw_table import check_width, decoding  # noqa: PLC0415
-    from femfit.tables.table_file import is_container, parse_table  # noqa: PLC0415
+    from femfit.tables.raw_table import file_content  # noqa: PLC0415
+    from femfit.tables.table_file import parse_table  # noqa: PLC0415  pandas loads while a sweep's workers solve
     from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
     file = _table_file(path_of(path, "A sweep table"))
-    with decoding(file, "a sweep table"):
-        if file.suffix == ".parquet":
-            rows = pd.read_parquet(file)
-        elif is_container(file):
-            raw = parse_table(file.read_bytes(), str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
-            rows = raw.frame()
-        else:
-            with file.open("rb") as head:
-                check_width(head.readline().count(b",") + 1, str(file))
-            rows = pd.read_csv(file)
+    content = file_content(file, "sweep table")
+    raw = parse_table(content, str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
+    if raw.ragged:
+        raise TableError(
+            f"Sweep table {file} must have as many cells in a row as column names; line {listing(raw.ragged)} has more "
+            "or fewer. Repair it."
+        )
+    rows = raw.frame()
     manifest_file = file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     _check(rows, file, swept=manifest.get("kind") == "sweep")
@@ -191,8 +188,6 @@ def _table_file(path: Path) -> Path:
             if (path / f"{TABLE_STEM}{suffix}").is_file():
                 return path / f"{TABLE_STEM}{suffix}"
         raise TableError(f"{path} holds no {TABLE_STEM}.parquet; run femfit sweep ACTUATOR.toml -o {path} first.")
-    if not path.is_file():
-        raise TableError(f"Sweep table {path} does not exist.")
     return path
 
 
@@ -244,7 +239,16 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
     axes = names[names.index(VARIANT) :] if VARIANT in names else []
     rows = table.rows
     for name, value in where.items():
-        rows = _narrowed(rows, name, value, axes)
+        if name not in axes:
+            axes_text = f"its parameters are {', '.join(axes)}" if axes else "it has none: leave --where out"
+            raise TableError(f"{name!r} is no parameter of the table; {axes_text}.")
+        matching = rows[[_same(cell, value) for cell in rows[name]]]
+        if matching.empty:
+            raise TableError(
+                f"No row has {name} = {_shown(value)} with what else was chosen; {name} {_values(rows[name])} there. "
+                "Choose one of these."
+            )
+        rows = matching
     if not axes:
         return table
     variants = rows[axes].drop_duplicates()
@@ -256,28 +260,17 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
             f"--where {axes[-1]}={_shown(variants[axes[-1]].iloc[0])}; repeat --where for more of them."
         )
     chosen = {name: variants[name].tolist()[0] for name in axes}
-    return SweepTable(rows.drop(columns=axes).reset_index(drop=True), _manifest(table.manifest, chosen))
+    manifest = {name: value for name, value in table.manifest.items() if name not in {"variants", "parameters"}}
+    for entry in table.manifest.get("variants", ()):
+        if entry.get(VARIANT) == chosen[VARIANT]:
+            manifest |= {name: value for name, value in entry.items() if name in manifest}
+    return SweepTable(rows.drop(columns=axes).reset_index(drop=True), manifest | {"variant": chosen})
 
 
-def _narrowed(rows: "pd.DataFrame", name: str, value: float | str, axes: list[str]) -> "pd.DataFrame":
-    if name not in axes:
-        axes_text = f"its parameters are {', '.join(axes)}" if axes else "it has none: leave --where out"
-        raise TableError(f"{name!r} is no parameter of the table; {axes_text}.")
-    matching: pd.DataFrame = rows[_same(rows[name], value)]
-    if matching.empty:
-        raise TableError(
-            f"No row has {name} = {_shown(value)} with what else was chosen; {name} {_values(rows[name])} there. "
-            "Choose one of these."
-        )
-    return matching
-
-
-def _same(column: "pd.Series[Any]", value: float | str) -> BoolArray:
-    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
-
-    if isinstance(value, str) or not is_numeric_dtype(column):
-        return np.array([str(cell) == _shown(value) for cell in column])
-    return np.asarray(np.isclose(column.to_numpy(dtype=float), value, rtol=SAME, atol=0.0))
+def _same(cell: float | str, value: float | str) -> bool:
+    if isinstance(cell, str) or isinstance(value, str):
+        return str(cell) == _shown(value)
+    return math.isclose(cell, value, rel_tol=SAME)
 
 
 def _shown(value: float | str) -> str:
@@ -288,11 +281,3 @@ def _values(column: "pd.Series[Any]") -> str:
     values = sorted(set(column))
     shown = ", ".join(_shown(value) for value in values[:SHOWN])
     return f"is {shown}" if len(values) <= SHOWN else f"is {shown}, ... {_shown(values[-1])}"
-
-
-def _manifest(manifest: Mapping[str, Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
-    general = {name: value for name, value in manifest.items() if name not in {"variants", "parameters"}}
-    for entry in manifest.get("variants", ()):
-        if entry.get(VARIANT) == chosen[VARIANT]:
-            general |= {name: value for name, value in entry.items() if name in general}
-    return general | {"variant": dict(chosen)}

@@ -12,7 +12,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.results import listing
-from femfit.tables.header import match_score, parse_header
+from femfit.tables.header import MAYBE, parse_header, score
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
 from femfit.tables.raw_table import RawTable, check_width, decode
 from femfit.tables.units import CHANNELS, is_unit
@@ -74,7 +74,7 @@ def parse_text(
     blank = ("",) * layout.width  # in place of cells that may be shifted, and stand in wrong columns
     rows = [line.cells if len(line.cells) == layout.width else blank for line in body]
     if not decimal:
-        cells = set(itertools.chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
+        cells = dict.fromkeys(itertools.chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
         if any("," in cell for cell in cells):
             marked = [cell for cell in cells if "," in cell or "." in cell]
         else:
@@ -85,7 +85,7 @@ def parse_text(
         source=source,
         headers=layout.headers,
         numbers=np.column_stack([numbers_of(column, decimal) for column in texts]),
-        texts=texts,
+        texts=texts.__getitem__,
         lines=[line.number for line in body],
         dialect=f"{encoding}, {_DELIMITER_NAMES.get(layout.delimiter, repr(layout.delimiter))}, decimal {decimal}",
         decimal=decimal,
@@ -184,19 +184,23 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
         for line, cells in headed
         if cells is not None and not all(map(looks_numeric, cells)) and not _units_of(cells)
     ]
-    if not named:
-        headers, used = _axis_line(above, width)
-        return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
-    _, number, headers = max(named)
+    # A matrix whose upper left corner is blank has a first line with one number less
+    rows = (line for line in above if not line.comment and all(map(looks_numeric, line.cells)))
+    axes = [(0, line.number, ("", *line.cells)) for line in rows if len(line.cells) == width - 1]
+    _, number, headers = max(named or axes, default=(0, 0, ()))
     used = frozenset((number,))
-    for line, cells in headed:
+    for line, cells in headed if named else ():
         if line.number > number and cells is not None and (units := _units_of(cells)):
             headers = tuple(
                 name if parse_header(name).unit or unit in _NO_UNITS else f"{name} [{unit}]"
                 for name, unit in zip(headers, units, strict=True)
             )
             used |= {line.number}
-    return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
+    passed = [line.number for line in above if line.number not in used]
+    note = "lines {} above the readings are text, such as titles, and were ignored"
+    if len(passed) == 1:
+        note = "line {} above the readings is text, such as a title, and was ignored"
+    return Layout(delimiter, width, headers, start, used, (note.format(listing(passed)),) if passed else ())
 
 
 def _first_row(lines: list[Line], width: int) -> int:
@@ -211,24 +215,6 @@ def _first_row(lines: list[Line], width: int) -> int:
         elif first is not None and rows < 2 and sum(map(_is_known, line.cells)) >= 2:
             first = None
     return first or lines[-1].number + 1
-
-
-def _axis_line(above: list[Line], width: int) -> tuple[tuple[str, ...], frozenset[int]]:
-    """A matrix whose upper left corner is blank has a first line with one number less."""
-    for line in reversed(above):
-        if not line.comment and len(line.cells) == width - 1 and all(map(looks_numeric, line.cells)):
-            return ("", *line.cells), frozenset((line.number,))
-    return (), frozenset()
-
-
-def _passed_over(above: list[Line], used: frozenset[int]) -> tuple[str, ...]:
-    numbers = [line.number for line in above if line.number not in used]
-    if not numbers:
-        return ()
-    words = "lines {} above the readings are text, such as titles, and were"
-    if len(numbers) == 1:
-        words = "line {} above the readings is text, such as a title, and was"
-    return (f"{words.format(listing(numbers))} ignored",)
 
 
 _NO_UNITS = frozenset(("", "-", "1"))
@@ -255,4 +241,4 @@ def _header_cells(line: Line, delimiter: str, width: int) -> tuple[str, ...] | N
 
 
 def _is_known(cell: str) -> bool:
-    return bool(cell) and any(match_score(parse_header(cell), column) for column in CHANNELS)
+    return bool(cell) and any(score(parse_header(cell), column) >= MAYBE for column in CHANNELS)

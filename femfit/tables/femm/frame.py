@@ -67,7 +67,13 @@ def find_frame(bodies: FemBodies, windings: Sequence[FemWinding], options: FemOp
     face = round(face, DIGITS)
     distance = round(moving.bounds[1] - face, DIGITS) + 0.0
     frame = FemFrame(up * face + 0.0, up, distance, _polarity(bodies))
-    _say(frame, windings, notes)
+    turned = "which is mirrored, for the moving part lies below" if up < 0 else "as it stands"
+    notes.say("frame", face=frame.face_mm, distance=distance, turned=turned)
+    turned_round = [repr(winding.circuit.name) for winding in windings if frame.current_sign(winding) < 0]
+    if turned_round:
+        notes.say("current-sign", circuits=", ".join(turned_round))
+    if frame.field_sign < 0:
+        notes.say("field-sign")
     return frame
 
 
@@ -125,16 +131,6 @@ def _polarity(bodies: FemBodies) -> float:
     return 1.0
 
 
-def _say(frame: FemFrame, windings: Sequence[FemWinding], notes: Notes) -> None:
-    turned = "which is mirrored, for the moving part lies below" if frame.up < 0 else "as it stands"
-    notes.say("frame", face=frame.face_mm, distance=frame.distance_mm, turned=turned)
-    turned_round = [repr(winding.circuit.name) for winding in windings if frame.current_sign(winding) < 0]
-    if turned_round:
-        notes.say("current-sign", circuits=", ".join(turned_round))
-    if frame.field_sign < 0:
-        notes.say("field-sign")
-
-
 PLAIN_WIRE = 3
 """``LamType`` of round magnet wire; it and above are wound, below are solid."""
 
@@ -155,17 +151,14 @@ def find_wire(coil: FemPiece, notes: Notes) -> FemWire:
     """A winding's wire and resistance."""
     material = coil.material
     diameter, origin = material.wire_diameter_mm, f"WireD of {material.name!r}"
-    if material.lamination_type != PLAIN_WIRE or diameter <= 0.0 or not _fits(coil, diameter):
+    wire = material.lamination_type == PLAIN_WIRE and diameter > 0.0
+    if not wire or smallest_winding_area(abs(coil.turns), diameter) > coil.polygon.area:
         section = COPPER_FILL * coil.polygon.area / abs(coil.turns)
         diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
         origin = f"ASSUMED: the file has no wire that fits; {100 * COPPER_FILL:g} % of the winding is copper"
         notes.say("assumed-wire", place=coil.label.place, diameter=diameter, copper=100 * COPPER_FILL)
     resistance = wire_resistance(abs(coil.turns), coil.polygon.centroid.x * 1e-3, diameter * 1e-3)
     return FemWire(diameter, origin, resistance)
-
-
-def _fits(coil: FemPiece, diameter: float) -> bool:
-    return bool(smallest_winding_area(abs(coil.turns), diameter) <= coil.polygon.area)
 
 
 @dataclass(frozen=True)

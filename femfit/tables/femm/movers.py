@@ -28,25 +28,20 @@ def outline_of(body: Body) -> shapely.Geometry:
 
 def divide(pieces: Body, air: Body, options: FemOptions, notes: Notes) -> FemBodies | None:
     """Divide parts and windings into fixed and moving ones; None if nothing moves, or it is not clear what."""
-    if not pieces:
-        notes.say("mover nothing")
-        return None
-    if not _wound(pieces) and not _magnet(pieces):
-        notes.say("mover field")
-        return None
-    if len(pieces) == 1:
-        notes.say("mover alone", place=pieces[0].place)
-        return None
     bodies = _connected(pieces)
-    if len(bodies) == 1:
-        notes.say("mover touching", places=" and ".join(piece.place for piece in pieces))
+    faults = {
+        "mover nothing": not pieces,
+        "mover field": not _wound(pieces) and not _magnet(pieces),
+        "mover alone": len(pieces) == 1,
+        "mover touching": len(bodies) == 1,
+    }
+    for fault in [name for name, wrong in faults.items() if wrong][:1]:
+        notes.say(fault, places=" and ".join(piece.place for piece in pieces))
         return None
     moving = _named(bodies, options.moving_labels, notes) if options.moving_labels else _inferred(bodies, notes)
-    return _divided(pieces, moving, air) if moving else None
-
-
-def _divided(pieces: Body, moving: Body, air: Body) -> FemBodies:
-    """What stands still and what moves, with the non-magnetic blocks that join it."""
+    if not moving:
+        return None
+    # Non-magnetic blocks of its group join what moves, where that is in pieces
     groups = {piece.group for piece in moving if piece.group} if len(_connected(moving)) > 1 else set()
     joining = [face for face in air if face.label.meshed and face.group in groups]
     fixed = tuple(piece for piece in pieces if piece not in moving)
@@ -69,11 +64,9 @@ def _named(bodies: Sequence[Body], labels: Sequence[int], notes: Notes) -> Body:
 def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
     """The body that alone can be the moving one; of two, the one that is usually moved."""
     candidates = [body for body in bodies if not _wound(body)]
+    grouped = [body for body in bodies if any(piece.group for piece in body)]
     rules: tuple[tuple[Callable[[Body], bool], str], ...] = (
-        (
-            lambda body: all(piece.group for piece in body) and not any(piece.group for piece in _rest(body, bodies)),
-            "the only body with a group above 0",
-        ),
+        (lambda body: grouped == [body] and all(piece.group for piece in body), "the only body with a group above 0"),
         (_magnet, "the only body with a magnet"),
         (lambda body: _clear(body, bodies), "the only body clear above or below the windings"),
         (lambda body: any(piece.polygon.bounds[0] <= GRID for piece in body), "the only body on the axis"),
@@ -121,11 +114,6 @@ def option_for(body: Body) -> str:
 
 def _candidates(bodies: Sequence[Body]) -> str:
     return "".join(f"\n    {option_for(body)} for {' with '.join(piece.place for piece in body)}" for body in bodies)
-
-
-def _rest(body: Body, bodies: Sequence[Body]) -> Body:
-    """The pieces of all other bodies."""
-    return [piece for rival in bodies if rival is not body for piece in rival]
 
 
 def _wound(body: Body) -> bool:
