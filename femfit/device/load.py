@@ -16,7 +16,7 @@ from femfit.device import drawing
 from femfit.device.complaints import complain, read_table, read_tables, table_at
 from femfit.device.keys import scaled
 from femfit.device.parameter_table import read_design
-from femfit.device.parameters import eddy_bias, frequencies, read_axes
+from femfit.device.parameters import eddy_bias, read_axes
 from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
 from femfit.device.read_device import (
     check_circuit_names,
@@ -107,7 +107,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     sensors = read_sensors(data, entries, circuits, problems)
     currents_A, distances = read_axes(data, names, problems)
     first_A, *further_A = currents_A or [(0.0,)]
-    frequencies_Hz, eddy_bias_A = frequencies(solver, problems), eddy_bias(solver, len(circuits), problems)
+    eddy_bias_A = eddy_bias(solver, len(circuits), problems)
     steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:
@@ -129,7 +129,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         sensors=sensors,
         reference_distances_m=reference_m,
         tolerance=solver.tolerance if solver else None,
-        frequencies_Hz=frequencies_Hz,
+        frequencies_Hz=solver.frequency_Hz or () if solver else (),
         eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
         thermal=entries.get("thermal", STILL_AIR),
         eddy_bias_A=eddy_bias_A,

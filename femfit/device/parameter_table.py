@@ -11,7 +11,7 @@ from typing import Any, TypeGuard
 from femfit.core.sweep_columns import COLUMNS, VARIANT
 from femfit.device.complaints import complain, did_you_mean, joined, read_part, read_table, read_value, table_at
 from femfit.device.file_numbers import Location, material_keys, nearest_numbers, numbers_of
-from femfit.device.keys import Key, keys_of, unit_of
+from femfit.device.keys import MAX_AXIS_POINTS, Key, RangeEntry, keys_of, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import (
     FollowingKey,
@@ -21,15 +21,12 @@ from femfit.device.parameters import (
     grid_points,
     latin_hypercube,
     list_points,
-    read_axis,
 )
 from femfit.device.schema import (
-    MAX_AXIS_POINTS,
     PARAMETER,
     DesignEntry,
     KeyEntry,
     NamedParameterEntry,
-    RangeEntry,
     SampledEntry,
 )
 
@@ -130,12 +127,10 @@ def _following(value: object, path: str, data: Mapping[str, Any], problems: list
 
 
 def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
-    if isinstance(value, list):
-        return read_value(NUMBERS, value, path, problems) or None
     if isinstance(value, dict) and value.keys() & {"min", "max"}:
         return read_table(SampledEntry, value, path, problems)
-    if isinstance(value, dict):
-        return read_axis(NUMBERS, value, path, problems) or None
+    if isinstance(value, list | dict):
+        return read_value(NUMBERS, value, path, problems) or None
     complain(problems, "no_values", path, given=str(value)[:60], name=name[:60])
     return None
 
