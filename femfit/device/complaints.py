@@ -97,10 +97,11 @@ def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
         every = error.errors(include_url=False, include_context=False)
         problems += [_sentence(key, each, joined(path, *each["loc"])) for each in every]
         return None if key.required else key.usual
-    fall = next(((a, b) for a, b in pairwise(read or ()) if a >= b), None) if key.ascending else None
-    if fall:
+    steps = [*pairwise(read or ())] if key.ascending or key.monotone else []
+    fall = next((step for step in steps if step[0] >= step[1]), None)
+    if fall and key.ascending:
         complain(problems, "order", path, before=fall[0], after=fall[1])
-    elif key.monotone and not (ascends(read) or ascends(read[::-1])):
+    elif fall and not all(before > after for before, after in steps):
         complain(problems, "turns", path, given=shortened(read))
     return read
 
@@ -129,11 +130,6 @@ def _check_lists(record: Any, given: Given, path: str, problems: list[str]) -> N
         if key.like and len(values) != len(other := getattr(given, names[key.like]) or ()):
             facts = {"count": len(values), "other": names[key.like], "needed": len(other)}
             complain(problems, "like", joined(path, name), **facts)
-
-
-def ascends(values: Sequence[float]) -> bool:
-    """Whether each value is above the one before it."""
-    return all(before < after for before, after in pairwise(values))
 
 
 @cache

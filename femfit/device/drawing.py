@@ -181,17 +181,16 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
     for name, table in table_at(data, "materials").items():
         entry = entries.get(joined("materials", name))
         materials[name] = None if entry is None else _material(entry, table, directory, problems)
-    body = fixed_key(data)
-    fixed, moving = (_regions(data, key, entries, materials, problems) for key in (body, "moving"))
+    tables, fixed, moving, windings = dict(part_tables(data)), list[DrawnPart](), list[DrawnPart](), list[DrawnPart]()
+    for place, table in tables.items():
+        part = _part(place, table, entries, materials, problems)
+        if part is not None:
+            (windings if is_winding(place) else moving if place[0] == "moving" else fixed).append(part)
     names = {part.name for part in fixed}
     for part in (part for part in moving if part.name in names):
-        complain(problems, "region_twice", part.path, body=body)
-    tables = dict(coil_tables(data))
-    drawn = [_winding(path, table, problems) for path, table in tables.items()]
-    windings = tuple(winding for winding in drawn if winding is not None)
-    regions = len(table_at(data, body, "regions")) + len(table_at(data, "moving", "regions"))
-    complete = len(fixed) + len(moving) == regions and len(windings) == len(tables)
-    return Drawing(fixed, moving, windings, complete)
+        complain(problems, "region_twice", part.path, body=fixed_key(data))
+    complete = len(fixed) + len(moving) + len(windings) == len(tables)
+    return Drawing(tuple(fixed), tuple(moving), tuple(windings), complete)
 
 
 def fixed_key(data: Mapping[str, Any]) -> str:
@@ -199,12 +198,23 @@ def fixed_key(data: Mapping[str, Any]) -> str:
     return "fixed" if "fixed" in data else "electromagnet"
 
 
-def coil_tables(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Key path and table of each winding: ``[coil]``, or those of ``[coils]``."""
+def part_tables(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Place and table of each region, the fixed ones first, and of each winding."""
+    for body in (fixed_key(data), "moving"):
+        yield from (((body, "regions", name), table) for name, table in table_at(data, body, "regions").items())
     if isinstance(data.get("coil"), dict):
-        yield "coil", data["coil"]
-    for name, table in table_at(data, "coils").items():
-        yield joined("coils", name), table
+        yield ("coil",), data["coil"]
+    yield from ((("coils", name), table) for name, table in table_at(data, "coils").items())
+
+
+def materials_used(data: Mapping[str, Any]) -> set[str]:
+    """Names of the materials of the file's regions."""
+    return {str(table.get("material")) for _, table in part_tables(data) if isinstance(table, dict)}
+
+
+def is_winding(place: Sequence[object]) -> bool:
+    """Whether the table of a winding stands at a place."""
+    return place[0] in {"coil", "coils"}
 
 
 def _material(material: Material, table: Any, directory: Path, problems: list[str]) -> Material | None:
@@ -228,26 +238,6 @@ def _material(material: Material, table: Any, directory: Path, problems: list[st
     if points is None or wrong:
         return None
     return replace(material, flux_density_T=points[0], field_A_per_m=points[1], remark=remark)
-
-
-def _regions(
-    data: Mapping[str, Any],
-    body: str,
-    entries: Mapping[str, Any],
-    materials: Mapping[str, Material | None],
-    problems: list[str],
-) -> tuple[DrawnPart, ...]:
-    parts = []
-    for name, table in table_at(data, body, "regions").items():
-        path = joined(body, "regions", name)
-        if name in RESERVED:
-            complain(problems, "reserved", path, names=" or ".join(RESERVED))
-        entry = entries.get(path)
-        material = None if entry is None else _region_material(entry, path, materials, problems)
-        part = _part(table, path, name, material, problems)
-        if part is not None:
-            parts.append(part)
-    return tuple(parts)
 
 
 def _region_material(
@@ -283,16 +273,23 @@ def _region_material(
     return warmed
 
 
-def _winding(path: str, table: Any, problems: list[str]) -> DrawnPart | None:
-    part = _part(table, path, path.removeprefix("coils."), None, problems)
-    if part is None or not isinstance(table, dict):
+def _part(
+    place: tuple[str, ...],
+    table: Any,
+    entries: Mapping[str, Any],
+    materials: Mapping[str, Material | None],
+    problems: list[str],
+) -> DrawnPart | None:
+    """A region of its material, or a winding; None without an outline."""
+    path, name, winding = joined("", *place), place[-1], is_winding(place)
+    if not winding and name in RESERVED:
+        complain(problems, "reserved", path, names=" or ".join(RESERVED))
+    entry = None if winding else entries.get(path)
+    material = None if entry is None else _region_material(entry, path, materials, problems)
+    shape = read_part(OutlineEntry, table)
+    drawn = None if shape is None else outline(shape, path, problems)
+    if drawn is None:
         return None
-    if part.polygon.bounds[0] <= 0:
+    if winding and drawn.polygon.bounds[0] <= 0:
         complain(problems, "winding_on_axis", path)
-    return replace(part, moves=table.get("moves") is True)
-
-
-def _part(table: object, path: str, name: str, material: Material | None, problems: list[str]) -> DrawnPart | None:
-    entry = read_part(OutlineEntry, table)
-    drawn = None if entry is None else outline(entry, path, problems)
-    return None if drawn is None else DrawnPart(path, name, drawn, material)
+    return DrawnPart(path, name, drawn, material, moves=winding and table.get("moves") is True)

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
 from femfit.device import drawing
-from femfit.device.complaints import complain, read_table, read_tables, table_at
+from femfit.device.complaints import complain, joined, read_table, read_tables, table_at
 from femfit.device.keys import scaled
 from femfit.device.parameter_table import read_design
 from femfit.device.parameters import eddy_bias, read_axes
@@ -179,8 +179,8 @@ def _check_drawing(
         drawing.check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
         drawing.check_moving_body(drawn.moving, [winding for winding in drawn.windings if winding.moves], problems)
     drawing.check_collisions(standing, moving, distances, problems)
-    for path, place in hall_places(data):
-        drawing.check_hall_place(path, place, standing, moving, distances, problems)
+    for place, element in hall_places(data):
+        drawing.check_hall_place(joined("", *place), element, standing, moving, distances, problems)
 
 
 def _region(part: drawing.DrawnPart) -> Region:

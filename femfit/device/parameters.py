@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from femfit.device.complaints import complain, did_you_mean, given_by, joined, read_value
-from femfit.device.drawing import coil_tables
+from femfit.device.drawing import is_winding, part_tables
 from femfit.device.file_numbers import Location, with_value
 from femfit.device.keys import MAX_AXIS_POINTS, SI_UNITS, RangeEntry, decimal_sum, keys_of, scaled, unit_of
 from femfit.device.schema import SampledEntry, SolverEntry, SweepEntry
@@ -35,7 +35,7 @@ def read_axes(
     sweep = data.get("sweep")
     if not isinstance(sweep, dict):
         return [], ()
-    currents, without = sweep.get("current_A"), not any(coil_tables(data))
+    currents, without = sweep.get("current_A"), not any(is_winding(place) for place, _ in part_tables(data))
     axes, each = [], isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
     shared = {key: value for key, value in sweep.items() if key != "current_A" or not (each or without)}
     entry = given_by(SweepEntry, shared, "sweep", problems)
