@@ -52,11 +52,6 @@ def coefficient_bounds(
     return bounds
 
 
-def term_names(law: ForceLaw, functions: Sequence[str]) -> tuple[tuple[str, int], ...]:
-    """(column, power of current) of every term, in the order of :func:`design_matrix`."""
-    return tuple((basis, power) for basis, name in zip(law.basis, functions, strict=True) for power in FUNCTIONS[name])
-
-
 def design_matrix(
     law: ForceLaw, shape: Mapping[str, float], functions: Sequence[str], distance: FloatArray, current: FloatArray
 ) -> FloatArray:
