@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.fit.basis import CoenergyBasis
-from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
+from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system, determined
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
@@ -104,7 +104,7 @@ def _solve_with_shapes(
         which = np.flatnonzero(chosen)
         labels = tuple(shapes.labels[n] for n in which)
         imposed = Inequalities(shapes.matrix[which], shapes.right[which], labels)
-        qp = solve_bounded_qp(matrix, y, sigma, inequalities=imposed)
+        qp = BoundedQP(matrix, y, sigma, inequalities=imposed).solve()
         if kinds == 0:
             return qp, ()
         value = shapes.matrix @ qp.x
