@@ -171,7 +171,10 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
         materials[name] = None if entry is None else _material(entry, table, directory, problems)
     tables, fixed, moving, windings = dict(part_tables(data)), list[DrawnPart](), list[DrawnPart](), list[DrawnPart]()
     for place, table in tables.items():
-        part = _part(place, table, entries, materials, problems)
+        path = joined("", *place)
+        entry = None if is_winding(place) else entries.get(path)
+        material = None if entry is None else _region_material(entry, path, materials, problems)
+        part = _part(place, table, material, problems)
         if part is not None:
             (windings if is_winding(place) else moving if place[0] == "moving" else fixed).append(part)
     names = {part.name for part in fixed}
@@ -261,19 +264,11 @@ def _region_material(
     return warmed
 
 
-def _part(
-    place: tuple[str, ...],
-    table: Any,
-    entries: Mapping[str, Any],
-    materials: Mapping[str, Material | None],
-    problems: list[str],
-) -> DrawnPart | None:
+def _part(place: tuple[str, ...], table: Any, material: Material | None, problems: list[str]) -> DrawnPart | None:
     """A region of its material, or a winding; None without an outline."""
     path, name, winding = joined("", *place), place[-1], is_winding(place)
     if not winding and name in RESERVED:
         complain(problems, "reserved", path, names=" or ".join(RESERVED))
-    entry = None if winding else entries.get(path)
-    material = None if entry is None else _region_material(entry, path, materials, problems)
     shape = read_part(OutlineEntry, table)
     drawn = None if shape is None else outline(shape, path, problems)
     if drawn is None:

@@ -26,7 +26,7 @@ from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, true_setting
 from femfit.model.decay import Complex, complex_array
-from femfit.model.eddy_currents import EddyCurrents, Patterns
+from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.hall import HallField, OtherSensor, PickupSensor
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import CoenergyTensor
@@ -224,7 +224,7 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     return found
 
 
-def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> Patterns | None:
+def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> EddyForms | None:
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None
