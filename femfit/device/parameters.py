@@ -11,7 +11,6 @@ import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from femfit.device.complaints import complain, did_you_mean, given_by, joined, read_value
 from femfit.device.drawing import is_winding, part_tables
 from femfit.device.file_numbers import Location, with_value
-from femfit.device.keys import MAX_AXIS_POINTS, SI_UNITS, RangeEntry, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.keys import SI_UNITS, RangeEntry, decimal_sum, keys_of, scaled, unit_of
 from femfit.device.schema import SampledEntry, SolverEntry, SweepEntry
 
 MIN_DISTANCE = 1e-3
@@ -82,23 +81,8 @@ Value = float | str
 Points = tuple[tuple[Value, ...], ...]
 """One tuple a point, one value a parameter."""
 
-
-def grid_points(values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
-    """Every combination, the last parameter fastest."""
-    count = int(np.prod([float(len(column)) for column in values]))
-    if count > MAX_AXIS_POINTS:
-        complain(problems, "many_points", most=MAX_AXIS_POINTS, count=count)
-        return ()
-    return tuple(product(*values))
-
-
-def list_points(names: Sequence[str], values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
-    """The first values together, the second ones together, and so on."""
-    if len({len(column) for column in values}) > 1:
-        lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(names, values, strict=True))
-        complain(problems, "list_lengths", lengths=lengths)
-        return ()
-    return tuple(zip(*values, strict=True))
+Values = Sequence[float] | Sequence[str] | SampledEntry
+"""Those of one parameter, or the range that they are drawn from."""
 
 
 def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
@@ -144,6 +128,7 @@ class SweptParameter:
 
     name: str
     keys: tuple[FollowingKey, ...]
+    values: Values
 
     @property
     def column(self) -> str:
