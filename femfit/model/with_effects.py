@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 SCALING = ("remanence", "turns")
 """Effects that scale what makes the field."""
 
+TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
+
 
 def nominal_of(model: "ActuatorModel") -> Nominal:
     """Facts of a base model by which effects scale their parameters."""
@@ -145,12 +147,8 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     if not effects:
         return base
     _require_known(base, effects)
-    at = Conditions(
-        nominal_of(base),
-        coil_temperature_C=model.coil_temperature_C,
-        magnet_temperature_C=model.magnet_temperature_C,
-        running=True,
-    )
+    temperatures = {name: getattr(model, name) for name in TEMPERATURES}
+    at = Conditions(nominal_of(base), **temperatures, running=True)
     motion = base.motion
     if motion is not None:
         near, far = changed_by(effects, "ends", motion.ends, at.nominal)
@@ -174,15 +172,14 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         effects=effects,
         base=base,
         conditions=at,
-        coil_temperature_C=model.coil_temperature_C,
-        magnet_temperature_C=model.magnet_temperature_C,
+        **temperatures,
     )
 
 
 def with_parts(model: "ActuatorModel", **parts: Any) -> "ActuatorModel":
     """A model with other parts of its base, on which its effects act."""
-    at = {"coil_temperature_C": model.coil_temperature_C, "magnet_temperature_C": model.magnet_temperature_C}
-    return with_effects(replace(model.without_effects, **(at | parts)), model.effects)
+    temperatures = {name: getattr(model, name) for name in TEMPERATURES}
+    return with_effects(replace(model.without_effects, **(temperatures | parts)), model.effects)
 
 
 def _require_known(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
