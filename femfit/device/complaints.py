@@ -75,7 +75,7 @@ def given_by(record: Any, table: object, path: str, problems: list[str]) -> Give
     for name in (name for name in keys if name in table):
         key, count, value = keys[name], len(problems), table[name]
         given.stated.add(name)
-        setattr(given, name, value if key.stepped else read_value(key, value, joined(path, name), problems))
+        setattr(given, name, read_value(key, value, joined(path, name), problems))
         given.wrong |= {name} if len(problems) > count else set()
     for name in (name for name, key in keys.items() if key.required and name not in table):
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
@@ -88,12 +88,22 @@ def given_by(record: Any, table: object, path: str, problems: list[str]) -> Give
 
 def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
     """A value of a key, in the file's unit, with a line for each problem; what is usual in place of a wrong one."""
+    if key.stepped and isinstance(value, dict):
+        entry = read_table(key.stepped, value, path, problems)
+        return None if entry is None else entry.values
     try:
-        return adapter(key).validate_python(value)
+        read = adapter(key).validate_python(value)
     except ValidationError as error:
         every = error.errors(include_url=False, include_context=False)
         problems += [_sentence(key, each, joined(path, *each["loc"])) for each in every]
         return None if key.required else key.usual
+    steps = [*pairwise(read or ())] if key.ascending or key.monotone else []
+    fall = next((step for step in steps if step[0] >= step[1]), None)
+    if fall and key.ascending:
+        complain(problems, "order", path, before=fall[0], after=fall[1])
+    elif fall and not all(before > after for before, after in steps):
+        complain(problems, "turns", path, given=shortened(read))
+    return read
 
 
 def json_schema(record: Any = FileEntry) -> dict[str, Any]:
@@ -113,21 +123,13 @@ def json_schema(record: Any = FileEntry) -> dict[str, Any]:
 
 
 def _check_lists(record: Any, given: Given, path: str, problems: list[str]) -> None:
-    """Report lists that are out of order or not as long as others, which are right each by itself."""
+    """Report lists that are not as long as others, which are right each by itself."""
     names = {key.field: name for name, key in keys_of(record).items()}
     for name, key in keys_of(record).items():
-        values, orders = getattr(given, name) or (), key.ascending or key.monotone
+        values = getattr(given, name) or ()
         if key.like and len(values) != len(other := getattr(given, names[key.like]) or ()):
             facts = {"count": len(values), "other": names[key.like], "needed": len(other)}
             complain(problems, "like", joined(path, name), **facts)
-        elif orders and not (ascends(values) or (key.monotone and ascends(values[::-1]))):
-            code = "turns" if key.monotone else "order" if len(values) > 2 else "pair"
-            complain(problems, code, joined(path, name), given=shortened(values))
-
-
-def ascends(values: Sequence[float]) -> bool:
-    """Whether each value is above the one before it."""
-    return all(before < after for before, after in pairwise(values))
 
 
 @cache

@@ -5,7 +5,7 @@ Checked are overlap and collision, the sensor's place, and whether there is a fo
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import chain, combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -64,91 +64,6 @@ class DrawnPart:
         return self.outline.polygon
 
 
-def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:
-    """Report each pair of parts, which stand still relative to each other, that share an area."""
-    for first, second in combinations(parts, 2):
-        shared = first.polygon.intersection(second.polygon)
-        if shared.area > MIN_AREA:
-            inner, lower, outer, upper = shared.bounds
-            box = {"inner": inner, "outer": outer, "lower": lower, "upper": upper}
-            complain(problems, "overlap", first.path, second=second.path, area=shared.area, **box)
-
-
-def check_thickness(parts: Sequence[DrawnPart], problems: list[str]) -> None:
-    """Report parts that are too thin for their length to be meshed: their elements are as large as they are thick."""
-    for body in parts:
-        inner, lower, outer, upper = body.polygon.bounds
-        thin, long = sorted((outer - inner, upper - lower))
-        if long > LARGEST_ASPECT * thin:
-            facts = {"most": LARGEST_ASPECT, "aspect": long / thin, "least": long / LARGEST_ASPECT}
-            complain(problems, "thin", body.path, thin=thin, long=long, **facts)
-
-
-def check_zero_heights(
-    fixed: Sequence[DrawnPart], moving: Sequence[DrawnPart], problems: list[str], *, reference_face: bool
-) -> None:
-    """Report faces that are not where distances are counted from.
-
-    ``reference_face`` says whether the fixed part must have a face there, as in schema 1.
-    """
-    heights = [z for body in fixed for _, z in body.polygon.exterior.coords]
-    if reference_face and heights and all(abs(z) > CONTACT for z in heights):
-        complain(problems, "no_face", lowest=min(heights), highest=max(heights))
-    if not moving:
-        return
-    nearest = min(moving, key=lambda part: float(part.polygon.bounds[1]))
-    height = nearest.polygon.bounds[1]
-    if abs(height) > CONTACT:
-        complain(problems, "moving_face", nearest.path, height=height)
-
-
-def check_collisions(
-    fixed: Sequence[DrawnPart], moving: Sequence[DrawnPart], distances: Sequence[float], problems: list[str]
-) -> None:
-    """Report each fixed part that the moving part touches within the swept distances (mm), with the first such one."""
-    if not distances:
-        return
-    for mover in moving:
-        way = swept(mover.polygon, distances[0], distances[-1])
-        for body in fixed:
-            if way.distance(body.polygon) > CONTACT:
-                continue
-            hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(body.polygon) <= CONTACT)
-            first = next(hits, None)
-            when = "between two swept distances" if first is None else f"first at {first:g} mm"
-            complain(problems, "collision", mover.path, body=body.path, when=when)
-
-
-def check_moving_body(moving: Sequence[DrawnPart], coils: Sequence[DrawnPart], problems: list[str]) -> None:
-    """Report a moving part in pieces, and one on which no magnetic force can act; ``coils`` are those that move."""
-    pieces = unary_union([body.polygon for body in (*moving, *coils)])
-    if pieces.geom_type == "MultiPolygon":
-        complain(problems, "pieces", count=len(pieces.geoms))
-    materials = [body.material for body in moving if body.material is not None]
-    if len(materials) < len(moving) or not moving or coils:
-        return
-    if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
-        complain(problems, "no_force", names=", ".join(sorted({material.name for material in materials})))
-
-
-def check_hall_place(
-    path: str,
-    hall: Given,
-    fixed: Sequence[DrawnPart],
-    moving: Sequence[DrawnPart],
-    distances: Sequence[float],
-    problems: list[str],
-) -> None:
-    """Report a Hall element inside of a solid part or in the moving part's way."""
-    # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
-    element = Point(max(hall.r_mm, CONTACT), hall.z_mm)
-    for part in (part for part in fixed if part.polygon.contains(element)):
-        complain(problems, "hall_inside", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
-    for part in moving if distances else ():
-        if swept(part.polygon, distances[0], distances[-1]).distance(element) <= CONTACT:
-            complain(problems, "hall_passed", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
-
-
 RESERVED = ("air", "coil")
 """Region names that the field solver gives to what is not a region."""
 
@@ -173,6 +88,79 @@ class Drawing:
         """All that moves: regions and windings."""
         return (*self.moving, *(winding for winding in self.windings if winding.moves))
 
+    def check(self, distances: Sequence[float], problems: list[str], *, reference_face: bool) -> None:
+        """Report parts that cannot be meshed, share an area, are nowhere, or do not clear each other within distances.
+
+        Parameters
+        ----------
+        distances : sequence of float
+            Swept ones in mm.
+        reference_face : bool
+            Whether the fixed part must have a face where distances are counted from, as in schema 1.
+        """
+        for body in (*self.standing, *self.mover):  # whose elements are as large as it is thick
+            inner, lower, outer, upper = body.polygon.bounds
+            thin, long = sorted((outer - inner, upper - lower))
+            if long > LARGEST_ASPECT * thin:
+                facts = {"most": LARGEST_ASPECT, "aspect": long / thin, "least": long / LARGEST_ASPECT}
+                complain(problems, "thin", body.path, thin=thin, long=long, **facts)
+        for first, second in chain(combinations(self.standing, 2), combinations(self.mover, 2)):
+            shared = first.polygon.intersection(second.polygon)
+            if shared.area > MIN_AREA:
+                inner, lower, outer, upper = shared.bounds
+                box = {"inner": inner, "outer": outer, "lower": lower, "upper": upper}
+                complain(problems, "overlap", first.path, second=second.path, area=shared.area, **box)
+        if self.complete:
+            if not self.mover:
+                complain(problems, "no_moving")
+            if not self.standing:
+                complain(problems, "no_fixed")
+            self._check_zero_heights(problems, reference_face=reference_face)
+            self._check_moving_body(problems)
+        self._check_collisions(distances, problems)
+
+    def _check_zero_heights(self, problems: list[str], *, reference_face: bool) -> None:
+        """Report faces that are not where distances are counted from."""
+        heights = [z for body in self.standing for _, z in body.polygon.exterior.coords]
+        if reference_face and heights and all(abs(z) > CONTACT for z in heights):
+            complain(problems, "no_face", lowest=min(heights), highest=max(heights))
+        nearest = min(self.mover, key=lambda part: float(part.polygon.bounds[1]), default=None)
+        if nearest is not None and abs(height := nearest.polygon.bounds[1]) > CONTACT:
+            complain(problems, "moving_face", nearest.path, height=height)
+
+    def _check_collisions(self, distances: Sequence[float], problems: list[str]) -> None:
+        """Report each fixed part that the moving part touches within the distances, with the first such one."""
+        for mover in self.mover if distances else ():
+            way = swept(mover.polygon, distances[0], distances[-1])
+            for body in self.standing:
+                if way.distance(body.polygon) > CONTACT:
+                    continue
+                hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(body.polygon) <= CONTACT)
+                first = next(hits, None)
+                when = "between two swept distances" if first is None else f"first at {first:g} mm"
+                complain(problems, "collision", mover.path, body=body.path, when=when)
+
+    def _check_moving_body(self, problems: list[str]) -> None:
+        """Report a moving part in pieces, and one on which no magnetic force can act."""
+        pieces = unary_union([body.polygon for body in self.mover])
+        if pieces.geom_type == "MultiPolygon":
+            complain(problems, "pieces", count=len(pieces.geoms))
+        materials = [body.material for body in self.mover if body.material is not None]
+        if len(materials) < len(self.mover) or not materials:  # a winding has none
+            return
+        if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
+            complain(problems, "no_force", names=", ".join(sorted({material.name for material in materials})))
+
+    def check_hall_place(self, path: str, hall: Given, distances: Sequence[float], problems: list[str]) -> None:
+        """Report a Hall element inside of a solid part or in the moving part's way."""
+        # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
+        element = Point(max(hall.r_mm, CONTACT), hall.z_mm)
+        for part in (part for part in self.standing if part.polygon.contains(element)):
+            complain(problems, "hall_inside", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
+        for part in self.mover if distances else ():
+            if swept(part.polygon, distances[0], distances[-1]).distance(element) <= CONTACT:
+                complain(problems, "hall_passed", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
+
 
 def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
     """Draw what can be drawn of a file, whose right tables are ``entries`` by their key paths."""
@@ -181,17 +169,19 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
     for name, table in table_at(data, "materials").items():
         entry = entries.get(joined("materials", name))
         materials[name] = None if entry is None else _material(entry, table, directory, problems)
-    body = fixed_key(data)
-    fixed, moving = (_regions(data, key, entries, materials, problems) for key in (body, "moving"))
+    tables, fixed, moving, windings = dict(part_tables(data)), list[DrawnPart](), list[DrawnPart](), list[DrawnPart]()
+    for place, table in tables.items():
+        path = joined("", *place)
+        entry = None if is_winding(place) else entries.get(path)
+        material = None if entry is None else _region_material(entry, path, materials, problems)
+        part = _part(place, table, material, problems)
+        if part is not None:
+            (windings if is_winding(place) else moving if place[0] == "moving" else fixed).append(part)
     names = {part.name for part in fixed}
     for part in (part for part in moving if part.name in names):
-        complain(problems, "region_twice", part.path, body=body)
-    tables = dict(coil_tables(data))
-    drawn = [_winding(path, table, problems) for path, table in tables.items()]
-    windings = tuple(winding for winding in drawn if winding is not None)
-    regions = len(table_at(data, body, "regions")) + len(table_at(data, "moving", "regions"))
-    complete = len(fixed) + len(moving) == regions and len(windings) == len(tables)
-    return Drawing(fixed, moving, windings, complete)
+        complain(problems, "region_twice", part.path, body=fixed_key(data))
+    complete = len(fixed) + len(moving) + len(windings) == len(tables)
+    return Drawing(tuple(fixed), tuple(moving), tuple(windings), complete)
 
 
 def fixed_key(data: Mapping[str, Any]) -> str:
@@ -199,12 +189,23 @@ def fixed_key(data: Mapping[str, Any]) -> str:
     return "fixed" if "fixed" in data else "electromagnet"
 
 
-def coil_tables(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Key path and table of each winding: ``[coil]``, or those of ``[coils]``."""
+def part_tables(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Place and table of each region, the fixed ones first, and of each winding."""
+    for body in (fixed_key(data), "moving"):
+        yield from (((body, "regions", name), table) for name, table in table_at(data, body, "regions").items())
     if isinstance(data.get("coil"), dict):
-        yield "coil", data["coil"]
-    for name, table in table_at(data, "coils").items():
-        yield joined("coils", name), table
+        yield ("coil",), data["coil"]
+    yield from ((("coils", name), table) for name, table in table_at(data, "coils").items())
+
+
+def materials_used(data: Mapping[str, Any]) -> set[str]:
+    """Names of the materials of the file's regions."""
+    return {str(table.get("material")) for _, table in part_tables(data) if isinstance(table, dict)}
+
+
+def is_winding(place: Sequence[object]) -> bool:
+    """Whether the table of a winding stands at a place."""
+    return place[0] in {"coil", "coils"}
 
 
 def _material(material: Material, table: Any, directory: Path, problems: list[str]) -> Material | None:
@@ -228,26 +229,6 @@ def _material(material: Material, table: Any, directory: Path, problems: list[st
     if points is None or wrong:
         return None
     return replace(material, flux_density_T=points[0], field_A_per_m=points[1], remark=remark)
-
-
-def _regions(
-    data: Mapping[str, Any],
-    body: str,
-    entries: Mapping[str, Any],
-    materials: Mapping[str, Material | None],
-    problems: list[str],
-) -> tuple[DrawnPart, ...]:
-    parts = []
-    for name, table in table_at(data, body, "regions").items():
-        path = joined(body, "regions", name)
-        if name in RESERVED:
-            complain(problems, "reserved", path, names=" or ".join(RESERVED))
-        entry = entries.get(path)
-        material = None if entry is None else _region_material(entry, path, materials, problems)
-        part = _part(table, path, name, material, problems)
-        if part is not None:
-            parts.append(part)
-    return tuple(parts)
 
 
 def _region_material(
@@ -283,16 +264,15 @@ def _region_material(
     return warmed
 
 
-def _winding(path: str, table: Any, problems: list[str]) -> DrawnPart | None:
-    part = _part(table, path, path.removeprefix("coils."), None, problems)
-    if part is None or not isinstance(table, dict):
+def _part(place: tuple[str, ...], table: Any, material: Material | None, problems: list[str]) -> DrawnPart | None:
+    """A region of its material, or a winding; None without an outline."""
+    path, name, winding = joined("", *place), place[-1], is_winding(place)
+    if not winding and name in RESERVED:
+        complain(problems, "reserved", path, names=" or ".join(RESERVED))
+    shape = read_part(OutlineEntry, table)
+    drawn = None if shape is None else outline(shape, path, problems)
+    if drawn is None:
         return None
-    if part.polygon.bounds[0] <= 0:
+    if winding and drawn.polygon.bounds[0] <= 0:
         complain(problems, "winding_on_axis", path)
-    return replace(part, moves=table.get("moves") is True)
-
-
-def _part(table: object, path: str, name: str, material: Material | None, problems: list[str]) -> DrawnPart | None:
-    entry = read_part(OutlineEntry, table)
-    drawn = None if entry is None else outline(entry, path, problems)
-    return None if drawn is None else DrawnPart(path, name, drawn, material)
+    return DrawnPart(path, name, drawn, material, moves=winding and table.get("moves") is True)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import Any
 
-from femfit.device.complaints import joined, read_part, table_at
-from femfit.device.drawing import fixed_key
+from femfit.device.complaints import joined, read_part
+from femfit.device.drawing import is_winding, part_tables
 from femfit.device.file_numbers import Location
 from femfit.device.keys import OutlineEntry
 
@@ -118,19 +118,14 @@ def _touch(first: Face, second: Face) -> bool:
 
 
 def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
-    tables: list[tuple[Location, str, Any]] = []
-    for key, body in ((fixed_key(data), "fixed"), ("moving", "moving")):
-        tables += [((key, "regions", name), body, table) for name, table in table_at(data, key, "regions").items()]
-    if isinstance(data.get("coil"), dict):
-        tables.append((("coil",), "fixed", data["coil"]))
-    for name, table in table_at(data, "coils").items():
-        tables.append((("coils", name), "moving" if table.get("moves") is True else "fixed", table))
-    regions = {path[-1] for path, _, _ in tables if "regions" in path[:2]}
-    for path, body, table in tables:
+    tables = dict(part_tables(data))
+    regions = {place[-1] for place in tables if not is_winding(place)}
+    for place, table in tables.items():
         entry = read_part(OutlineEntry, table)
         if entry is not None:
-            shared = path[0] == "coils" and path[-1] in regions
-            yield _Part(path, body, entry, f"{'coil ' * shared}{path[-1]}")
+            moves = place[0] == "moving" or (place[0] == "coils" and table.get("moves") is True)
+            shared = place[0] == "coils" and place[-1] in regions
+            yield _Part(place, "moving" if moves else "fixed", entry, f"{'coil ' * shared}{place[-1]}")
 
 
 def _faces(part: _Part) -> Iterator[Face]:

@@ -7,20 +7,23 @@ coordinate that the drawing counts from, as the moving part's nearest face, is n
 catalogue scales exactly (turns and resistance of a circuit's only coil, the remanence of the only magnet material).
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import joined, table_at
+from femfit.device.complaints import joined
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.file_numbers import Location, with_value
+from femfit.device.file_numbers import Location, value_at, with_value
 from femfit.device.keys import converted, decimal_sum, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
-from femfit.device.parts import Actuator, Region
+from femfit.device.parts import Actuator, Coil, Region
+from femfit.device.read_device import hall_places
 from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances
 
 STEP = {"mm": 1e-3}
@@ -156,10 +159,7 @@ def numbers_from_toml(
 def _changed(data: dict[str, Any], locations: Iterable[Location], change: float) -> dict[str, Any]:
     tables = deepcopy(data)
     for location in locations:
-        place: Any = tables
-        for key in location[:-1]:
-            place = place[key]
-        with_value(tables, location, decimal_sum(float(place[location[-1]]), change, 1.0))
+        with_value(tables, location, decimal_sum(float(value_at(tables, location)), change, 1.0))
     return tables
 
 
@@ -182,11 +182,8 @@ def _faces(data: Mapping[str, Any]) -> Iterator[_Length]:
 
 def _hall_place(data: Mapping[str, Any]) -> Iterator[_Length]:
     """Of the first Hall element, whose field the sweep solves."""
-    tables: dict[tuple[str, ...], Any] = {("hall",): data.get("hall")}
-    tables |= {("sensors", name): table for name, table in table_at(data, "sensors").items()}
-    elements = [(path, table) for path, table in tables.items() if table and table.get("kind", path[0]) == "hall"]
-    for path, table in elements[:1]:
-        at = float(table["r_mm"]), float(table["z_mm"])
+    for path, element in islice(hall_places(data), 1):
+        at = element.r_mm, element.z_mm
         for key, value in zip(("r_mm", "z_mm"), at, strict=True):
             if key == "z_mm" or value > 0.0:
                 label = f"Hall element at {key[0]} = {value:g} mm"
@@ -210,20 +207,21 @@ def _moved(
 
 def _turns(data: Mapping[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]:
     for coil in actuator.coils:
-        wound = [
-            tuple(replace(each, turns=each.turns * factor) if each is coil else each for each in actuator.coils)
-            for factor in (1.0 + SHARE_STEP, 1.0 - SHARE_STEP)
-        ]
-        ends = [replace(actuator, coils=coils) for coils in wound]
         alone = sum(winding.circuit == coil.circuit for winding in actuator.coils) == 1
         key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
         effect = "turns" if len(actuator.circuits) == 1 else f"turns:{coil.circuit}"
-        yield _share(key, "turns", coil.turns, *ends, effect=effect * alone)
+        yield _share(key, "turns", coil.turns, partial(_with_coil, actuator, coil), effect=effect * alone)
 
 
-def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator, *, effect: str) -> DrawnNumber:
+def _with_coil(actuator: Actuator, coil: Coil, factor: float) -> Actuator:
+    """The actuator with the turns of a coil times a factor."""
+    wound = (replace(each, turns=each.turns * factor) if each is coil else each for each in actuator.coils)
+    return replace(actuator, coils=tuple(wound))
+
+
+def _share(key: str, kind: str, value: float, built: Callable[[float], Actuator], *, effect: str) -> DrawnNumber:
     facts = NumberFacts(key, (), kind, value, "", KINDS[kind].tolerance, effect)
-    return DrawnNumber(facts, SHARE_STEP, larger, smaller)
+    return DrawnNumber(facts, SHARE_STEP, built(1.0 + SHARE_STEP), built(1.0 - SHARE_STEP))
 
 
 def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
@@ -239,9 +237,8 @@ def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
             recoil = key.kind == "permeability" and material.remanence_T
             kind = "recoil_permeability" if recoil else key.kind
             effect = "remanence" if kind == "remanence" and len(magnets) == 1 else ""
-            shares = 1.0 + SHARE_STEP, 1.0 - SHARE_STEP
-            ends = [_with_material(actuator, name, key.field, factor) for factor in shares]
-            yield _share(joined("materials", name, path), kind, value, *ends, effect=effect)
+            built = partial(_with_material, actuator, name, key.field)
+            yield _share(joined("materials", name, path), kind, value, built, effect=effect)
 
 
 def _with_material(actuator: Actuator, name: str, field: str, factor: float) -> Actuator:

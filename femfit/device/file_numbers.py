@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from femfit.device.complaints import joined, table_at, tables_of
+from femfit.device.drawing import is_winding, materials_used, part_tables
 from femfit.device.keys import keys_of
 from femfit.device.materials import LIBRARY
-from femfit.device.schema import BODIES
 from femfit.device.thermal import ThermalMaterial
 
 Location = tuple[str | int, ...]
@@ -27,8 +27,8 @@ def numbers_of(data: Mapping[str, Any]) -> dict[str, Location]:
 
 def material_keys(data: Mapping[str, Any]) -> dict[str, Location]:
     """Where the regions of a file name their materials."""
-    places = ((body, "regions", name, "material") for body in BODIES for name in table_at(data, body, "regions"))
-    return {joined("", *place): place for place in places}
+    regions = (place for place, _ in part_tables(data) if not is_winding(place))
+    return {joined("", *place, "material"): (*place, "material") for place in regions}
 
 
 def with_value(data: dict[str, Any], location: Location, value: float | str) -> None:
@@ -40,6 +40,16 @@ def with_value(data: dict[str, Any], location: Location, value: float | str) -> 
     for key in location[:-1]:
         place = place[key]
     place[location[-1]] = value
+
+
+def value_at(data: Mapping[str, Any], location: Location) -> Any:
+    """What stands at a place of a file; None where it leaves that out."""
+    place: Any = data
+    for key in location:
+        place = place.get(key) if isinstance(place, dict) else place[key]
+        if place is None:
+            return None
+    return place
 
 
 WITHOUT_FIELD = {"conductivity_MS_per_m", "lamination_mm", *keys_of(ThermalMaterial)}
@@ -57,9 +67,7 @@ def nearest_numbers(path: str, data: Mapping[str, Any]) -> list[str]:
 
 
 def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
-    regions = [table for body in BODIES for table in table_at(data, body, "regions").values()]
-    used = {str(table.get("material")) for table in regions if isinstance(table, dict)}
-    library = sorted((used - table_at(data, "materials").keys()) & LIBRARY.keys())
+    library = sorted((materials_used(data) - table_at(data, "materials").keys()) & LIBRARY.keys())
     unwritten = [(("materials", name), type(LIBRARY[name].material), dict[str, Any](), None) for name in library]
     for place, record, table, _ in (*tables_of(data), *unwritten):
         if place[0] in NOT_OF_THE_DEVICE or not isinstance(table, dict):

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -12,11 +12,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device import drawing
-from femfit.device.complaints import complain, read_table, read_tables, table_at
+from femfit.device.complaints import complain, joined, read_table, read_tables, table_at
+from femfit.device.drawing import DrawnPart, read_drawing
 from femfit.device.keys import scaled
 from femfit.device.parameter_table import read_design
-from femfit.device.parameters import eddy_bias, frequencies, read_axes
+from femfit.device.parameters import eddy_bias, read_axes
 from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
 from femfit.device.read_device import (
     check_circuit_names,
@@ -98,7 +98,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     entries = read_tables(tables, problems)
     solver: SolverEntry | None = entries.get("solver")
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
-    drawn = drawing.read_drawing(data, entries, directory or Path(), problems)
+    drawn = read_drawing(data, entries, directory or Path(), problems)
     coils = read_coils(entries, drawn, problems)
     circuits, coils = read_circuits(data, entries, coils, problems)
     names = [circuit.name for circuit in circuits]
@@ -107,13 +107,16 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     sensors = read_sensors(data, entries, circuits, problems)
     currents_A, distances = read_axes(data, names, problems)
     first_A, *further_A = currents_A or [(0.0,)]
-    frequencies_Hz, eddy_bias_A = frequencies(solver, problems), eddy_bias(solver, len(circuits), problems)
+    eddy_bias_A = eddy_bias(solver, len(circuits), problems)
     steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:
         complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
     read_tolerances(data, problems)
-    _check_drawing(data, drawn, distances, problems)
+    reached = [distance for distance in distances if distance > 0.0] if is_schema_1(data) else distances
+    drawn.check(reached, problems, reference_face=is_schema_1(data))
+    for place, element in hall_places(data):
+        drawn.check_hall_place(joined("", *place), element, reached, problems)
     if problems or header is None or mechanics is None:
         raise ActuatorFileError(source, problems)
     return Actuator(
@@ -129,7 +132,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         sensors=sensors,
         reference_distances_m=reference_m,
         tolerance=solver.tolerance if solver else None,
-        frequencies_Hz=frequencies_Hz,
+        frequencies_Hz=solver.frequency_Hz or () if solver else (),
         eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
         thermal=entries.get("thermal", STILL_AIR),
         eddy_bias_A=eddy_bias_A,
@@ -162,28 +165,7 @@ def is_schema_1(data: dict[str, Any]) -> bool:
     return data.get("schema") == 1
 
 
-def _check_drawing(
-    data: dict[str, Any], drawn: drawing.Drawing, distances: Sequence[float], problems: list[str]
-) -> None:
-    if is_schema_1(data):
-        distances = [distance for distance in distances if distance > 0.0]
-    standing, moving = drawn.standing, drawn.mover
-    drawing.check_thickness([*standing, *moving], problems)
-    drawing.check_overlaps(standing, problems)
-    drawing.check_overlaps(moving, problems)
-    if drawn.complete:
-        if not moving:
-            complain(problems, "no_moving")
-        if not standing:
-            complain(problems, "no_fixed")
-        drawing.check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
-        drawing.check_moving_body(drawn.moving, [winding for winding in drawn.windings if winding.moves], problems)
-    drawing.check_collisions(standing, moving, distances, problems)
-    for path, place in hall_places(data):
-        drawing.check_hall_place(path, place, standing, moving, distances, problems)
-
-
-def _region(part: drawing.DrawnPart) -> Region:
+def _region(part: DrawnPart) -> Region:
     corners = tuple((scaled(r), scaled(z)) for r, z in part.outline.corners)
     return Region(part.name, corners, part.material or AIR, part.outline.bulges)
 

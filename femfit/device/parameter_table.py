@@ -6,30 +6,28 @@ together, as a sleeve and the winding round it, or all parts of a core.
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeGuard
+from itertools import product
+from math import prod
+from typing import Any
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
 from femfit.device.complaints import complain, did_you_mean, joined, read_part, read_table, read_value, table_at
 from femfit.device.file_numbers import Location, material_keys, nearest_numbers, numbers_of
-from femfit.device.keys import Key, keys_of, unit_of
+from femfit.device.keys import MAX_AXIS_POINTS, Key, RangeEntry, keys_of, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import (
     FollowingKey,
     ParameterDesign,
     Points,
     SweptParameter,
-    grid_points,
+    Values,
     latin_hypercube,
-    list_points,
-    read_axis,
 )
 from femfit.device.schema import (
-    MAX_AXIS_POINTS,
     PARAMETER,
     DesignEntry,
     KeyEntry,
     NamedParameterEntry,
-    RangeEntry,
     SampledEntry,
 )
 
@@ -41,8 +39,6 @@ NUMBERS = Key(
 NAMES = Key("at least one name of a material in quotes", count=((1, MAX_AXIS_POINTS),), hint=tuple[str, ...])
 SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
 
-Values = Sequence[float] | Sequence[str] | SampledEntry
-
 
 def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign | None:
     """Read what a file sweeps beside its axes.
@@ -53,16 +49,13 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
         None without parameters, or if anything is wrong.
     """
     entry: DesignEntry | None = read_part(DesignEntry, data.get("sweep"))
-    if entry is None:
-        return None
-    if not entry.parameters:
+    if entry is None or not entry.parameters:
         return None
     count = len(problems)
     read = [_parameter(name, table, data, problems) for name, table in _flat(entry.parameters).items()]
-    readable = [parameter for parameter in read if parameter is not None]
-    parameters, values = tuple(parameter for parameter, _ in readable), [column for _, column in readable]
+    parameters = tuple(parameter for parameter in read if parameter is not None)
     _check_names(parameters, problems)
-    points = _points(entry, parameters, values, problems) if len(problems) == count else ()
+    points = _points(entry, parameters, problems) if len(problems) == count else ()
     return ParameterDesign(parameters, points) if len(problems) == count else None
 
 
@@ -80,9 +73,7 @@ def _flat(tables: Mapping[str, Any], path: str = "") -> dict[str, Any]:
     return flat
 
 
-def _parameter(
-    name: str, table: object, data: Mapping[str, Any], problems: list[str]
-) -> tuple[SweptParameter, Values] | None:
+def _parameter(name: str, table: object, data: Mapping[str, Any], problems: list[str]) -> SweptParameter | None:
     """A key path of the file, or a name of one's own for several, with its values; None where something is wrong."""
     path = joined(PATH, name)
     named = isinstance(table, dict) and bool(table.keys() & keys_of(NamedParameterEntry).keys())
@@ -109,7 +100,7 @@ def _parameter(
     elif named and (unit_of(name) != units[0] or not NAME.fullmatch(name)):
         end = f"end in _{units[0]}, the unit of its keys" if units[0] else "not end in a unit, as its keys have none"
         complain(problems, "parameter_name", path, end=end)
-    return SweptParameter(name, readable), values
+    return SweptParameter(name, readable, values)
 
 
 def _following(value: object, path: str, data: Mapping[str, Any], problems: list[str]) -> FollowingKey | None:
@@ -130,12 +121,10 @@ def _following(value: object, path: str, data: Mapping[str, Any], problems: list
 
 
 def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
-    if isinstance(value, list):
-        return read_value(NUMBERS, value, path, problems) or None
     if isinstance(value, dict) and value.keys() & {"min", "max"}:
         return read_table(SampledEntry, value, path, problems)
-    if isinstance(value, dict):
-        return read_axis(NUMBERS, value, path, problems) or None
+    if isinstance(value, list | dict):
+        return read_value(NUMBERS, value, path, problems) or None
     complain(problems, "no_values", path, given=str(value)[:60], name=name[:60])
     return None
 
@@ -167,30 +156,28 @@ def _check_names(parameters: tuple[SweptParameter, ...], problems: list[str]) ->
             owners[key.location] = parameter.name
 
 
-def _points(
-    entry: DesignEntry,
-    parameters: tuple[SweptParameter, ...],
-    values: list[Any],
-    problems: list[str],
-) -> Points:
+def _points(entry: DesignEntry, parameters: tuple[SweptParameter, ...], problems: list[str]) -> Points:
+    """Every combination, the last parameter fastest; the first values together, and so on; or samples of the ranges."""
     sampled, count = entry.design == "latin_hypercube", len(problems)
-    for parameter, column in zip(parameters, values, strict=True):
-        path = joined(PATH, parameter.name)
-        if isinstance(column, SampledEntry) != sampled and not _is_names(column):
+    columns: list[Any] = [parameter.values for parameter in parameters]
+    for parameter, column in zip(parameters, columns, strict=True):
+        path, ranged = joined(PATH, parameter.name), isinstance(column, SampledEntry)
+        if ranged != sampled and (ranged or not all(isinstance(value, str) for value in column)):
             form = "{ min, max }" if sampled else "a list or { start, stop, step }"
             complain(problems, "design_form", path, form=form, design=entry.design)
-        elif not isinstance(column, SampledEntry) and entry.design == "grid" and len(set(column)) < len(column):
+        elif not ranged and entry.design == "grid" and len(set(column)) < len(column):
             complain(problems, "repeated", path)
     if sampled and entry.samples is None:
         complain(problems, "no_samples")
     if len(problems) > count:
         return ()
     if sampled and entry.samples is not None:
-        return latin_hypercube(values, entry.samples, entry.seed)
-    if entry.design == "list":
-        return list_points([parameter.name for parameter in parameters], values, problems)
-    return grid_points(values, problems)
-
-
-def _is_names(values: Values) -> TypeGuard[Sequence[str]]:
-    return not isinstance(values, SampledEntry) and all(isinstance(value, str) for value in values)
+        return latin_hypercube(columns, entry.samples, entry.seed)
+    sizes = {parameter.name: len(column) for parameter, column in zip(parameters, columns, strict=True)}
+    if entry.design == "grid" and prod(sizes.values()) > MAX_AXIS_POINTS:
+        complain(problems, "many_points", most=MAX_AXIS_POINTS, count=prod(sizes.values()))
+    elif entry.design == "list" and len({*sizes.values()}) > 1:
+        complain(problems, "list_lengths", lengths=", ".join(f"{name} {size}" for name, size in sizes.items()))
+    else:
+        return tuple(product(*columns) if entry.design == "grid" else zip(*columns, strict=True))
+    return ()

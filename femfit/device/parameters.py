@@ -7,82 +7,24 @@ References
 M. D. McKay, R. J. Beckman and W. J. Conover, Technometrics 21 (1979) 239: Latin hypercube sampling.
 """
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from decimal import Decimal
-from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 
-from femfit.device.complaints import complain, did_you_mean, joined, read_table, read_value
-from femfit.device.drawing import coil_tables
+from femfit.device.complaints import complain, did_you_mean, given_by, joined, read_value
+from femfit.device.drawing import is_winding, part_tables
 from femfit.device.file_numbers import Location, with_value
-from femfit.device.keys import SI_UNITS, Key, decimal_sum, keys_of, scaled, unit_of
-from femfit.device.schema import (
-    MAX_AXIS_POINTS,
-    MAX_FREQUENCIES,
-    FrequencyRangeEntry,
-    RangeEntry,
-    SampledEntry,
-    SolverEntry,
-    SweepEntry,
-)
+from femfit.device.keys import SI_UNITS, RangeEntry, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.schema import SampledEntry, SolverEntry, SweepEntry
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
 
-CURRENT, DISTANCE = (keys_of(SweepEntry)[name] for name in ("current_A", "distance_mm"))
-_DIGITS = 9
-"""Significant digits of a frequency between the ends of a range, the same on every machine."""
-
-
-def read_axis(key: Key, value: object, path: str, problems: list[str]) -> tuple[float, ...]:
-    """The ascending values of a key, in the file's unit, of a list or a table of equal steps; none if unusable."""
-    if isinstance(value, dict):
-        entry = read_table(key.stepped, value, path, problems)
-        if entry is not None and entry.stop <= entry.start:
-            complain(problems, "no_range", path, start=entry.start, stop=entry.stop)
-        elif entry is not None:
-            return (_stepped if isinstance(entry, RangeEntry) else _by_decade)(entry, path, problems)
-        return ()
-    if not isinstance(value, list):
-        steps = ", ".join(keys_of(key.stepped))
-        complain(problems, "no_axis", path, steps=steps, given=str(value)[:60], remedy=key.remedy)
-        return ()
-    values = tuple(map(float, read_value(key, value, path, problems) or ()))
-    for before, after in pairwise(values):
-        if after <= before:
-            how = "repeats" if after == before else "follows"
-            complain(problems, "no_order", path, after=after, before=before, how=how)
-            return ()
-    return values
-
-
-def _stepped(axis: RangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
-    start, stop, step = (Decimal(repr(float(v))) for v in (axis.start, axis.stop, axis.step))
-    if (stop - start) / step > MAX_AXIS_POINTS - 1:
-        complain(problems, "many_steps", path, most=MAX_AXIS_POINTS, **vars(axis))
-        return ()
-    count = round((stop - start) / step)
-    if start + count * step != stop:
-        complain(problems, "no_divisor", path, end=float(start + count * step), **vars(axis))
-        return ()
-    return tuple(float(start + k * step) for k in range(count + 1))
-
-
-def _by_decade(axis: FrequencyRangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
-    """Equally spaced in their logarithm, both ends included."""
-    # A range of no whole number of steps gets a step more, not wider ones
-    steps = math.ceil(round(axis.per_decade * math.log10(axis.stop / axis.start), _DIGITS))
-    if steps >= MAX_FREQUENCIES:
-        complain(problems, "many_frequencies", path, most=MAX_FREQUENCIES, count=steps + 1)
-        return ()
-    between = (axis.start * (axis.stop / axis.start) ** (k / steps) for k in range(1, steps))
-    return (axis.start, *(float(f"{value:.{_DIGITS}g}") for value in between), axis.stop)
+CURRENT = keys_of(SweepEntry)["current_A"]
 
 
 def read_axes(
@@ -92,9 +34,10 @@ def read_axes(
     sweep = data.get("sweep")
     if not isinstance(sweep, dict):
         return [], ()
-    currents, without = sweep.get("current_A"), not any(coil_tables(data))
-    read_table(SweepEntry, sweep, "sweep", problems)
+    currents, without = sweep.get("current_A"), not any(is_winding(place) for place, _ in part_tables(data))
     axes, each = [], isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
+    shared = {key: value for key, value in sweep.items() if key != "current_A" or not (each or without)}
+    entry = given_by(SweepEntry, shared, "sweep", problems)
     if isinstance(currents, dict) and each:
         axes = _by_circuit(currents, circuits, problems)
     elif currents is None and not without:
@@ -103,10 +46,8 @@ def read_axes(
         if len(circuits) > 1:
             first, second, *_ = circuits
             complain(problems, "each_current", known=", ".join(circuits), first=first, second=second)
-        axes = [read_axis(CURRENT, currents, "sweep.current_A", problems)]
-    distances_mm: tuple[float, ...] = ()
-    if "distance_mm" in sweep:
-        distances_mm = read_axis(DISTANCE, sweep["distance_mm"], "sweep.distance_mm", problems)
+        axes = [tuple(entry.current_A or ())]
+    distances_mm = () if "distance_mm" in entry.wrong else tuple(entry.distance_mm)
     if distances_mm and distances_mm[0] < MIN_DISTANCE and data.get("schema") == 1:
         complain(problems, "no_gap", start=distances_mm[0], least=MIN_DISTANCE)
     return axes, distances_mm
@@ -119,16 +60,8 @@ def _by_circuit(currents: Mapping[str, Any], circuits: Sequence[str], problems: 
         complain(problems, "not_a_circuit", paths[name], near=near, known=known)
     for name in (name for name in circuits if name not in currents):
         complain(problems, "missing", paths[name], remedy="Give the circuit's currents.")
-    return [read_axis(CURRENT, currents[name], paths[name], problems) for name in circuits if name in currents]
-
-
-def frequencies(entry: SolverEntry | None, problems: list[str]) -> tuple[float, ...]:
-    """The ascending frequencies in Hz."""
-    if entry is None or entry.frequency_Hz is None:
-        return ()
-    value = entry.frequency_Hz
-    given = list(value) if isinstance(value, tuple) else value
-    return read_axis(keys_of(SolverEntry)["frequency_Hz"], given, "solver.frequency_Hz", problems)
+    swept = (name for name in circuits if name in currents)
+    return [tuple(read_value(CURRENT, currents[name], paths[name], problems) or ()) for name in swept]
 
 
 def eddy_bias(entry: SolverEntry | None, circuits: int, problems: list[str]) -> tuple[float, ...]:
@@ -148,23 +81,8 @@ Value = float | str
 Points = tuple[tuple[Value, ...], ...]
 """One tuple a point, one value a parameter."""
 
-
-def grid_points(values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
-    """Every combination, the last parameter fastest."""
-    count = int(np.prod([float(len(column)) for column in values]))
-    if count > MAX_AXIS_POINTS:
-        complain(problems, "many_points", most=MAX_AXIS_POINTS, count=count)
-        return ()
-    return tuple(product(*values))
-
-
-def list_points(names: Sequence[str], values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
-    """The first values together, the second ones together, and so on."""
-    if len({len(column) for column in values}) > 1:
-        lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(names, values, strict=True))
-        complain(problems, "list_lengths", lengths=lengths)
-        return ()
-    return tuple(zip(*values, strict=True))
+Values = Sequence[float] | Sequence[str] | SampledEntry
+"""Those of one parameter, or the range that they are drawn from."""
 
 
 def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
@@ -210,6 +128,7 @@ class SweptParameter:
 
     name: str
     keys: tuple[FollowingKey, ...]
+    values: Values
 
     @property
     def column(self) -> str:

@@ -50,28 +50,23 @@ def read_circuits(
 ) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
     """The circuits in their order, without a table one a coil, and the coils as they are connected in them."""
     supply: SupplyEntry | None = entries.get("supply")
-    lowest, highest = (None, None) if supply is None else (supply.voltage_min_V, supply.voltage_max_V)
-    diode_V = None if supply is None else supply.diode_V
-    _check_driver("supply", lowest, highest, diode_V, problems)
-    tables = table_at(data, "circuits")
-    if not tables:
-        if coils and "supply" not in data:
-            complain(problems, "no_supply")
-        limits = _open(lowest, highest)
-        circuits = [Circuit(coil.resistance_ohm, *limits, Drive(diode_V=diode_V), coil.name) for coil in coils]
-        return tuple(circuits), tuple(coils)
-    by_name = {coil.name: coil for coil in coils}
+    usual = {key: getattr(supply, key, None) for key in ("voltage_min_V", "voltage_max_V", "diode_V")}
+    low, high, diode_V = usual.values()
+    _check_driver("supply", low, high, diode_V, problems)
+    tables, by_name = table_at(data, "circuits"), {coil.name: coil for coil in coils}
+    if coils and not tables and "supply" not in data:
+        complain(problems, "no_supply")
     connected: dict[str, Coil] = {}
     circuits, count = [], len(problems)
-    for name in tables:
-        entry: CircuitEntry | None = entries.get(path := joined("circuits", name))
+    for name in tables or by_name:
+        path = joined("circuits", name)
+        entry: CircuitEntry | None = entries.get(path) if tables else CircuitEntry(coils=(name,))
         if entry is None:
             continue
         members = _connect(entry, name, by_name, connected, problems)
         resistance = sum(coil.resistance_ohm for coil in members) + entry.external_resistance_ohm
-        low = lowest if entry.voltage_min_V is None else entry.voltage_min_V
-        high = highest if entry.voltage_max_V is None else entry.voltage_max_V
-        drive = Drive(diode_V=diode_V if entry.diode_V is None else entry.diode_V)
+        low, high, diode_V = (usual[key] if getattr(entry, key) is None else getattr(entry, key) for key in usual)
+        drive = Drive(diode_V=diode_V)
         if entry.kind == "current":
             drive = Drive("current", None, entry.current_min_A, entry.current_max_A, entry.bandwidth_Hz)
             least, most = drive.current_min_A, drive.current_max_A
@@ -79,9 +74,10 @@ def read_circuits(
                 complain(problems, "no_currents", path)
             elif least >= most:
                 complain(problems, "exchanged", path, low="current_min_A", high="current_max_A", least=least, most=most)
-        elif None in (low, high) and (supply is not None or "supply" not in data):
+        elif tables and None in (low, high) and (supply is not None or "supply" not in data):
             complain(problems, "no_voltages", path)
-        _check_driver(path, low, high, entry.diode_V if entry.kind == "voltage" else None, problems)
+        if tables:
+            _check_driver(path, low, high, entry.diode_V if entry.kind == "voltage" else None, problems)
         circuits.append(Circuit(resistance, *_open(low, high), drive, name, entry.external_inductance_H))
     unconnected = [coil for coil in by_name if coil not in connected]
     if unconnected and len(problems) == count and len(circuits) == len(tables):
@@ -146,33 +142,29 @@ def read_mechanics(data: Tables, entries: Tables, problems: list[str]) -> Mechan
     return mechanics
 
 
-def _sensor_tables(data: Tables) -> Iterator[tuple[str, str, Any]]:
-    """Key path, name and table of each sensor, ``[hall]`` first."""
+def _sensor_tables(data: Tables) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Place and table of each sensor, ``[hall]`` first."""
     if "hall" in data:
-        yield "hall", "hall", data["hall"]
-    for name, table in table_at(data, "sensors").items():
-        yield joined("sensors", name), name, table
+        yield ("hall",), data["hall"]
+    yield from ((("sensors", name), table) for name, table in table_at(data, "sensors").items())
 
 
 def read_sensors(
     data: Tables, entries: Tables, circuits: Sequence[Circuit], problems: list[str]
 ) -> tuple[AnySensor, ...]:
     """All sensors in the file's order, ``[hall]`` first."""
-    tables = list(_sensor_tables(data))
-    names = [name for _, name, _ in tables]
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        complain(problems, "sensor_twice", name=name)
-    return tuple(
-        _placed(entries[path], path, table, circuits, problems) for path, _, table in tables if path in entries
-    )
+    if "hall" in data and "hall" in table_at(data, "sensors"):
+        complain(problems, "sensor_twice", name="hall")
+    tables = ((joined("", *place), table) for place, table in _sensor_tables(data))
+    return tuple(_placed(entries[path], path, table, circuits, problems) for path, table in tables if path in entries)
 
 
-def hall_places(data: Tables) -> Iterator[tuple[str, Given]]:
-    """Key path and place of each Hall element whose place is right, whatever else of it is wrong."""
-    for path, _, table in _sensor_tables(data):
-        place = read_part(HallElement, table, "r_mm", "z_mm")
-        if place is not None and (path == "hall" or table.get("kind") == "hall"):
-            yield path, place
+def hall_places(data: Tables) -> Iterator[tuple[tuple[str, ...], Given]]:
+    """Place of the table and in the drawing of each Hall element whose place is right, whatever else of it is wrong."""
+    for place, table in _sensor_tables(data):
+        element = read_part(HallElement, table, "r_mm", "z_mm")
+        if element is not None and (place[0] == "hall" or table.get("kind") == "hall"):
+            yield place, element
 
 
 def _placed(sensor: AnySensor, path: str, table: Any, circuits: Sequence[Circuit], problems: list[str]) -> AnySensor:

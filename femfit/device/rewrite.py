@@ -4,7 +4,7 @@ Each variant of a parameter sweep is a file of its own, checked as such.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import joined
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.file_numbers import Location, numbers_of, with_value
+from femfit.device.file_numbers import numbers_of, value_at, with_value
 from femfit.device.keys import decimal_sum
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
@@ -51,23 +51,12 @@ def rewritten(
             _scale_curve(tables, key.key, value, actuator_from_tables(drawn, source, directory))
         elif key.unit:
             for path in key.paths:
-                before = _at(drawn, locations[path])
+                before = value_at(drawn, locations[path])
                 with_value(tables, locations[path], decimal_sum(decimal_sum(before, -1.0, key.value), 1.0, value))
         else:
-            before = _at(drawn, locations[key.key])
+            before = value_at(drawn, locations[key.key])
             with_value(tables, locations[key.key], math.copysign(value, key.value if before is None else before))
     return tomlkit.dumps(tables)
-
-
-def _at(tables: Mapping[str, Any], location: Location) -> Any:
-    """What stands at a place of the file; None where it leaves that out."""
-    place: Any = tables
-    try:
-        for key in location:
-            place = place[key]
-    except KeyError:
-        return None
-    return place
 
 
 def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Actuator) -> None:

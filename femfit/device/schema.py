@@ -10,7 +10,20 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from femfit.device.electrics import TURNS, AnySensor, Drive, HallElement
-from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key
+from femfit.device.keys import (
+    ELECTRICAL,
+    FREQUENCY,
+    LENGTH,
+    MAX_AXIS_POINTS,
+    MAX_FREQUENCIES,
+    FrequencyRangeEntry,
+    Given,
+    OutlineEntry,
+    RangeEntry,
+    Record,
+    decimal_sum,
+    key,
+)
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.thermal import Surroundings
@@ -18,11 +31,8 @@ from femfit.device.thermal import Surroundings
 SCHEMA_VERSION = 2
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]*$"
 MAX_NAME = 64
-MAX_AXIS_POINTS = 10_000
-MAX_FREQUENCIES = 1000
 PARAMETER: dict[str, Any] = {"ge": -1e9, "le": 1e9}
-AXIS: dict[str, Any] = {"count": ((1, MAX_AXIS_POINTS),), **LENGTH}
-FREQUENCY: dict[str, Any] = {"gt": 0.0, "le": 1e9}
+AXIS: dict[str, Any] = {"count": ((1, MAX_AXIS_POINTS),), "ascending": True, "stepped": RangeEntry, **LENGTH}
 BODIES = ("electromagnet", "fixed", "moving")
 
 
@@ -114,24 +124,6 @@ class SomeSensor(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RangeEntry(Record):
-    """``{ start = ..., stop = ..., step = ... }``, both ends included."""
-
-    start: float = key("the first value", **LENGTH)
-    stop: float = key("the last value; it belongs to the grid", **LENGTH)
-    step: float = key("a positive step that divides stop - start", gt=0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrequencyRangeEntry(Record):
-    """``{ start = ..., stop = ..., per_decade = ... }``, both ends included."""
-
-    start: float = key("the lowest frequency in Hz", **FREQUENCY)
-    stop: float = key("the highest frequency in Hz; it belongs to the list", **FREQUENCY)
-    per_decade: int = key("how many frequencies there are in each decade", ge=1, le=100)
-
-
-@dataclass(frozen=True, kw_only=True)
 class DesignEntry(Record):
     """How a sweep's parameters are combined."""
 
@@ -149,12 +141,8 @@ class DesignEntry(Record):
 class SweepEntry(DesignEntry):
     """``[sweep]``."""
 
-    current_A: tuple[float, ...] = key(
-        "ascending currents as a list or as { start, stop, step }", usual=None, stepped=RangeEntry, **AXIS
-    )
-    distance_mm: tuple[float, ...] = key(
-        "ascending distances as a list or as { start, stop, step }", stepped=RangeEntry, **AXIS
-    )
+    current_A: tuple[float, ...] = key("ascending currents as a list or as { start, stop, step }", usual=None, **AXIS)
+    distance_mm: tuple[float, ...] = key("ascending distances as a list or as { start, stop, step }", **AXIS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,6 +192,7 @@ class SolverEntry(Record):
     frequency_Hz: tuple[float, ...] | None = key(
         "the frequencies of the impedance as an ascending list or as { start, stop, per_decade }",
         None,
+        ascending=True,
         stepped=FrequencyRangeEntry,
         count=((1, MAX_FREQUENCIES),),
         **FREQUENCY,

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.device.complaints import complain, joined, read_table, table_at
-from femfit.device.drawing import fixed_key
+from femfit.device.complaints import complain, joined, read_table
+from femfit.device.drawing import materials_used
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import nearest_numbers, numbers_of
 from femfit.device.keys import keys_of
@@ -66,8 +66,7 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     entries = {key: value for key, value in table.items() if key in keys_of(ToleranceEntry)}
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
     keys, tolerances = {*numbers_of(data)}, {}
-    regions = (region for body in (fixed_key(data), "moving") for region in table_at(data, body, "regions").values())
-    for material in {str(region.get("material")) for region in regions if isinstance(region, dict)}:
+    for material in materials_used(data):
         # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
         keys |= {joined("materials", material, name) for name in ("B_T", "H_A_per_m")}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):

@@ -89,6 +89,8 @@ class _ScaledQP:
     # Finite bounds, then inequalities: G with rows of length one, and h
     rows: FloatArray
     ends: FloatArray
+    labels: Sequence[str]
+    limits: tuple[FloatArray, FloatArray]  # Lowest and highest coefficients in their own units
     column_scale: FloatArray  # Norms of the columns of A / sigma; shape (k,)
     scale: float
 
@@ -116,62 +118,105 @@ class _ScaledQP:
         return np.asarray(z * self.scale / self.column_scale)
 
 
-def solve_bounded_qp(
-    matrix: FloatArray,
-    y: FloatArray,
-    sigma: FloatArray,
-    lower: FloatArray | None = None,
-    upper: FloatArray | None = None,
-    inequalities: Inequalities | None = None,
-    names: Sequence[str] | None = None,
-) -> QPSolution:
-    """Least squares with bounds and linear inequalities, with a proof that no other solution is better.
+@dataclass(frozen=True, eq=False)
+class BoundedQP:
+    """Least squares with bounds and linear inequalities."""
 
-    A has shape (n, k) with n >= k, y and sigma > 0 in its unit (n,), bounds (k,); infinite ones bound nothing.
-    """
-    count = matrix.shape[1]
-    labels = [f"x{k + 1}" for k in range(count)] if names is None else list(names)
-    problem = _scaled_qp(matrix, y, sigma, lower, upper, inequalities, labels)
-    coefficients = f"{', '.join(labels[:6])}{' ...' if count > 6 else ''}"
-    condition_scaled = float(np.linalg.cond(problem.triangle))
-    if condition_scaled > _CONDITION_MAX:
-        raise FitError(
-            f"The data do not determine {coefficients}: condition number {condition_scaled:.1e} after scaling. Use "
-            "fewer coefficients, or rows at more distances and currents."
+    matrix: FloatArray  # A; shape (n, k) with n >= k
+    y: FloatArray  # Shape (n,)
+    sigma: FloatArray  # > 0, in the unit of y; shape (n,)
+    # Bounds, shape (k,); infinite ones bound nothing
+    lower: FloatArray | None = None
+    upper: FloatArray | None = None
+    inequalities: Inequalities | None = None
+    names: Sequence[str] | None = None
+
+    def solve(self) -> QPSolution:
+        """The solution, with a proof that no other is better."""
+        problem = self._scaled
+        labels = problem.labels
+        coefficients = f"{', '.join(labels[:6])}{' ...' if len(labels) > 6 else ''}"
+        condition_scaled = float(np.linalg.cond(problem.triangle))
+        if condition_scaled > _CONDITION_MAX:
+            raise FitError(
+                f"The data do not determine {coefficients}: condition number {condition_scaled:.1e} after scaling. Use "
+                "fewer coefficients, or rows at more distances and currents."
+            )
+        z = _proven(problem)
+        if z is None:
+            raise FitError(
+                f"The fit of {coefficients} has no proven optimum. Use fewer coefficients, or drop constraints that "
+                "the data contradict."
+            )
+        on_bound = [z - problem.lower < _ACTIVE, problem.upper - z < _ACTIVE]
+        x = np.select(on_bound, problem.limits, problem.unscaled(z))
+        imposed = 0 if self.inequalities is None else len(self.inequalities.right)
+        slack = problem.rows @ z - problem.ends
+        return QPSolution(
+            x=x,
+            active=tuple(map(str, np.select(on_bound, ["lower", "upper"], ""))),
+            active_inequalities=slack[len(slack) - imposed :] < _ACTIVE,
+            residual=self.matrix @ x - self.y,
+            condition_scaled=condition_scaled,
         )
-    z = _proven(problem)
-    if z is None:
-        raise FitError(
-            f"The fit of {coefficients} has no proven optimum. Use fewer coefficients, or drop constraints that the "
-            "data contradict."
+
+    def solve_unproven(self) -> FloatArray:
+        """The same coefficients quickly and without proof: for the many refits of held-out and jackknife errors."""
+        problem = self._scaled
+        z = problem.on_rows(_acting_by_dual(problem))
+        return problem.unscaled(np.clip(z, problem.lower, problem.upper))
+
+    @property
+    def _scaled(self) -> _ScaledQP:
+        """Rows scaled by sigma and columns by their norm, and factorised."""
+        count, ends_of = self.matrix.shape[1], ((self.lower, -np.inf), (self.upper, np.inf))
+        labels = self.names or [f"x{k + 1}" for k in range(count)]
+        low, high = (np.full(count, free) if end is None else np.asarray(end, np.float64) for end, free in ends_of)
+        if len(self.matrix) < count:
+            raise FitError(
+                f"{counted(count, 'coefficient needs', 'coefficients need')} at least "
+                f"{counted(count, 'row')}; instead received {len(self.matrix)}. Sweep more points."
+            )
+        if not (np.all(np.isfinite(self.matrix)) and np.all(np.isfinite(self.y))):
+            raise FitError("Rows of a fit must be finite numbers; at least one is not. Remove or repair these rows.")
+        if not np.all((self.sigma > 0) & np.isfinite(self.sigma)):
+            raise FitError(f"Standard deviations must be > 0 and finite; instead received {np.min(self.sigma):g}.")
+        for name, least, most in zip(labels, low, high, strict=True):
+            if least > most:
+                raise InfeasibleFitError(
+                    f"The fit is infeasible, because {name} must be at least {least:g} and at most {most:g}. "
+                    "Swap or widen these bounds."
+                )
+        weighted, target = self.matrix / self.sigma[:, None], self.y / self.sigma
+        column_scale = np.linalg.norm(weighted, axis=0)
+        if not np.all(column_scale > 0):
+            dead = labels[int(np.argmin(column_scale))]
+            raise FitError(f"The data do not contain {dead}: its column is zero in every row. Leave it out of the fit.")
+        q_factor, triangle = qr(weighted / column_scale, mode="economic")
+        scale = float(np.linalg.norm(target)) or 1.0
+        right = q_factor.T @ target / scale
+        limits, (low, high) = (low, high), (end * column_scale / scale for end in (low, high))
+        below, above = np.isfinite(low), np.isfinite(high)
+        rows, ends = [np.eye(count)[below], -np.eye(count)[above]], [low[below], -high[above]]
+        if self.inequalities is not None:
+            imposed = self.inequalities.matrix / column_scale
+            norms = np.linalg.norm(imposed, axis=1)
+            norms[norms == 0.0] = 1.0
+            rows.append(imposed / norms[:, None])
+            ends.append(self.inequalities.right / scale / norms)
+        return _ScaledQP(
+            triangle=triangle,
+            right=right,
+            outside=float(np.sum((target / scale - q_factor @ right) ** 2)),
+            lower=low,
+            upper=high,
+            rows=np.concatenate(rows),
+            ends=np.concatenate(ends),
+            labels=labels,
+            limits=limits,
+            column_scale=column_scale,
+            scale=scale,
         )
-    on_bound = [z - problem.lower < _ACTIVE, problem.upper - z < _ACTIVE]
-    ends = [np.full(count, -np.inf) if lower is None else lower, np.full(count, np.inf) if upper is None else upper]
-    x = np.select(on_bound, ends, problem.unscaled(z))
-    imposed = 0 if inequalities is None else len(inequalities.right)
-    slack = problem.rows @ z - problem.ends
-    return QPSolution(
-        x=x,
-        active=tuple(map(str, np.select(on_bound, ["lower", "upper"], ""))),
-        active_inequalities=slack[len(slack) - imposed :] < _ACTIVE,
-        residual=matrix @ x - y,
-        condition_scaled=condition_scaled,
-    )
-
-
-def active_set_least_squares(
-    matrix: FloatArray,
-    y: FloatArray,
-    sigma: FloatArray,
-    lower: FloatArray | None = None,
-    upper: FloatArray | None = None,
-    inequalities: Inequalities | None = None,
-) -> FloatArray:
-    """Solve the same problem quickly and without proof: for the many refits of held-out and jackknife errors."""
-    names = [f"x{k + 1}" for k in range(matrix.shape[1])]
-    problem = _scaled_qp(matrix, y, sigma, lower, upper, inequalities, names)
-    z = problem.on_rows(_acting_by_dual(problem))
-    return problem.unscaled(np.clip(z, problem.lower, problem.upper))
 
 
 def non_negative(matrix: FloatArray, right: FloatArray, steps: int | None = None) -> tuple[FloatArray, float]:
@@ -252,68 +297,3 @@ def _excess(problem: _ScaledQP, z: FloatArray) -> float:
         multipliers, unexplained = non_negative(rows[acting].T, gradient, 30 * max(len(gradient), int(acting.sum())))
     better = unexplained**2 + 2.0 * multipliers @ np.fmax(slack[acting] / lengths[acting], 0.0)
     return float(better / max(problem.outside + float(gradient @ gradient), _SSE_FLOOR))
-
-
-def _scaled_qp(
-    matrix: FloatArray,
-    y: FloatArray,
-    sigma: FloatArray,
-    lower: FloatArray | None,
-    upper: FloatArray | None,
-    inequalities: Inequalities | None,
-    names: Sequence[str],
-) -> _ScaledQP:
-    """Scale rows by sigma and columns by their norm, and factorise."""
-    count = matrix.shape[1]
-    low = np.full(count, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64)
-    high = np.full(count, np.inf) if upper is None else np.asarray(upper, dtype=np.float64)
-    _check(matrix, y, sigma, low, high, names)
-    weighted, target = matrix / sigma[:, None], y / sigma
-    column_scale = np.linalg.norm(weighted, axis=0)
-    if not np.all(column_scale > 0):
-        dead = names[int(np.argmin(column_scale))]
-        raise FitError(f"The data do not contain {dead}: its column is zero in every row. Leave it out of the fit.")
-    q_factor, triangle = qr(weighted / column_scale, mode="economic")
-    scale = float(np.linalg.norm(target)) or 1.0
-    right = q_factor.T @ target / scale
-    low, high = low * column_scale / scale, high * column_scale / scale
-    below, above = np.isfinite(low), np.isfinite(high)
-    rows, ends = [np.eye(count)[below], -np.eye(count)[above]], [low[below], -high[above]]
-    if inequalities is not None:
-        imposed = inequalities.matrix / column_scale
-        norms = np.linalg.norm(imposed, axis=1)
-        norms[norms == 0.0] = 1.0
-        rows.append(imposed / norms[:, None])
-        ends.append(inequalities.right / scale / norms)
-    return _ScaledQP(
-        triangle=triangle,
-        right=right,
-        outside=float(np.sum((target / scale - q_factor @ right) ** 2)),
-        lower=low,
-        upper=high,
-        rows=np.concatenate(rows),
-        ends=np.concatenate(ends),
-        column_scale=column_scale,
-        scale=scale,
-    )
-
-
-def _check(
-    matrix: FloatArray, y: FloatArray, sigma: FloatArray, lower: FloatArray, upper: FloatArray, names: Sequence[str]
-) -> None:
-    rows, count = matrix.shape
-    if rows < count:
-        raise FitError(
-            f"{counted(count, 'coefficient needs', 'coefficients need')} at least "
-            f"{counted(count, 'row')}; instead received {rows}. Sweep more points."
-        )
-    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(y))):
-        raise FitError("Rows of a fit must be finite numbers; at least one is not. Remove or repair these rows.")
-    if not np.all((sigma > 0) & np.isfinite(sigma)):
-        raise FitError(f"Standard deviations must be > 0 and finite; instead received {np.min(sigma):g}.")
-    for name, low, high in zip(names, lower, upper, strict=True):
-        if low > high:
-            raise InfeasibleFitError(
-                f"The fit is infeasible, because {name} must be at least {low:g} and at most {high:g}. "
-                "Swap or widen these bounds."
-            )

@@ -256,6 +256,7 @@ def _left_out(
 
 
 def _judged(magnetics: CoenergyMatrix | CoenergyTensor, projection: Projection, system: CoenergySystem) -> CircuitsFit:
+    """The fit with its errors, unless no one co-energy has the force and the flux linkages."""
     rows = system.rows
     force = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
     flux = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
@@ -271,7 +272,17 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, projection: Projection, 
         max((worst for _, worst, _ in left_out[1:]), default=0.0),
         max(left_out, key=lambda axis: axis[0])[2],
     )
-    _require_agreement(fit)
+    if fit.share > POOR_CIRCUIT and fit.saturates:
+        raise FitError(
+            f"The iron saturates, and the co-energy misses force or flux linkages by {amount(fit.share, '')} of their "
+            "rms: the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances; "
+            f"first of all add {fit.to_be_added()}."
+        )
+    if fit.share > POOR_CIRCUIT:
+        raise FitError(
+            f"No co-energy meets force and flux linkages together: the best one misses them by {amount(fit.share, '')} "
+            "of their rms. Sweep more distances; if it stays, a sign or a unit of these columns is wrong."
+        )
     return fit
 
 
@@ -284,19 +295,3 @@ def _not_quadratic(rows: FitRows, functions: CurrentSplines) -> float:
         for k, values, scale in readings
     ]
     return float(np.max(np.abs(residuals)))
-
-
-def _require_agreement(fit: CircuitsFit) -> None:
-    """Refuse a force and flux linkages that no one co-energy has."""
-    worst = fit.share
-    if worst > POOR_CIRCUIT and isinstance(fit.magnetics, CoenergyTensor):
-        raise FitError(
-            f"The iron saturates, and the co-energy misses force or flux linkages by {amount(worst, '')} of their rms: "
-            "the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances; first "
-            f"of all add {fit.to_be_added()}."
-        )
-    if worst > POOR_CIRCUIT:
-        raise FitError(
-            f"No co-energy meets force and flux linkages together: the best one misses them by {amount(worst, '')} of "
-            "their rms. Sweep more distances; if it stays, a sign or a unit of these columns is wrong."
-        )

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.fit.basis import CoenergyBasis
-from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
+from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system, determined
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
@@ -104,7 +104,7 @@ def _solve_with_shapes(
         which = np.flatnonzero(chosen)
         labels = tuple(shapes.labels[n] for n in which)
         imposed = Inequalities(shapes.matrix[which], shapes.right[which], labels)
-        qp = solve_bounded_qp(matrix, y, sigma, inequalities=imposed)
+        qp = BoundedQP(matrix, y, sigma, inequalities=imposed).solve()
         if kinds == 0:
             return qp, ()
         value = shapes.matrix @ qp.x
@@ -121,16 +121,15 @@ def obeyed_shapes(rows: FitRows) -> list[str]:
     ``inductance`` always, since a passive winding's co-energy is convex.
     """
     names = ["inductance"] if rows.flux_linkage is not None else []
-    if all(np.all(np.diff(_along(rows, rows.current == i, rows.distance)) <= 0) for i in rows.currents):
-        names.append("decreasing")
-    attracting = all(np.all(np.diff(_along(rows, rows.distance == d, rows.current)) >= 0) for d in rows.distances)
-    if attracting and not rows.without_current:
-        names.append("attracting")
+    for name, axis, level, sign in (
+        ("decreasing", rows.distance, rows.current, -1.0),
+        ("attracting", rows.current, rows.distance, 1.0),
+    ):
+        order = np.lexsort((axis, level))
+        steps = np.diff(rows.force[order])[np.diff(level[order]) == 0.0]
+        if np.all(sign * steps >= 0.0) and (axis is rows.distance or not rows.without_current):
+            names.append(name)
     return names
-
-
-def _along(rows: FitRows, which: BoolArray, axis: FloatArray) -> FloatArray:
-    return np.asarray(rows.force[which][np.argsort(axis[which])])
 
 
 def _shape_inequalities(

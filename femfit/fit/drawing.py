@@ -9,6 +9,7 @@ Between frequencies g^-1 (dL/dp) g^-T is followed, which varies less than dL/dp 
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,8 @@ from femfit.fit.sensed_field import HallFit
 from femfit.model.bspline import basis_matrix
 from femfit.model.carried import FieldTerm
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
-from femfit.model.eddy_currents import EddyCurrents, Patterns
+from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.hall import HallSpline
 from femfit.model.impedance import CUBIC, impedance_change, induced_impedance
 from femfit.model.magnetics import CoenergySpline, Magnetics
 from femfit.tables.signatures import ImpedanceSlopes, Signatures
@@ -48,19 +50,31 @@ def drawn_effects(
     rows = rows.take(with_slopes)
     of_fields = 1 if rows.flux_linkage is None else 2
     magnetic = coenergy_system(rows).without_constraints(coenergy.basis, slopes[:of_fields])
-    sensed = None
-    if hall is not None and len(slopes) >= 3:
-        spline, coordinate = hall.field.spline, hall.field.coordinate
-        in_u = basis_matrix(coordinate.of(rows.distance), spline.x_knots, spline.x_degree)
-        in_i = basis_matrix(rows.current, spline.y_knots, spline.y_degree)
+    field = None if hall is None or len(slopes) < 3 else hall.field
+    if field is not None:
+        in_u = basis_matrix(field.coordinate.of(rows.distance), field.spline.x_knots, field.spline.x_degree)
+        in_i = basis_matrix(rows.current, field.spline.y_knots, field.spline.y_degree)
         sensed = np.linalg.lstsq(row_products(in_u, in_i), slopes[2], rcond=1e-12)[0]
     effects = []
     for k, number in enumerate(numbers):
-        terms = _terms(number, coenergy.magnetics, magnetic[:, k], hall, None if sensed is None else sensed[:, k])
-        effects.append(
-            replace(drawn_effect(number, terms), gap_m=_gap(number, coenergy, rows, slopes[:of_fields, :, k]))
-        )
+        name, reciprocal, terms = parameter_name(number.unit), KINDS[number.kind].reciprocal, list[FieldTerm]()
+        if np.any(magnetic[:, k]):
+            change = _with_coefficients(coenergy.magnetics, magnetic[:, k])
+            terms.append(FieldTerm(name, coenergy=change, reciprocal=reciprocal))
+        if field is not None:
+            terms.append(FieldTerm(name, hall=_with_coefficients(field, sensed[:, k]), reciprocal=reciprocal))
+        gap_m = _gap(number, coenergy, rows, slopes[:of_fields, :, k])
+        effects.append(replace(drawn_effect(number, tuple(terms)), gap_m=gap_m))
     return tuple(effects)
+
+
+Spline = TypeVar("Spline", CoenergySpline, HallSpline)
+
+
+def _with_coefficients(like: Spline, coefficients: FloatArray) -> Spline:
+    """The same functions with other coefficients, flat."""
+    spline = replace(like.spline, coefficients=coefficients.reshape(like.spline.coefficients.shape))
+    return replace(like, spline=spline)
 
 
 def drawn_effect(number: NumberFacts, terms: tuple[FieldTerm, ...], *, at_rest: bool = False) -> DrawnEffect:
@@ -98,25 +112,6 @@ def _gap(number: NumberFacts, coenergy: CoenergyFit, rows: FitRows, slopes: Floa
     gap = float(np.sum(nearer * changed) / np.sum(nearer**2))
     remainder = rms((changed - gap * nearer).ravel())
     return gap if number.kind == "length" and remainder < AT_THE_GAP * rms(changed.ravel()) else 0.0
-
-
-def _terms(
-    number: NumberFacts,
-    magnetics: CoenergySpline,
-    magnetic: FloatArray,
-    hall: HallFit | None,
-    sensed: FloatArray | None,
-) -> tuple[FieldTerm, ...]:
-    name, reciprocal = parameter_name(number.unit), KINDS[number.kind].reciprocal
-    terms = []
-    if np.any(magnetic):
-        change = replace(magnetics.spline, coefficients=magnetic.reshape(magnetics.spline.coefficients.shape))
-        terms.append(FieldTerm(name, coenergy=replace(magnetics, spline=change), reciprocal=reciprocal))
-    if hall is not None and sensed is not None:
-        like = hall.field.spline
-        field = replace(like, coefficients=sensed.reshape(like.coefficients.shape))
-        terms.append(FieldTerm(name, hall=replace(hall.field, spline=field), reciprocal=reciprocal))
-    return tuple(terms)
 
 
 CONDUCTIVITY = "conductivity"
@@ -158,8 +153,8 @@ def with_impedances(
 def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArray, eddy: EddyCurrents) -> ComplexArray:
     """The share g at distances and frequencies, shape (d, f, n, n)."""
     (forms,) = eddy.forms(np.broadcast_to(distance[:, None], (len(distance), len(frequency))))
-    alone, patterns = inductance[:, None], Patterns(forms.coupling, forms.inductance, eddy.resistances_ohm)
-    induced = induced_impedance(alone, 2j * np.pi * frequency, 1.0, patterns)
+    alone = inductance[:, None]
+    induced = induced_impedance(alone, 2j * np.pi * frequency, 1.0, forms)
     return np.asarray(induced @ np.linalg.inv(alone) / (2j * np.pi * frequency[:, None, None]))
 
 

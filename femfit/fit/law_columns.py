@@ -18,7 +18,7 @@ import numpy as np
 
 from femfit.core.errors import FitError, InfeasibleFitError, UsageError
 from femfit.core.numerics import FloatArray
-from femfit.fit.bounded_qp import Inequalities, QPSolution, active_set_least_squares, solve_bounded_qp
+from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.constants import FEWEST_CURRENTS
 from femfit.fit.rows import FitRows
 from femfit.laws.law import ForceLaw
@@ -52,11 +52,6 @@ def coefficient_bounds(
     return bounds
 
 
-def term_names(law: ForceLaw, functions: Sequence[str]) -> tuple[tuple[str, int], ...]:
-    """(column, power of current) of every term, in the order of :func:`design_matrix`."""
-    return tuple((basis, power) for basis, name in zip(law.basis, functions, strict=True) for power in FUNCTIONS[name])
-
-
 def design_matrix(
     law: ForceLaw, shape: Mapping[str, float], functions: Sequence[str], distance: FloatArray, current: FloatArray
 ) -> FloatArray:
@@ -80,11 +75,11 @@ class TermBounds:
 
     def solve(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> QPSolution:
         """The least squares within them, proved."""
-        return solve_bounded_qp(matrix, y, sigma, self.lower, self.upper, self.inequalities, self.names)
+        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities, self.names).solve()
 
     def refit(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> FloatArray:
         """The same quickly and without proof."""
-        return active_set_least_squares(matrix, y, sigma, self.lower, self.upper, self.inequalities)
+        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities).solve_unproven()
 
     def active(self, solution: QPSolution) -> tuple[str, ...]:
         """The bounds that a solution stands on, in words."""
@@ -175,7 +170,7 @@ def fit_each_current(
         columns = law.columns(rows.distance[at_current], shape)
         names = [f"{basis} at {i:g} A" for basis in law.basis]
         force, weights = rows.force[at_current], sigma[at_current]
-        coefficients.append(solve_bounded_qp(columns, force, weights, lower, upper, names=names).x)
+        coefficients.append(BoundedQP(columns, force, weights, lower, upper, names=names).solve().x)
     return np.array(coefficients)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -21,7 +22,6 @@ from femfit.fit.law_columns import (
     fit_coefficient_function,
     fit_each_current,
     term_bounds,
-    term_names,
 )
 from femfit.fit.rows import FitRows
 from femfit.laws.catalogue import all_laws
@@ -72,19 +72,59 @@ class LawFit:
     """A fitted law."""
 
     law: ForceLaw
+    rows: FitRows
     shape: Mapping[str, float]
-    shape_interval: Mapping[str, tuple[float, float]]  # 95 % block-jackknife interval of each of these
     functions: tuple[str, ...]
-    terms: tuple[tuple[str, int], ...]  # Column and power of current of each term
     stage_one: FloatArray  # Coefficient of each column at each current by itself; shape (m, k)
     stage_two: tuple[CoefficientFunction, ...]
     joint: QPSolution  # The one-stage fit of the same terms to all rows
     limits: TermBounds
-    # 95 % intervals of the terms, shape (terms, 2), and their covariance, shape (terms, terms): by a delete-a-block
-    # jackknife over neighbouring distances with all their currents, shape parameters fitted again each time. Intervals
-    # for independent residuals would be too narrow: the law's own misfit is the same at neighbours and all currents
-    interval: FloatArray
-    covariance: FloatArray
+
+    @property
+    def terms(self) -> tuple[tuple[str, int], ...]:
+        """Column and power of the current of each term, as :func:`design_matrix` has them."""
+        columns = zip(self.law.basis, self.functions, strict=True)
+        return tuple((basis, power) for basis, name in columns for power in FUNCTIONS[name])
+
+    def refit(self, subset: BoolArray) -> tuple[dict[str, float], FloatArray]:
+        """Shape and coefficients for some of the rows alone, within the same bounds."""
+        fitted, sigma = self.rows.take(subset), law_sigma(self.rows)[subset]
+        shape = fit_shape(self.law, fitted, sigma, self.shape)
+        matrix = design_matrix(self.law, shape, self.functions, fitted.distance, fitted.current)
+        return shape, self.limits.refit(matrix, fitted.force, sigma)
+
+    @cached_property
+    def _jackknife(self) -> tuple[FloatArray, FloatArray]:
+        """Covariance of all terms and shape parameters, and half of their 95 % intervals.
+
+        By a delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again
+        each time. Intervals for independent residuals would be too narrow: the law's own misfit is the same at
+        neighbours and all currents.
+        """
+        count = min(JACKKNIFE_BLOCKS, len(self.rows.distances))
+        blocks = np.array_split(self.rows.distances, count)
+        again = [self.refit(~np.isin(self.rows.distance, block)) for block in blocks]
+        table = np.array([np.concatenate([x, list(shape.values())]) for shape, x in again])
+        centred = table - table.mean(axis=0)
+        covariance = (count - 1) / count * centred.T @ centred
+        return covariance, student.ppf(0.975, count - 1) * np.sqrt(np.diag(covariance))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of the terms, shape (terms, terms)."""
+        return self._jackknife[0][: len(self.terms), : len(self.terms)]
+
+    @property
+    def interval(self) -> FloatArray:
+        """95 % intervals of the terms, shape (terms, 2)."""
+        half = self._jackknife[1][: len(self.terms)]
+        return np.stack([self.joint.x - half, self.joint.x + half], axis=1)
+
+    @property
+    def shape_interval(self) -> dict[str, tuple[float, float]]:
+        """95 % interval of each nonlinear parameter."""
+        halves = zip(self.shape.items(), self._jackknife[1][len(self.terms) :].tolist(), strict=True)
+        return {name: (value - half, value + half) for (name, value), half in halves}
 
     @property
     def operations(self) -> int:
@@ -168,20 +208,7 @@ def fit_law(
     matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
     limits = term_bounds(chosen, law.basis, rows.currents, within)
     joint = limits.solve(matrix, rows.force, sigma)
-    interval, covariance, shape_interval = _intervals(law, shape, chosen, rows, limits, joint)
-    return LawFit(
-        law=law,
-        shape=shape,
-        shape_interval=shape_interval,
-        functions=chosen,
-        terms=term_names(law, chosen),
-        stage_one=stage_one,
-        stage_two=stage_two,
-        joint=joint,
-        limits=limits,
-        interval=interval,
-        covariance=covariance,
-    )
+    return LawFit(law, rows, shape, chosen, stage_one, stage_two, joint, limits)
 
 
 def fit_shape(
@@ -198,47 +225,6 @@ def fit_shape(
         return np.asarray(target - q_factor @ (q_factor.T @ target))
 
     return search_shape(law, residual, start)
-
-
-def refit(
-    law: ForceLaw,
-    shape: Mapping[str, float],
-    functions: Sequence[str],
-    limits: TermBounds,
-    rows: FitRows,
-    subset: BoolArray,
-) -> tuple[dict[str, float], FloatArray]:
-    """Shape and coefficients of a fitted law for some of its rows alone, within the same bounds."""
-    fitted, sigma = rows.take(subset), law_sigma(rows)[subset]
-    refitted = fit_shape(law, fitted, sigma, shape)
-    matrix = design_matrix(law, refitted, functions, fitted.distance, fitted.current)
-    return refitted, limits.refit(matrix, fitted.force, sigma)
-
-
-def _intervals(
-    law: ForceLaw,
-    shape: Mapping[str, float],
-    functions: Sequence[str],
-    rows: FitRows,
-    limits: TermBounds,
-    joint: QPSolution,
-) -> tuple[FloatArray, FloatArray, dict[str, tuple[float, float]]]:
-    blocks = np.array_split(rows.distances, min(JACKKNIFE_BLOCKS, len(rows.distances)))
-    values = []
-    for block in blocks:
-        refitted, x = refit(law, shape, functions, limits, rows, ~np.isin(rows.distance, block))
-        values.append(np.concatenate([x, list(refitted.values())]))
-    table = np.array(values)
-    g = len(blocks)
-    centred = table - table.mean(axis=0)
-    covariance = (g - 1) / g * centred.T @ centred
-    half = student.ppf(0.975, g - 1) * np.sqrt(np.diag(covariance))
-    terms = len(joint.x)
-    block_interval = np.stack([joint.x - half[:terms], joint.x + half[:terms]], axis=1)
-    shapes = {
-        name: (value - float(h), value + float(h)) for (name, value), h in zip(shape.items(), half[terms:], strict=True)
-    }
-    return block_interval, covariance[:terms, :terms], shapes
 
 
 def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None) -> LawMagnetics:

@@ -24,7 +24,7 @@ from femfit.core.text import amount
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.constants import COARSE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
 from femfit.fit.law_columns import design_matrix
-from femfit.fit.law_fit import LawFit, fit_law, law_magnetics, refit
+from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.model_parts import validity_of
 from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.laws.law import ForceLaw
@@ -252,7 +252,11 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
     scale, _ = rows.error_scale
     try:
         fit = fit_law(law, rows)
-        errors = _held_out(fit, rows, folds)
+        left_out = []
+        for out in folds:
+            (shape, x), test = fit.refit(~out), rows.take(out)
+            left_out.append(design_matrix(law, shape, fit.functions, test.distance, test.current) @ x - test.force)
+        errors = np.concatenate(left_out)
         magnetics = law_magnetics(fit, rows)
         candidate = ActuatorModel("candidate", magnetics, validity_of(magnetics, rows))
         written = misfit_to_rows(as_written(candidate), rows)
@@ -268,12 +272,3 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
         rms=written.force_rms_N / scale,
         parameters=len(fit.terms) + len(fit.shape),
     )
-
-
-def _held_out(fit: LawFit, rows: FitRows, folds: Sequence[BoolArray]) -> FloatArray:
-    errors = []
-    for out in folds:
-        shape, x = refit(fit.law, fit.shape, fit.functions, fit.limits, rows, ~out)
-        test = rows.take(out)
-        errors.append(design_matrix(fit.law, shape, fit.functions, test.distance, test.current) @ x - test.force)
-    return np.concatenate(errors)

@@ -47,7 +47,7 @@ from femfit.identify.observations import Observations
 from femfit.identify.words import plain, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
-from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis, carried_effect
+from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement
@@ -148,7 +148,7 @@ def effect_of(parts: Sequence[Part], coefficients: Sequence[FloatArray]) -> Adde
     )
     symptom = "The readings depart smoothly from the model, as no effect of the catalogue makes them."
     carried = Carried(magnetics=terms or None, readings=readings)
-    return AddedEffect(carried_effect(NAME, symptom, (share,), carried), {"share": 1.0})
+    return AddedEffect(carried.effect(NAME, symptom, (share,)), {"share": 1.0})
 
 
 def columns_of(observations: Observations, part: Part) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from femfit.core.errors import FitError, TableError
 from femfit.core.numerics import FloatArray
-from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
+from femfit.fit.bounded_qp import BoundedQP
 from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, precycled
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.uncertainty import SensingCoil
@@ -82,7 +82,7 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     rows, target = np.concatenate([matrix[:, used], prior]), np.concatenate([field, np.zeros(len(prior))])
     names = [f"coefficient {k}" for k in used]
     coefficients = np.zeros(matrix.shape[1])
-    coefficients[used] = solve_bounded_qp(rows, target, sigma, lower, names=names).x
+    coefficients[used] = BoundedQP(rows, target, sigma, lower, names=names).solve().x
     return FieldModel(terms, coefficients, _left_out_rms(rows, target, sigma, lower, current))
 
 
@@ -106,7 +106,7 @@ def _left_out_rms(
     for stretch in np.array_split(np.arange(len(current)), FOLDS):
         others, remaining = np.delete(current, stretch), np.delete(np.arange(len(rows)), stretch)
         reached = stretch[(current[stretch] <= others.max()) & (current[stretch] >= others.min())]
-        x = active_set_least_squares(rows[remaining], target[remaining], sigma[remaining], lower)
+        x = BoundedQP(rows[remaining], target[remaining], sigma[remaining], lower).solve_unproven()
         squares.append(np.square(rows[reached] @ x - target[reached]))
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 

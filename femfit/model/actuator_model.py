@@ -1,6 +1,6 @@
 """The actuator model: the one object that simulator, filters, comparison and every export read."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
@@ -150,15 +150,15 @@ class ActuatorModel(Printed):
         ValueError
             If the shapes do not broadcast.
         """
-        return self._evaluate(self.magnetics.force, distance, current, extrapolate)
+        return self._squeezed(self.magnetics.force(*self._points(distance, current, extrapolate)))
 
     def flux_linkage(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Flux linkage of the winding in Wb, (..., n) of several; arguments and errors as of :meth:`force`."""
-        return self._evaluate(self.magnetics.flux_linkage, distance, current, extrapolate, 1)
+        return self._squeezed(self.magnetics.flux_linkage(*self._points(distance, current, extrapolate)), 1)
 
     def inductance(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Inductance d(flux linkage)/di in H, (..., n, n) of several; arguments and errors as of :meth:`force`."""
-        return self._evaluate(self.magnetics.inductance, distance, current, extrapolate, 2)
+        return self._squeezed(self.magnetics.inductance(*self._points(distance, current, extrapolate)), 2)
 
     def impedance(
         self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
@@ -197,17 +197,7 @@ class ActuatorModel(Printed):
             raise DomainError("Frequencies must be numbers >= 0, in Hz. Leave out what is no frequency.")
         return self._squeezed(impedances_at(self, d, i, f), 2)
 
-    def _evaluate(
-        self,
-        quantity: Callable[[FloatArray, FloatArray], FloatArray],
-        distance: ArrayLike,
-        current: ArrayLike,
-        extrapolate: bool,
-        axes: int = 0,
-    ) -> FloatArray:
-        return self._squeezed(quantity(*self._points(distance, current, extrapolate)), axes)
-
-    def _squeezed(self, values: Values, axes: int) -> Values:
+    def _squeezed(self, values: Values, axes: int = 0) -> Values:
         """Without the axes of circuits where there are not several: a number for two numbers."""
         count = len(self.validity.current_limits_A)
         if count == 1:

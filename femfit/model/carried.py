@@ -173,32 +173,22 @@ class Carried:
         assert self.conductivity is not None  # noqa: S101  where there is the stage
         return 1.0 / (1.0 + p[self.conductivity.parameter])
 
-
-def carried_effect(
-    name: str,
-    symptom: str,
-    parameters: Sequence[EffectParameter],
-    carried: Carried,
-    *,
-    experiment: str = "",
-    reference: str = "",
-) -> Effect:
-    """The effect that acts as its data say."""
-    return Effect(
-        name=name,
-        symptom=symptom,
-        parameters=tuple(parameters),
-        experiment=experiment,
-        reference=reference,
-        coenergy=carried.coenergy_stage if carried.magnetics is not None else None,
-        setting=carried.setting_stage if carried.setting else None,
-        readings=carried.readings_stage if carried.readings or carried.branches else None,
-        force=carried.force_stage if carried.brake else None,
-        circuit=carried.circuit_stage if carried.resistance else None,
-        impedance=carried.impedance,
-        eddy=carried.eddy_stage if carried.conductivity else None,
-        carried=carried,
-    )
+    def effect(self, name: str, symptom: str, parameters: Sequence[EffectParameter], **facts: Any) -> Effect:
+        """The effect that acts as these data say, with further facts of it."""
+        return Effect(
+            name=name,
+            symptom=symptom,
+            parameters=tuple(parameters),
+            coenergy=self.coenergy_stage if self.magnetics is not None else None,
+            setting=self.setting_stage if self.setting else None,
+            readings=self.readings_stage if self.readings or self.branches else None,
+            force=self.force_stage if self.brake else None,
+            circuit=self.circuit_stage if self.resistance else None,
+            impedance=self.impedance,
+            eddy=self.eddy_stage if self.conductivity else None,
+            carried=self,
+            **facts,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +207,8 @@ class FiledCarried:
 
     def effect(self, name: str) -> Effect:
         """The effect itself."""
-        return carried_effect(name, **vars(self))
+        texts = {key: value for key, value in vars(self).items() if key != "carried"}
+        return self.carried.effect(name, **texts)
 
 
 @dataclass(frozen=True, eq=False)

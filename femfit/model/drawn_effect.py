@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as limited
 from functools import cached_property
 
 from femfit.effects.effect import Calibration, Effect, EffectParameter
-from femfit.model.carried import Carried, Conductivity, FieldTerm, carried_effect
+from femfit.model.carried import Carried, Conductivity, FieldTerm
 from femfit.model.impedance import ImpedanceChange
 
 PLAUSIBLE, POSSIBLE = 3.0, 10.0
@@ -88,21 +88,21 @@ class DrawnEffect:
         )
         shown = "Impedances" if self._harmonic else "Force, flux linkage and Hall voltage"
         shown = "Impedances and the lag of the field" if self.conducts else shown
-        made = carried_effect(
-            self.key,
-            f"{shown} are those of a device in which {self.key} is another number.",
-            (change,),
-            self._carried,
-            experiment=f"Measure {self.subject} on the device itself.",
-            reference="Signature computed from the drawing's own field",
-        )
-        needs = EDDY_NEEDS if self.conducts else HARMONIC_NEEDS if self._harmonic else NEEDS
         calibrations: tuple[Calibration, ...] = ()
         if self.unit == "mm" and not self.key.startswith(SENSORS):  # a dimension can be read on the part itself
             text = f"Measure {self.subject} on the device itself, to {MICROMETER_MM:g} mm."
             calibrations = (Calibration({self.parameter: MICROMETER_MM}, MICROMETER_COST, text),)
-        title = "" if self.subject == self.key else self.subject
-        return replace(made, needs=needs, calibrations=calibrations, title=title, stands_for=self.stands_for)
+        return self._carried.effect(
+            self.key,
+            f"{shown} are those of a device in which {self.key} is another number.",
+            (change,),
+            needs=EDDY_NEEDS if self.conducts else HARMONIC_NEEDS if self._harmonic else NEEDS,
+            experiment=f"Measure {self.subject} on the device itself.",
+            calibrations=calibrations,
+            reference="Signature computed from the drawing's own field",
+            title="" if self.subject == self.key else self.subject,
+            stands_for=self.stands_for,
+        )
 
     @property
     def _carried(self) -> Carried:

@@ -83,20 +83,12 @@ class EddyBias:
 
 @dataclass(frozen=True, eq=False)
 class EddyForms:
-    """C, lambda, Q and h at distances, or a derivative of theirs in d."""
-
-    coupling: FloatArray  # C, shape (..., n, r)
-    flux_linkage: FloatArray  # lambda in Wb, shape (..., r)
-    inductance: FloatArray  # Q in H, shape (..., r, r)
-    hall: FloatArray  # h in T/A, shape (..., r); zeros without a Hall element
-
-
-@dataclass(frozen=True, eq=False)
-class Patterns:
-    """What an impedance takes of the patterns, at distances as arrays, or at one as arrays of complex expressions."""
+    """C, lambda, Q and h at distances, or a derivative of theirs in d; at one as arrays of complex expressions."""
 
     coupling: Any  # C, shape (..., n, r)
+    flux_linkage: Any  # lambda in Wb, shape (..., r)
     inductance: Any  # Q in H, shape (..., r, r)
+    hall: Any  # h in T/A, shape (..., r); zeros without a Hall element
     resistances_ohm: Any  # Shape (r,)
 
 
@@ -164,14 +156,15 @@ class EddyCurrents:
         for entries in self._splines.derivatives(distance, *(orders or (0,))):
             coupling, linkage, hall, inductance = np.split(entries, [n * r, (n + 1) * r, (n + 2) * r], axis=-1)
             coupling = coupling.reshape(*coupling.shape[:-1], n, r)
-            found.append(EddyForms(coupling, linkage, inductance[..., self._places], hall))
+            inductance = inductance[..., self._places]
+            found.append(EddyForms(coupling, linkage, inductance, hall, self.resistances_ohm))
         return found
 
-    def patterns(self, distance: SX) -> Patterns:
+    def patterns(self, distance: SX) -> EddyForms:
         """What an impedance takes at the distance of an expression."""
-        coupling, _, _, inductance = self._entries(distance)
-        own = complex_array(inductance)[:, 0][self._places]
-        return Patterns(complex_array(coupling), own, complex_array(SX(self.resistances_ohm))[:, 0])
+        coupling, linkage, hall, inductance = map(complex_array, self._entries(distance))
+        resistances = complex_array(SX(self.resistances_ohm))
+        return EddyForms(coupling, linkage, inductance[:, 0][self._places], hall, resistances[:, 0])
 
     def scaled(self, magnets: float, currents: FloatArray) -> "EddyCurrents":
         """The patterns beside magnets and numbers of turns that are scaled: W_s(d, s u) has u = i + C e / s."""

@@ -79,6 +79,8 @@ class Driver:
 class _Core:
     """The first circuit's core, whose effects have states."""
 
+    memory: Mapping[str, SX]  # The states
+    conditions: Conditions
     first: SX  # The circuit's current
     current: SX  # u, that it sees
     turns: SX  # G
@@ -89,9 +91,10 @@ class _Core:
         """The rate u' where all windings' currents have these."""
         return ca.dot(self.turns, rate) + self.drift
 
-    def later(self, rate: SX, time: SX) -> "_Core":
-        """The same core a time in s later, at these rates."""
-        return replace(self, first=self.first + time * rate[0], current=self.current + time * self.rate(rate))
+    def later(self, rate: SX, time: SX, memory: Mapping[str, SX], conditions: Conditions) -> "_Core":
+        """The same core a time in s later, at these rates, with the states and under the conditions of then."""
+        first, current = self.first + time * rate[0], self.current + time * self.rate(rate)
+        return replace(self, memory=memory, conditions=conditions, first=first, current=current)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +142,6 @@ class Equations:
             return ca.vec(ca.jacobian(flow, ca.vertcat(at.state, at.voltage))) if slope else flow
 
         return self._function(("flow", driven, slope), made)
-
-    @property
-    def rates_slope(self) -> GraphFunction:
-        """Jacobian of :attr:`rates` by the state, column after column."""
-        return self._function("rates slope", lambda at: ca.vec(ca.jacobian(self._rates(at.state, at), at.state)))
 
     def step(self, length: float | None) -> GraphFunction:
         """The state one step later; of one length in s, or of any that is given with each state where None."""
@@ -299,28 +297,28 @@ class Equations:
         commanded[places] = 0.0
         resistances, volts, taken = self._circuits(commanded, w, conditions)
         circuits = inductance, resistances if way is None else taken, volts - resistances * w + motional
-        core = self._core(d, v, w, ca.jacobian(linkage[0], z).T)
+        core = self._core((d, v, w), memory, conditions, ca.jacobian(linkage[0], z).T)
         if way is None:
-            total, _, driving = self._beside(memory, core, circuits, conditions, (places, imposed))
+            total, _, driving = self._beside(core, circuits, (places, imposed))
             rate, more = _imposed(total, driving, places, imposed)
             if driven:
                 commanded[places] = self._commanded(volts[places] + more, first, conditions)
         else:
             at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant, pull)
-            fed = self._beside(memory, core, circuits, conditions)
+            fed = self._beside(core, circuits)
             v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
             if memory:  # half-way
                 half = 0.5 * at.step
-                change = half * self._followed(memory, core, rate, conditions, half)
+                change = half * self._followed(core, rate, half)
                 stronger = freedom / motion.mass_kg * (ca.jacobian(force, z) @ change)
-                core, later = core.later(rate, half), dict(zip(memory, ca.vertsplit(z + change), strict=True))
-                speed += half * gain
-                conditions = self.conditions(speed, later, motional_constant * speed)
-                fed = self._beside(later, core, circuits, conditions)
+                later, speed = dict(zip(memory, ca.vertsplit(z + change), strict=True)), speed + half * gain
+                core = core.later(rate, half, later, self.conditions(speed, later, motional_constant * speed))
+                fed = self._beside(core, circuits)
                 v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
                 v, acceleration = v - at.step / 3.0 * stronger, acceleration - stronger
         step = None if way is None else at.step
-        return ca.vertcat(v, acceleration, rate, self._followed(memory, core, rate, conditions, step)), commanded
+        followed = self._followed(replace(core, memory=memory), rate, step)  # from the states at first
+        return ca.vertcat(v, acceleration, rate, followed), commanded
 
     def _means(
         self,
@@ -379,51 +377,45 @@ class Equations:
         magnetics, eddy = self.model.magnetics.with_memory(memory), self.model.eddy
         return magnetics if eddy is None else lambda d, w: eddy.expression(magnetics, d, w)
 
-    def _core(self, d: SX, v: SX, w: SX, along: SX) -> _Core:
-        eddy = self.model.eddy
-        if not self.model.circuits:
-            return _Core(w[0], SX(0.0), SX.zeros(w.numel()), SX(0.0), along)
-        if eddy is None:
-            return _Core(w[0], w[0], ca.vertcat(1.0, SX.zeros(w.numel() - 1)), SX(0.0), along)
-        u = eddy.acting(d, w)[0][0]
-        return _Core(w[0], u, ca.gradient(u, w), ca.gradient(u, d) * v, along)
+    def _core(self, body: tuple[SX, SX, SX], memory: Mapping[str, SX], conditions: Conditions, along: SX) -> _Core:
+        d, v, w = body
+        current = w[0] if self.model.circuits else SX(0.0)
+        if self.model.circuits and self.model.eddy is not None:
+            current = self.model.eddy.acting(d, w)[0][0]
+        turns, drift = ca.densify(ca.gradient(current, w)), ca.gradient(current, d) * v
+        return _Core(memory, conditions, w[0], current, turns, drift, along)
 
     def _beside(
-        self,
-        memory: Mapping[str, SX],
-        core: _Core,
-        circuits: tuple[SX, SX, SX],
-        conditions: Conditions,
-        imposed: tuple[list[int], SX] = ([], SX(0, 1)),
+        self, core: _Core, circuits: tuple[SX, SX, SX], imposed: tuple[list[int], SX] = ([], SX(0, 1))
     ) -> tuple[SX, SX, SX]:
         """Inductance, resistances and driving voltages beside what states of effects do."""
-        if not memory:
+        if not core.memory:
             return circuits
         inductance, resistances, driving = circuits
-        still = self._memory_rates(memory, core.current, SX(0.0), conditions)
+        still = self._memory_rates(core, SX(0.0))
         driving = driving - core.turns * ca.dot(core.along, still)
         share = ca.dot(core.turns, eliminated(inductance, core.turns))
         rate, _ = _imposed(inductance, driving, *imposed)
         sign = ca.if_else(core.rate(rate) < 0.0, -1.0, 1.0)
-        change = sign * (self._memory_rates(memory, core.current, sign, conditions) - still)
+        change = sign * (self._memory_rates(core, sign) - still)
         taken = ca.fmax(ca.dot(core.along, change), (_LEAKAGE - 1.0) / share)
         return inductance + taken * core.turns @ core.turns.T, resistances, driving - core.turns * (taken * core.drift)
 
-    def _followed(self, memory: Mapping[str, SX], core: _Core, rate: SX, conditions: Conditions, step: SX | None) -> SX:
+    def _followed(self, core: _Core, rate: SX, step: SX | None) -> SX:
         """Rates z' where all windings' currents have these; over a step in s their means.
 
         A state with z' = a - b z moves by (a - b z) (1 - exp(-b h)) / b, however fast it decays.
         """
 
         def followed(z: SX) -> SX:
-            states = dict(zip(memory, ca.vertsplit(z), strict=True))
-            rates = self._memory_rates(states, core.current, core.rate(rate), conditions, (core.first, rate[0]))
+            states = dict(zip(core.memory, ca.vertsplit(z), strict=True))
+            rates = self._memory_rates(replace(core, memory=states), core.rate(rate), rate[0])
             return rates if step is None else ca.vertcat(rates, -ca.diag(ca.jacobian(rates, z)))
 
-        if not memory:
+        if not core.memory:
             return SX(0, 1)
-        found = of_variable(followed, ca.vertcat(*memory.values()))
-        rates, decays = found[: len(memory)], ca.vertsplit(found[len(memory) :])
+        found = of_variable(followed, ca.vertcat(*core.memory.values()))
+        rates, decays = found[: len(core.memory)], ca.vertsplit(found[len(core.memory) :])
         return rates if step is None else rates * ca.vertcat(*(shares(step * decay)[0] for decay in decays))
 
     def _circuits(self, voltage: SX, w: SX, conditions: Conditions) -> tuple[SX, SX, SX]:
@@ -456,23 +448,17 @@ class Equations:
         volts = motional[0] if motional is not None and motional.numel() else SX(0.0)
         return replace(at, velocity_m_s=v, memory=memory, motional_V=volts)
 
-    def _memory_rates(
-        self,
-        memory: Mapping[str, SX],
-        current: SX,
-        current_rate: SX,
-        conditions: Conditions,
-        of_circuit: tuple[SX, SX] | None = None,
-    ) -> SX:
-        """Rates z', where a sensor's states follow the circuit's current and its rate, and a core's its own."""
+    def _memory_rates(self, core: _Core, rate: SX, of_circuit: SX | None = None) -> SX:
+        """Rates z' at a rate of the core's current; a sensor's states follow the circuit's own, where that is given."""
         rates: dict[str, Expression] = {}
         for added in self.model.effects:
             if added.memory is None:
                 continue
-            of_core = of_circuit is None or added.effect.coenergy is not None
-            now, rate = of_circuit if of_circuit and not of_core else (current, current_rate)
-            rates |= added.memory.rate(memory, now, replace(conditions, current_rate_A_s=rate), added.parameters)
-        return ca.vertcat(SX(0, 1), *(rates[name] for name in memory))
+            own = of_circuit is None or added.effect.coenergy is not None
+            current, its_rate = (core.current, rate) if own else (core.first, of_circuit)
+            conditions = replace(core.conditions, current_rate_A_s=its_rate)
+            rates |= added.memory.rate(core.memory, current, conditions, added.parameters)
+        return ca.vertcat(SX(0, 1), *(rates[name] for name in core.memory))
 
 
 def _expressed(state: SX, voltage: SX, step: SX | None = None, free: SX | None = None) -> _Symbols:

@@ -27,7 +27,7 @@ from femfit.effects.effect import AddedEffect, Parameters
 from femfit.model.at_rest import Point
 from femfit.model.bspline import FLAT, DistanceCoordinate, basis_matrix, functions, spline_at
 from femfit.model.decay import Complex, ComplexExpressions, complex_array, solved
-from femfit.model.eddy_currents import Patterns
+from femfit.model.eddy_currents import EddyForms
 from femfit.model.with_effects import patterns_with_sources
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def following_share(effects: Iterable[AddedEffect], s: Any) -> Any:
     return share
 
 
-def induced_impedance(inductance: Any, s: Any, share: Any, patterns: Patterns | None) -> Any:
+def induced_impedance(inductance: Any, s: Any, share: Any, patterns: EddyForms | None) -> Any:
     """Voltages in V that flux induces in n circuits, for each ampere: Z without resistances and what is in series.
 
     With eddy currents E for each ampere that is s L (1 + C E). Of arrays, or of expressions.

@@ -26,7 +26,7 @@ from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, true_setting
 from femfit.model.decay import Complex, complex_array
-from femfit.model.eddy_currents import EddyCurrents, Patterns
+from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.hall import HallField, OtherSensor, PickupSensor
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import CoenergyTensor
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 SCALING = ("remanence", "turns")
 """Effects that scale what makes the field."""
+
+TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 
 
 def nominal_of(model: "ActuatorModel") -> Nominal:
@@ -145,12 +147,8 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
     if not effects:
         return base
     _require_known(base, effects)
-    at = Conditions(
-        nominal_of(base),
-        coil_temperature_C=model.coil_temperature_C,
-        magnet_temperature_C=model.magnet_temperature_C,
-        running=True,
-    )
+    temperatures = {name: getattr(model, name) for name in TEMPERATURES}
+    at = Conditions(nominal_of(base), **temperatures, running=True)
     motion = base.motion
     if motion is not None:
         near, far = changed_by(effects, "ends", motion.ends, at.nominal)
@@ -174,15 +172,14 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         effects=effects,
         base=base,
         conditions=at,
-        coil_temperature_C=model.coil_temperature_C,
-        magnet_temperature_C=model.magnet_temperature_C,
+        **temperatures,
     )
 
 
 def with_parts(model: "ActuatorModel", **parts: Any) -> "ActuatorModel":
     """A model with other parts of its base, on which its effects act."""
-    at = {"coil_temperature_C": model.coil_temperature_C, "magnet_temperature_C": model.magnet_temperature_C}
-    return with_effects(replace(model.without_effects, **(at | parts)), model.effects)
+    temperatures = {name: getattr(model, name) for name in TEMPERATURES}
+    return with_effects(replace(model.without_effects, **(temperatures | parts)), model.effects)
 
 
 def _require_known(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
@@ -224,7 +221,7 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     return found
 
 
-def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> Patterns | None:
+def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> EddyForms | None:
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None

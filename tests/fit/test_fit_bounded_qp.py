@@ -6,11 +6,20 @@ from scipy.optimize import lsq_linear, minimize
 
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit import bounded_qp
-from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_bounded_qp
+from femfit.fit.bounded_qp import BoundedQP, Inequalities
 from femfit.fit.law_columns import FUNCTIONS, design_matrix, term_bounds
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.bspline import basis_matrix
 from support.sweeps import SaturatingCircuit, force_table, full_table, paper_force
+
+
+def solve_bounded_qp(*given, **bounds):
+    return BoundedQP(*given, **bounds).solve()
+
+
+def active_set_least_squares(*given, **bounds):
+    return BoundedQP(*given, **bounds).solve_unproven()
+
 
 DISTANCES = np.linspace(15e-3, 45e-3, 61)
 F1E = np.stack([DISTANCES**-4, DISTANCES**-2], axis=1)  # The paper's two columns; condition number 8e3

@@ -11,7 +11,7 @@ from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.add_effects import add_effects
 from femfit.identify.remainder import COENERGY, NAME, given, likeliest_root
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
-from femfit.model.carried import Carried, FieldTerm, bounded_basis, carried_effect
+from femfit.model.carried import Carried, FieldTerm, bounded_basis
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
 from femfit.simulation.plant import Plant
@@ -141,7 +141,7 @@ def learnt_from_record(model):
     spline = TensorSpline(knots, np.array([-9.0, 9.0]), 4, 0, (expand @ np.linalg.lstsq(rows, wanted)[0])[:, None])
     coenergy = CoenergySpline(DistanceCoordinate(1.0, kind="distance"), spline)
     share = EffectParameter("share", bounds=(0.0, 2.0), plausible=(0.0, 1.0), description="How much of it is there.")
-    carried = carried_effect("hidden", "Something.", [share], Carried((FieldTerm("share", coenergy=coenergy),)))
+    carried = Carried((FieldTerm("share", coenergy=coenergy),)).effect("hidden", "Something.", [share])
     cogging = AddedEffect(carried, {"share": 1.0})
     noise = {"distance_m": 3e-5, "current_A": 4e-3}
     record = recorded(closed_loop(model, [cogging], runs=2, seconds=2.0, seed=5), runs=(1, 2), **noise)

@@ -10,7 +10,7 @@ from femfit.core.errors import ModelFileError
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, EffectParameter, FieldPoint
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
-from femfit.model.carried import Brake, Carried, Curve, FieldTerm, bounded_basis, carried_effect
+from femfit.model.carried import Brake, Carried, Curve, FieldTerm, bounded_basis
 from femfit.model.hall import HallSpline
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import CoenergySpline
@@ -50,7 +50,7 @@ def carried():
 
 @pytest.fixture(scope="module")
 def effect(carried):
-    return carried_effect("learnt", "The readings depart smoothly.", [SHARE], carried)
+    return carried.effect("learnt", "The readings depart smoothly.", [SHARE])
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_the_brake_never_pushes(carried, effect, levitation_model):
 def test_an_error_that_turns_with_the_branch_is_none_where_no_branch_is_known(carried, levitation_model):
     d, i = points(0.02, 0.04, 0.1, 1.2)
     turning = Carried(branches=carried.branches)
-    only = AddedEffect(carried_effect("turning", "It turns.", [SHARE], turning), {"share": 1.0})
+    only = AddedEffect(turning.effect("turning", "It turns.", [SHARE]), {"share": 1.0})
     nominal = nominal_of(levitation_model)
     force = [
         predict_readings(levitation_model, d, i, Conditions(nominal, branch=b), [only])["force_N"] for b in (-1, 0, 1)

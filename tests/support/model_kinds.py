@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from casadi import SX
 
+from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import central_differences
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
@@ -28,7 +30,11 @@ SPRUNG = Mechanics(
 
 def state_jacobian(model, state, voltage):
     """Jacobian of the state's derivative with respect to the state."""
-    columns, order = evaluated(model, model.equations.rates_slope, state, voltage), state.shape[-1]
+    order = state.shape[-1]
+    with building():
+        x, u = SX.sym("x", order), SX.sym("u", len(model.circuits))
+        slope = ca.vec(ca.jacobian(model.equations.rates_at(x, u), x))
+        columns = evaluated(model, GraphFunction([x, u, SX.sym("others", 3)], slope), state, voltage)
     return np.swapaxes(columns.reshape(*state.shape[:-1], order, order), -1, -2)
 
 
