@@ -54,8 +54,13 @@ def rewritten(
                 before = value_at(drawn, locations[path])
                 with_value(tables, locations[path], decimal_sum(decimal_sum(before, -1.0, key.value), 1.0, value))
         else:
-            before = value_at(drawn, locations[key.key])
-            with_value(tables, locations[key.key], math.copysign(value, key.value if before is None else before))
+            location = locations[key.key]
+            before = value_at(drawn, location)
+            if before is None:  # a material of the library
+                before = LIBRARY[str(location[1])].table.get(str(location[-1]), key.value)
+            if not math.isclose(abs(before), abs(key.value)):  # of a warm magnet the file has the remanence at 20 degC
+                value = float(f"{abs(before) * value / abs(key.value):.{_DIGITS}g}")  # noqa: PLW2901
+            with_value(tables, location, math.copysign(value, before))
     return tomlkit.dumps(tables)
 
 

@@ -39,6 +39,20 @@ def test_a_material_of_the_library_gets_a_table_of_its_own():
     assert (material.relative_permeability, material.remanence_T) == (1.07, 1.312)
 
 
+@pytest.mark.parametrize("material", ["hard", "n42"], ids=["in the file", "of the library"])
+def test_a_warm_magnets_remanence_is_written_as_it_is_at_20_degrees(material):
+    """The number is that of the warm magnet, since the field is solved with it; the file's is not."""
+    text = SMALL.replace("remanence_T = 1.2", "remanence_T = 1.2\nremanence_coefficient_per_K = -0.0012")
+    text = text.replace('material = "hard"', f'material = "{material}"\ntemperature_C = 100')
+    before = actuator_from_toml(text).moving.regions[0].material
+    assert before.remanence_T < 0.95 * (1.2 if material == "hard" else 1.312)
+    key = f"materials.{material}.remanence_T"
+    (number,) = (one.facts for one in numbers_from_toml(text, "text") if one.facts.key == key)
+    after = actuator_from_toml(rewritten(text, [(number, 1.03 * number.value)], "small")).moving.regions[0].material
+    assert after.remanence_T == pytest.approx(1.03 * before.remanence_T, rel=1e-8)
+    assert number.value == pytest.approx(before.remanence_T, rel=1e-12)
+
+
 LISTS = "B_T = [0, 1.0, 1.5, 1.8] # own\nH_A_per_m = [0, 200, 2000, 20000]"
 
 
