@@ -50,11 +50,29 @@ import femfit as ff
 
 These names are all that femfit promises. `import femfit` is quick: a name loads its part of femfit when it is first
 used. Files are given as `str` or `Path`, options are keywords, and randomness is `rng` (a seed or a numpy generator).
-Each result prints the lines that the command prints, and shows itself in a notebook. Scripts need no `__main__` guard.
+Each result prints the lines that the command prints with `--verbose`, and shows itself in a notebook. Scripts need no
+`__main__` guard.
 
 femfit's matrices are small, and threads inside of them only wait for each other on a busy machine. While one of these
 functions works, the process has one thread for linear algebra, and your setting again after it.
 
 Every error that femfit raises on purpose is a `FemfitError`, and also the builtin error of its kind.
+
+## Figures
+
+`result.plot()` draws the figure that says most of a result, as its page or its picture file has it, and
+`result.plot(NAME)` another one; it is a matplotlib `Figure`, which a notebook shows and `savefig` writes. What a figure
+needs is worked out when it is asked for: the field of a drawing is solved for those that `femfit view` draws alone.
+
+| what made the result | names of its figures |
+|---|---|
+| `read_actuator` | `actuator`, `geometry`, `mesh`, `flux-lines`, `flux-density` |
+| `run_sweep`, `read_sweep`, `import_table` | `force-curves`; where the table holds its drawing, those of the drawing |
+| `fit_model`, `read_model` | `stroke`, `force-curves`, `hall`; of several circuits `force-curves`, `circuits` |
+| `simulate` | `motion` |
+| `close_loop` | `steps-` and the controller |
+| `sense`, `observe` | `sensing`, `replay` |
+| `compare`, `diagnose` | `curves-` and each channel, the worst first, `misfit-maps`, `misfit-covariates` |
+| `add_effects` | `curves-` and each channel, before and after |
 
 """

@@ -64,7 +64,8 @@ _COMMANDS = """\
 # Commands
 
 `femfit COMMAND --help` prints the same. [Exit codes](../reference/exit_codes.md) say how a command ended. Every command
-takes `--json FILE`, which writes its result for a script.
+takes `--json FILE`, which writes its result for a script. The answer stands in the first line. At most twelve
+more follow, warnings first, and `--verbose` prints the rest. Files that were written are always named.
 `python -m femfit` is the same as `femfit`, and `femfit --install-completion` lets the Tab key complete commands and
 options in bash, zsh and fish.
 

@@ -6,9 +6,10 @@ from typing import Any, Literal
 
 from femfit.core.files import json_ready
 from femfit.core.results import Printed, Words
+from femfit.core.text import rounded
 from femfit.device.electrics import REMEDY
 
-words = Words("femfit.audit", names={"REMEDY": REMEDY}).sentence
+words = Words("femfit.audit", rounded, names={"REMEDY": REMEDY}).sentence
 
 Severity = Literal["holds", "stated", "note", "wrong"]
 _SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")
@@ -46,13 +47,8 @@ class Audit(Printed):
 
     def __str__(self) -> str:
         """The lines that ``femfit audit`` prints: the count, then what is wrong first."""
-        total = (
-            f"{self.count('wrong')} wrong, {self.count('note')} to look at, {self.count('holds')} recomputed and right"
-        )
-        if self.count("stated"):
-            total += f", {self.count('stated')} only as the file states"
         ordered = [finding for severity in _SEVERITIES for finding in self.findings if finding.severity == severity]
-        return "\n".join([total, *(f"{finding.severity}: {finding.about}: {finding.sentence}" for finding in ordered)])
+        return words("audit", "audit", self.count, ordered)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""

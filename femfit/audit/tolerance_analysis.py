@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femfit.audit.conclusions import words
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.results import Printed
-from femfit.core.text import amount, counted, rounded
+from femfit.core.text import amount
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
 
@@ -68,27 +69,7 @@ class ToleranceAnalysis(Printed):
         return asdict(self)
 
     def __str__(self) -> str:
-        currents = " and ".join(amount(current, "A", 3) for current in self.currents_A)
-        place = f"At {amount(self.distance_m, 'm', 3)}" + (f" and {currents}" if self.currents_A else "")
-        relative = f" ({rounded(100.0 * self.scatter / abs(self.value), 2)} %)" if self.value else ""
-        value, scatter = amount(self.value, self.quantity, 3), amount(self.scatter, self.quantity)
-        batch = f"In a batch of devices its standard deviation is {scatter}{relative}."
-        name = self.quantity.rpartition("_")[0].replace("_", " ")
-        name = "field at the Hall element" if self.quantity == "hall_T" else name
-        lines = [
-            f"{place} the {name} is {value}. {batch}",
-            "Of its variance, per number of the drawing (+- one standard deviation), with the gradient:",
-        ]
-        shown = [entry for entry in self.shares if entry.share >= SHOWN]
-        for entry in shown:
-            facts = entry.number
-            per = f"{amount(entry.gradient, self.quantity)} per {facts.unit or 'one whole'}"
-            lines.append(
-                f"  {rounded(100.0 * entry.share, 2)} %  {facts.title} +- {amount(facts.tolerance, facts.unit)}: {per}"
-            )
-        if fewer := len(self.shares) - len(shown):
-            lines.append(f"  {counted(fewer, 'further number')}: less than {rounded(100.0 * SHOWN, 1)} % each")
-        return "\n".join(lines)
+        return words("tolerance", "tolerance", self, SHOWN)
 
 
 def analyse_tolerances(

@@ -8,7 +8,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, is_dataclass
-from functools import wraps
+from functools import update_wrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -18,6 +18,7 @@ from cyclopts.validators import Number
 from femfit import __version__
 from femfit.core.errors import UsageError
 from femfit.core.files import RESULT, require_outputs, write_json
+from femfit.core.text import counted
 
 if TYPE_CHECKING:
     from femfit.tables.measurement import Measurement
@@ -29,6 +30,11 @@ POSITIVE, NOT_NEGATIVE = Parameter(validator=Number(gt=0.0)), Parameter(validato
 AT_LEAST_ONE = Parameter(validator=Number(gte=1))
 REPEATED = Parameter(show_default=False)
 
+MOST_LINES = 13
+"""Conventional: lines that a hurried reader reads, the answer and twelve."""
+
+_ALWAYS = ("written: ", "Next: femfit ")
+"""How a line begins that is printed wherever it stands."""
 
 ToWrite = tuple[Path | None, Callable[[Path], object]]
 """Where a file was asked for, and what writes it."""
@@ -77,26 +83,26 @@ class Outcome:
 
 
 def command(json: str = "File for the result as JSON.") -> Callable[[Callable[..., Outcome]], Callable[..., None]]:
-    """Give a function that returns its outcome the option ``--json``, whose help is given."""
+    """Give a function that returns its outcome the options ``--json``, whose help is given, and ``--verbose``."""
 
     def decorate(function: Callable[..., Outcome]) -> Callable[..., None]:
         signature = inspect.signature(function)
-        option = inspect.Parameter(
-            "json",
-            inspect.Parameter.KEYWORD_ONLY,
-            default=None,
-            annotation=Annotated[Path | None, Parameter(help=json)],
-        )
-        shown = signature.replace(parameters=[*signature.parameters.values(), option])
 
-        @wraps(function)
-        def run(*arguments: Any, json: Path | None = None, **options: Any) -> None:
+        def run(
+            *arguments: Any,
+            json: Annotated[Path | None, Parameter(help=json)] = None,
+            verbose: Annotated[bool, Parameter(help=f"All lines of the result, not {MOST_LINES} at most.")] = False,
+            **options: Any,
+        ) -> None:
             call = signature.bind(*arguments, **options)
             call.apply_defaults()
             inputs, outputs = _paths(signature, call.arguments)
             require_outputs(inputs, *outputs, (json, RESULT))
-            _conclude(function(*call.args, **call.kwargs), json)
+            _conclude(function(*call.args, **call.kwargs), json, verbose=verbose)
 
+        own = inspect.signature(run).parameters
+        shown = signature.replace(parameters=[*signature.parameters.values(), own["json"], own["verbose"]])
+        update_wrapper(run, function)
         run.__signature__ = shown  # type: ignore[attr-defined]
         run.__annotations__ = {name: parameter.annotation for name, parameter in shown.parameters.items()}
         return run
@@ -115,8 +121,20 @@ def run_directory(drawing: str, end: str = "") -> Callable[[Mapping[str, Any]], 
     return default
 
 
-def _conclude(outcome: Outcome, json: Path | None) -> None:
-    lines = [outcome.result]
+def _shortened(text: str) -> str:
+    """Its first lines, which do not end on a heading, how many more there are, and the files that it names."""
+    lines, named = ([x for x in text.splitlines() if x.startswith(_ALWAYS) is kept] for kept in (False, True))
+    if len(lines) <= MOST_LINES:
+        return text
+    depth, count = [len(line) - len(line.lstrip()) for line in lines], MOST_LINES
+    while not lines[count - 1] or depth[count] > depth[count - 1]:
+        count -= 1
+    more = counted(sum(map(bool, lines[count:])), "more line")
+    return "\n".join([*lines[:count], f"{more} with --verbose.", *named])
+
+
+def _conclude(outcome: Outcome, json: Path | None, *, verbose: bool) -> None:
+    written = []
     try:
         if json is not None:
             data = outcome.result.to_dict() if outcome.data is None else outcome.data  # type: ignore[attr-defined]
@@ -124,10 +142,12 @@ def _conclude(outcome: Outcome, json: Path | None) -> None:
         for path, write in outcome.files:
             if path is not None:
                 write(path)
-                lines.append(f"written: {path}")
+                written.append(f"written: {path}")
     finally:  # what was found is told even where a file of it cannot be written
+        text = str(outcome.result)
         with suppress(BrokenPipeError):  # of a reader who has seen enough: what is left to do is done
-            print(*lines, sep="\n")
+            # An error sends its reader to the lines above it
+            print(text if verbose or outcome.error else _shortened(text), *written, sep="\n")
     if outcome.error is not None:
         raise outcome.error
 

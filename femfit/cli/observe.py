@@ -61,7 +61,6 @@ def observe(
     from femfit.cli.output import status
     from femfit.estimate.find_noise import with_noise
     from femfit.estimate.observe import NO_NOISE_FOUND
-    from femfit.report.motion_figures import replay_figure
     from femfit.report.style import write_picture
 
     if keep_noise and write_noise is not None:
@@ -76,7 +75,7 @@ def observe(
             find=not keep_noise,
         )
     files: list[ToWrite] = [
-        (picture, partial(write_picture, partial(replay_figure, observation))),
+        (picture, partial(write_picture, observation.plot)),
         (csv, lambda path: write_text(path, observation.table.to_csv(index=False))),
     ]
     if write_noise is not None:

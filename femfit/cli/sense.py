@@ -49,7 +49,6 @@ def sense(
         File for time, distance, the filter's error, what it claims, and the bound.
     """
     from femfit.cli.output import status
-    from femfit.report.motion_figures import sense_figure
     from femfit.report.style import write_picture
 
     with status("Simulating"):
@@ -64,7 +63,7 @@ def sense(
             rng=seed,
         )
     files: list[ToWrite] = [
-        (picture, partial(write_picture, partial(sense_figure, sensing))),
+        (picture, partial(write_picture, sensing.plot)),
         (csv, lambda path: write_text(path, sensing.table.to_csv(index=False))),
     ]
     return Outcome(sensing, files=files)

@@ -181,8 +181,6 @@ def simulate(
         File for the time series of the open loop, or of up to ten runs.
     """
     from femfit.cli.output import progress
-    from femfit.report.loop_report import closed_loop_figure
-    from femfit.report.motion_figures import open_loop_figure
     from femfit.report.style import write_picture
     from femfit.simulation.study import closed_loop_study
 
@@ -195,7 +193,7 @@ def simulate(
     files: list[ToWrite]
     if driven:
         motion = ff.simulate(model, interpolation=interpolation, **drive_options.keywords)
-        files = [(csv, motion.write_csv), (picture, partial(write_picture, partial(open_loop_figure, motion)))]
+        files = [(csv, motion.write_csv), (picture, partial(write_picture, motion.plot))]
         return Outcome(motion, files=files)
     actuator = ff.read_model(model)
     white = _by_name("--noise", noise, "SENSOR", "laser=0.002")
@@ -211,7 +209,7 @@ def simulate(
         summary = ff.close_loop(
             actuator, **loop_options.keywords, rng=seed, sensors=sensor, noise=white, recorded=recorded, progress=shown
         )
-    files = [(csv, summary.write_csv), (picture, partial(write_picture, partial(closed_loop_figure, summary)))]
+    files = [(csv, summary.write_csv), (picture, partial(write_picture, summary.plot))]
     return Outcome(summary, {"seed": seed, **summary.data()}, files)
 
 

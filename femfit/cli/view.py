@@ -89,23 +89,24 @@ def _within(
     actuator: ff.Actuator, distance_mm: float | None, currents: tuple[float, ...]
 ) -> tuple[float, float | tuple[float, ...]]:
     """Distance in m, within the sweep, and current in A, of several circuits one each."""
+    from femfit.report.field_figures import middle_point
+
     axes = actuator.sweep
     low, high = min(axes.distances_m), max(axes.distances_m)
-    distance = axes.distances_m[len(axes.distances_m) // 2] if distance_mm is None else 1e-3 * distance_mm
+    middle, largest = middle_point(actuator)
+    distance = middle if distance_mm is None else 1e-3 * distance_mm
     slack = 1e-9 * high  # of the conversion from mm
     if not low - slack <= distance <= high + slack:
         raise DomainError(
             f"--distance-mm must be within the sweep, {1e3 * low:g} to {1e3 * high:g} mm, where no parts collide; "
             f"instead received {1e3 * distance:g}. Widen [sweep] in the actuator file."
         )
-    each = (axes.currents_A, *axes.further_A)
-    if currents and len(currents) != len(each):
+    if currents and len(currents) != 1 + len(axes.further_A):
         names = ", ".join(circuit.name for circuit in actuator.circuits)
         raise UsageError(
             f"--current-A must be given once for each circuit ({names}); instead received it {len(currents)} times."
         )
-    chosen = currents or tuple(max(axis) for axis in each)
-    return distance, chosen[0] if len(chosen) == 1 else chosen
+    return distance, (currents if axes.further_A else currents[0]) if currents else largest
 
 
 def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:

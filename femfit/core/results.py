@@ -13,12 +13,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, wraps
 from html import escape
+from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from femfit.core.errors import UsageError
 from femfit.core.text import amount, amount_range, counted, quoted
 
 
@@ -31,6 +33,41 @@ class Printed:
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
+
+
+class Plotted(Printed):
+    """Draws the figures of a result, too."""
+
+    def plot(self, figure: str = "") -> "Figure":
+        """Draw one of the figures that its page or picture has.
+
+        Parameters
+        ----------
+        figure : str
+            Name of the figure; the one that says most by default.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            It knows nothing of pyplot; ``savefig`` writes it.
+
+        Raises
+        ------
+        UsageError
+            If there is no figure of this name, with the names that there are, or nothing to draw.
+
+        Examples
+        --------
+        >>> import femfit as ff
+        >>> ff.read_model("model.json").plot("stroke").savefig("stroke.png")
+        """
+        figures: dict[str, Callable[[], Figure]] = import_module("femfit.report.figures").figures_of(self)
+        if not figures:
+            raise UsageError(f"There is nothing to draw of {self!r}.")
+        if figure not in {"", *figures}:
+            raise UsageError(f"The figure must be {', '.join(figures)}; instead received {quoted(figure)}.")
+        with import_module("femfit.report.style").style():
+            return figures[figure or next(iter(figures))]()
 
 
 Severity = Literal["info", "warning", "error"]
@@ -101,6 +138,7 @@ def remembered(function: Callable[[Given], Found]) -> Callable[[Given], Found]:
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from matplotlib.figure import Figure
 
 
 def lines_of(text: str) -> Iterator[str]:

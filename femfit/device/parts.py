@@ -14,7 +14,7 @@ from typing import Any
 
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, MU_0, FloatArray
-from femfit.core.results import Printed
+from femfit.core.results import Plotted
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import AnySensor, Circuit, HallElement
 from femfit.device.keys import Given, Record, in_si, key
@@ -192,7 +192,7 @@ class SweepAxes:
 
 
 @dataclass(frozen=True, repr=False)
-class Actuator(Printed):
+class Actuator(Plotted):
     """Fixed parts and a body that moves along their axis, with coils on either.
 
     Parameters

@@ -10,7 +10,7 @@ import pandas as pd
 
 from femfit.core.errors import FilterError, TableError
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding, Plotted
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED
 from femfit.estimate.find_noise import FoundNoise, find_noise
 from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
@@ -29,7 +29,7 @@ NO_NOISE_FOUND = finding("no-noise-found", least=LEAST_JUDGED)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Observation(Printed):
+class Observation(Plotted):
     """A recorded log as filters saw it.
 
     Examples

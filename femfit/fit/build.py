@@ -35,6 +35,7 @@ from femfit.fit.result import FitResult, Fits
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.fit.sensed_field import HallFit, SensedRows, fit_hall, fit_pickups, fit_sensed
 from femfit.fit.soft_iron import fit_network
+from femfit.fit.words import note
 from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallField
@@ -118,8 +119,7 @@ def fit_model(
     table = choose_variant(table, dict(where or {}))
     entry = actuator_entry(table.manifest.get("actuator"), actuator, mass_kg, resistance_ohm, supply_V)
     kind, mechanics = kind_of(entry), mechanics_of(entry)
-    mass, gravity = (mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)
-    rows = rows_of_table(table, mass, gravity, kind)
+    rows = swept_rows(table, entry)
     if rows.several and law is not None:
         raise UsageError(f"Several circuits take the co-energy alone; instead received model {law!r}.")
     if rows.several and kind is not None and kind.saturates:
@@ -166,6 +166,13 @@ def fit_model(
     return result.with_provenance(table.manifest, versions={"python": platform.python_version(), **versions})
 
 
+def swept_rows(table: SweepTable, entry: Mapping[str, Any]) -> FitRows:
+    """The rows of a table, with the weight and the kind of the actuator that its manifest's entry describes."""
+    mechanics = mechanics_of(entry)
+    mass, gravity = (mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)
+    return rows_of_table(table, mass, gravity, kind_of(entry))
+
+
 def _fits(
     rows: FitRows,
     law: str | None,
@@ -206,16 +213,14 @@ def _hall_field(
         field = None if hall is None else hall.field
         if (hall and drawn) or not has_coil or entry.get("sensors"):
             return field, hall, ()
-        how = "draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the table as well."
-        return field, hall, (f"No sensor in the model: {how}",)
+        return field, hall, (note("no_sensor"),)
     if not drawn:
         return None, None, ()
     if rows.hall is None:
-        return None, None, ("The Hall element is not in the model: the table has no hall_T. Sweep the drawing again.",)
+        return None, None, (note("not_in_the_model", "The Hall element", "no hall_T"),)
+    what = "The field at the Hall element"
     try:
-        sensed = fit_sensed(
-            SensedRows(rows.distance, rows.circuit_currents, rows.hall), "The field at the Hall element"
-        )
+        sensed = fit_sensed(SensedRows(rows.distance, rows.circuit_currents, rows.hall), what)
     except FitError as error:
-        return None, None, (f"The Hall element is not in the model: {error}",)
-    return sensed.field, None, (sensed.said("The field at the Hall element", "T"),)
+        return None, None, (note("not_in_the_model", "The Hall element", str(error)),)
+    return sensed.field, None, (note("sensed", sensed, what, "T"),)

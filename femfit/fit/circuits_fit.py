@@ -37,6 +37,7 @@ from femfit.fit.constants import (
 )
 from femfit.fit.ranking import middles
 from femfit.fit.rows import FitRows, rms, rms_share
+from femfit.fit.words import note
 from femfit.model.several_magnetics import CircuitAxis, CoenergyMatrix, CoenergyTensor
 
 
@@ -183,18 +184,10 @@ class CircuitsFit:
 
     def notes(self) -> list[str]:
         """Where the sweep is too coarse, why, and what to add to it."""
-        axis, _ = self.finer
         between = BETWEEN_LEFT_OUT * max(self.distance_left_out, self.current_left_out)
         if self.worst <= POOR_POINT and (between <= POOR_BETWEEN or not np.isfinite(between)):
             return []
-        missed, why = f"a whole current left out by {amount(self.current_left_out, '')}", "the iron saturates there"
-        if axis == "distance":
-            missed = f"a whole distance left out by {amount(self.distance_left_out, '')}"
-            why = "the force changes too much from one distance to the next"
-        if self.worst > between:
-            missed = f"a point by {amount(self.worst, '')}"
-        text = f"The sweep is too coarse for its force, which misses {missed}: {why}."
-        return [f"{text} Add {self.to_be_added()}, then fit again."]
+        return [note("coarse_circuits", self, between)]
 
     def to_be_added(self) -> str:
         """The values of the axis that is too coarse first."""

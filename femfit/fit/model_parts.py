@@ -11,20 +11,18 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import TableError, UsageError
 from femfit.core.numerics import FloatArray
-from femfit.core.text import amount
 from femfit.device.electrics import AnySensor, Circuit, HallElement, PickupCoil, Sensor
 from femfit.device.load import circuit_record, read_actuator, sweep_manifest_entry
 from femfit.device.mechanics import Mechanics
 from femfit.fit.constants import STOP_ROUNDING_M
 from femfit.fit.rows import FitRows
 from femfit.fit.sensed_field import SensedFit
+from femfit.fit.words import note
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallField, HallSensor, OtherSensor, PickupSensor
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import CoenergyMatrix
 from femfit.model.validity import ActuatorKind, ValidityBox
-
-MASS_UNKNOWN = "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g."
 
 
 def actuator_entry(
@@ -75,13 +73,7 @@ def circuit_of(
         record = (entry.get("circuits") or [{}])[0]
         record = circuit_record({**record, **{key: number(entry, key) for key in keys}})
         return (_recorded(Circuit, "circuit", record),), ()
-    remedy = "." if flux_linkage else ", and --inductance-H since the table has no flux linkage."
-    return (), (
-        (
-            f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml, or "
-            f"--resistance-ohm and --supply-V{remedy}"
-        ),
-    )
+    return (), (note("no_circuit", missing, flux_linkage),)
 
 
 def mechanics_of(entry: Mapping[str, Any]) -> Mechanics | None:
@@ -94,16 +86,12 @@ def mechanics_of(entry: Mapping[str, Any]) -> Mechanics | None:
 def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mechanics | None, tuple[str, ...]]:
     """The mechanics without the stops that lie beyond the swept distances in m, and what is said."""
     if motion is None:
-        return None, (MASS_UNKNOWN,)
+        return None, (note("no_motion"),)
     low, high = float(distances.min()) - STOP_ROUNDING_M, float(distances.max()) + STOP_ROUNDING_M
     near, far = motion.ends
     beyond = {"near": near} if -np.inf < near < low else {}
     beyond |= {"far": far} if high < far < np.inf else {}
-    notes = tuple(
-        f"The {side} stop at {amount(place, 'm', 3)} lies beyond the swept distances: the model ends before it, and a "
-        "simulation with it. Sweep up to the stop for one that gets there."
-        for side, place in beyond.items()
-    )
+    notes = tuple(note("beyond_sweep", side, place) for side, place in beyond.items())
     stops = {"near": motion.near_stop, "far": motion.far_stop} | dict.fromkeys(beyond)
     return replace(motion, near_stop=stops["near"], far_stop=stops["far"]), notes
 
@@ -112,12 +100,11 @@ def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[C
     """The circuits of several names, and how to give what is missing; none where not all are there."""
     recorded = {record.get("name"): record for record in entry.get("circuits") or ()}
     if not set(names) <= set(recorded):
-        return (), (f"No circuits in the model: give --actuator ACTUATOR.toml with {', '.join(names)}.",)
+        return (), (note("no_circuits", names),)
     circuits = tuple(_recorded(Circuit, "circuit", circuit_record(recorded[name])) for name in names)
     without = [circuit.name for circuit in circuits if not np.isfinite(circuit.voltage_max_V - circuit.voltage_min_V)]
     if without:
-        unknown = f"No circuits in the model: the voltage limits behind {', '.join(without)} are unknown."
-        return (), (f"{unknown} Give [supply] in the actuator file, and --actuator ACTUATOR.toml.",)
+        return (), (note("no_limits", without),)
     return circuits, ()
 
 
@@ -154,20 +141,17 @@ def other_sensors_of(
     for record in entry.get("sensors") or ():
         sensor: AnySensor = _recorded(AnySensor, "sensor", record)
         if isinstance(sensor, PickupCoil):
-            flux = linked.get(sensor.name, "the sweep holds no flux linkage of it. Sweep the drawing again.")
+            flux, what = linked.get(sensor.name, "no flux"), f"Pickup coil {sensor.name!r}"
             if isinstance(flux, str):
-                notes.append(f"Pickup coil {sensor.name!r} is not in the model: {flux}")
+                notes.append(note("not_in_the_model", what, flux))
             else:
                 shared = {f.name: getattr(sensor, f.name) for f in fields(Sensor)}
                 sensors.append(PickupSensor(**shared, flux=flux.field))
-                notes.append(flux.said(f"Pickup coil {sensor.name!r}", "Wb"))
+                notes.append(note("sensed", flux, what, "Wb"))
         elif isinstance(sensor, HallElement):
             halls += 1
             if halls > 1:
-                notes.append(
-                    f"Hall element {sensor.name!r} is not in the model: the sweep holds the field at the first one. "
-                    "Draw it first, or alone."
-                )
+                notes.append(note("not_in_the_model", f"Hall element {sensor.name!r}", "second"))
         else:
             sensors.append(sensor)
     return tuple(sensors), tuple(notes)

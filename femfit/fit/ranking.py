@@ -12,7 +12,7 @@ are a thousand times its armature's weight).
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,13 +20,13 @@ import numpy as np
 
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
-from femfit.core.text import amount
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.constants import COARSE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.model_parts import validity_of
 from femfit.fit.rows import FitRows, rms, rms_share
+from femfit.fit.words import note
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_from_dict, model_to_dict
@@ -110,47 +110,22 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | No
     assert misfit is not None  # noqa: S101  every fit computes it
     notes = []
     if coenergy is not None:
-        notes += _finer_sweep(coenergy.missed_N, misfit, rows)
-    poor = [
-        f"{name} by {amount(share, '')}"
-        for name, share in (
-            ("flux linkage", misfit.flux_linkage_share),
-            ("inductance", misfit.inductance_share),
-        )
-        if share is not None and share > POOR_CIRCUIT
-    ]
+        # The largest error in newtons is asked for even where errors relative to each point's own force are poor:
+        # points there help between the points too, where points at the smallest forces do not. Of iron that saturates
+        # it is where a point left out is missed most, whatever the misfit to all points says.
+        missed, finer = coenergy.missed_N, finer_settings(coenergy.missed_N, rows)
+        of_rms, worst = rms_share(missed, rows.force) or 0.0, int(np.argmax(missed))
+        where = rows.distance[worst], rows.current[worst], finer
+        if of_rms >= COARSE:
+            notes.append(note("coarse_sweep", of_rms, "its rms", rows.saturates, *where))
+        elif misfit.force_rms_relative >= COARSE:
+            of_each = misfit.force_rms_relative, "each point's own force (rms)"
+            notes.append(note("coarse_sweep", *of_each, False, *where))
+    shares = {"flux linkage": misfit.flux_linkage_share, "inductance": misfit.inductance_share}
+    poor = {name: share for name, share in shares.items() if share is not None and share > POOR_CIRCUIT}
     if poor:
-        remedy = "A co-energy (femfit fit without --model) holds both."
-        if isinstance(model.magnetics, CoenergySpline):
-            remedy = "Add currents to [sweep] where the iron begins to saturate, then sweep and fit again."
-        notes.append(f"The model misses the table's {' and '.join(poor)}: do not simulate its circuit. {remedy}")
+        notes.append(note("circuit_misfit", poor, isinstance(model.magnetics, CoenergySpline)))
     return tuple(notes)
-
-
-def _finer_sweep(missed: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]:
-    """Where a co-energy's force is least certain, and the distances and currents that halve the intervals around it.
-
-    Of iron that saturates that is where a point left out is missed most, whatever the misfit to all points says.
-
-    The largest error in newtons is asked for even where errors relative to each point's own force are what is poor:
-    points added there also help between the points, where points added at the smallest forces do not.
-    """
-    shares = (
-        (rms_share(missed, rows.force) or 0.0, "its rms"),
-        (misfit.force_rms_relative, "each point's own force (rms)"),
-    )
-    poor = next((pair for pair in shares if pair[0] >= COARSE), None)
-    if poor is None:
-        return []
-    worst, finer = int(np.argmax(missed)), finer_settings(missed, rows)
-    d, i = rows.distance[worst], rows.current[worst]
-    where = " with inner points left out" if rows.saturates and poor is shares[0] else ""
-    return [
-        (
-            f"The sweep is too coarse for its force: the co-energy misses it by {amount(poor[0], '')} of {poor[1]}"
-            f"{where}, most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. {to_be_added(finer)}"
-        )
-    ]
 
 
 def finer_settings(missed: FloatArray, rows: FitRows) -> dict[str, list[float]]:
@@ -165,13 +140,6 @@ def middles(axis: FloatArray, place: float) -> FloatArray:
     k = int(np.searchsorted(axis, place))
     around = axis[max(k - 1, 0) : k + 2]
     return np.asarray(0.5 * (around[1:] + around[:-1]))
-
-
-def to_be_added(finer: Mapping[str, Sequence[float]]) -> str:
-    """What to do with finer settings, in a sentence."""
-    axes = (("distances", 1e3 * np.array(finer["distance_m"]), "mm"), ("currents", finer["current_A"], "A"))
-    parts = [f"the {name} {' and '.join(f'{x:.4g}' for x in axis)} {unit}" for name, axis, unit in axes if len(axis)]
-    return f"Add to [sweep] {' and '.join(parts)}, then sweep and fit again."
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,48 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import partial
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.results import Printed, Words
-from femfit.core.text import amount, rounded
+from femfit.core.results import Plotted
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
-from femfit.fit.constants import SMALL_CIRCUIT_FORCE, TARGET
 from femfit.fit.law_fit import LawFit, law_magnetics
 from femfit.fit.ranking import Ranking, finer_settings
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
-from femfit.model.actuator_model import ActuatorModel, sentence
+from femfit.fit.words import printed
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import NETWORK, OPERATIONS
 from femfit.model.validity import Misfit
 
 if TYPE_CHECKING:
     from femfit.fit.soft_iron import NetworkFit
-
-
-_WORDS = Words(
-    "femfit.fit",
-    shorten,
-    share=lambda value: amount(value, ""),
-    percent=lambda share: "-" if share is None else rounded(100.0 * share, 2),
-    names={
-        "of_model": partial(sentence, "model"),
-        "network_name": NETWORK,
-        "network_operations": OPERATIONS,
-        "small": SMALL_CIRCUIT_FORCE,
-        "target": TARGET,
-    },
-)
-
-
-def printed(template: str, **facts: Any) -> str:
-    """Fill a template of the room with results and numbers."""
-    return _WORDS.environment.get_template(template).render(facts).rstrip()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,7 +43,7 @@ class Fits:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FitResult(Printed, Fits):
+class FitResult(Plotted, Fits):
     """A model and how it came about.
 
     Parameters

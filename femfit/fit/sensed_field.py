@@ -23,7 +23,6 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import PICKUP_COLUMN
-from femfit.core.text import amount
 from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, lines_by_current, misfit_by_currents
 from femfit.fit.coenergy_choice import smallest, splines_along
 from femfit.fit.constants import (
@@ -67,12 +66,6 @@ class SensedFit:
     field: SensedField
     held_out: float
     rms: float
-
-    def said(self, what: str, unit: str) -> str:
-        """Both errors as a sentence, and what to do about a large one."""
-        text = f"{what}: misfit {amount(self.rms, unit, 3)} rms, and {amount(self.held_out, '')} of its range at "
-        text += "distances left out."
-        return text if self.held_out < COARSE else f"{text} The sweep is too coarse for it: sweep more distances."
 
 
 def fit_sensed(rows: SensedRows, what: str) -> SensedFit:

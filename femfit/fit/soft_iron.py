@@ -38,10 +38,10 @@ from femfit.fit.constants import (
     POOR_CIRCUIT,
 )
 from femfit.fit.law_fit import search_shape
-from femfit.fit.model_parts import MASS_UNKNOWN, actuator_entry, circuit_of, mechanics_of, sample_time
+from femfit.fit.model_parts import actuator_entry, circuit_of, mechanics_of, sample_time
 from femfit.fit.ranking import as_written, ranking_folds
-from femfit.fit.result import printed
 from femfit.fit.rows import FitRows, rms
+from femfit.fit.words import note, printed
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
@@ -112,7 +112,7 @@ def fit_inductance(
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
     (circuits, notes), motion = circuit_of(entry), mechanics_of(entry)
-    notes = notes if motion else (*notes, MASS_UNKNOWN)
+    notes = notes if motion else (*notes, note("no_motion"))
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
         magnetics=magnetics,
@@ -130,14 +130,7 @@ def fit_inductance(
     model = as_written(replace(model, sample_time_s=sample_time(model)))
     error = model.magnetics.inductance(table.distance, table.current[:, None])[:, 0, 0] - table.inductance
     if rms(error) > POOR_CIRCUIT * float(np.ptp(table.inductance)):
-        notes = (
-            *notes,
-            (
-                f"The model misses {100 * rms(error) / float(np.ptp(table.inductance)):.2g} % of the inductance's "
-                "change with the distance, and its force by as much. Take another law, or check the "
-                "distances: inductances fall with them."
-            ),
-        )
+        notes = (*notes, note("inductance_misfit", rms(error) / float(np.ptp(table.inductance))))
     findings = tuple(map(str, table.findings))
     return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, findings)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding
+from femfit.core.results import Finding, Plotted
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
 from femfit.estimate.follow import followed
@@ -52,7 +52,7 @@ def _alone(added: AddedEffect, p: EffectParameter) -> AddedEffect:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AddResult(Result):
+class AddResult(Plotted, Result):
     """Effects added to a model; printed, it is what ``femfit add`` prints.
 
     Parameters

@@ -7,7 +7,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from femfit.core.results import Finding
+from femfit.core.results import Finding, Plotted
 from femfit.estimate.follow import OneFilter, followed
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import WITHIN_NOISE
@@ -57,7 +57,7 @@ class ChannelMisfit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Result):
+class Comparison(Plotted, Result):
     """The result of a comparison; printed, it is what ``femfit compare`` prints.
 
     Parameters

@@ -18,7 +18,7 @@ from scipy import stats
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.fit.ranking import to_be_added
+from femfit.fit.words import note
 from femfit.identify.constants import LEVEL, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
@@ -168,17 +168,12 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     }
 
 
-def finer_model(model: ActuatorModel) -> str:
-    """What to do about a model's own misfit: settings to add to the sweep, or the co-energy in place of a law."""
-    return sentence("allowances", "finer_model", finer_sweep(model))
-
-
 def finer_sweep(model: ActuatorModel) -> str:
     """Settings to add to the sweep; ``law`` where a model is none of the co-energy, empty where none are known."""
     if isinstance(model.without_effects.magnetics, LawMagnetics | NetworkMagnetics):
         return "law"
     finer = (model.provenance.get("fit") or {}).get("finer_sweep")
-    return to_be_added(finer) if finer else ""
+    return note("to_be_added", finer) if finer else ""
 
 
 _MOST_CURVES = 6

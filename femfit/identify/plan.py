@@ -22,7 +22,6 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.numerics import ROUNDING
-from femfit.core.text import amount, amount_range, counted
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
@@ -45,10 +44,10 @@ from femfit.identify.decision.constants import (
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit
-from femfit.identify.words import Result, printed
+from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.header import parts_of
-from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS, BenchTable
+from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_bench_table
 
 
@@ -176,10 +175,6 @@ def assumed_noise(channel: str, nominal: Nominal) -> float:
     return GUESSED_NOISE * float(getattr(nominal, quantity))
 
 
-_BY = {"inductance_H": "by an LCR meter ", "resistance_ohm": "by an LCR meter "}
-"""What a channel is read by, where that is no part of the bench itself."""
-
-
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """A measurement that could be added."""
@@ -197,54 +192,46 @@ def possible_experiments(
 ) -> list[Experiment]:
     """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here."""
     nominal, measured = observations.nominal, observations.channels
-    if observations.of_impedances:
-        return sorted(_direct(effects), key=lambda experiment: experiment.cost)
-    current, branch = observations.covariates["current_A"], observations.covariates["branch"]
-    low, high = np.clip([current.min(), current.max()], nominal.current_min_A, nominal.current_max_A).tolist()
-    held = low > current.min() or high < current.max()
-    within_domain = f" from {amount_range(low, high, 'A')}, where the model holds," if held else ""
-    usual = _grid(nominal, low, high)
-    near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
-    points = f"{counted(len(near), 'point')} at {_range(near)}"
-    runs = {
-        f"Measure the same range{within_domain} once more, on a new mount": usual,
-        f"Add {points} over the same currents{within_domain.rstrip(',')}": near,
-    }
-    if not ((branch > 0).any() and (branch < 0).any()):
-        runs["Measure with falling current as well"] = usual.assign(branch=-1.0)
-    # Currents of the other sign, and larger ones, as far as the validity domain has them
-    within = near["current_A"].between(-nominal.current_max_A, -nominal.current_min_A)
-    turned = near[within].assign(current_A=-near.loc[within, "current_A"])
-    if (low >= 0.0 or high <= 0.0) and (turned["current_A"] != 0.0).any():
-        runs[f"Reverse the current: {len(turned)} points at {_range(turned)}"] = turned
-    for bound, reached in ((nominal.current_max_A, high), (nominal.current_min_A, low)):
-        if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
-            larger = _grid(nominal, *sorted((0.7 * bound, bound)))
-            larger = larger[larger["distance_m"] <= near["distance_m"].max()]
-            runs[f"Go up to {bound:.3g} A: {len(larger)} points at {_range(larger)}"] = larger
-    result = [_run(text, rows, measured) for text, rows in runs.items()]
-    for name in (name for name in CHANNELS if name in available and name not in measured):
-        noise = amount(assumed_noise(name, nominal), name)
-        text = f"Read the {CHANNEL_WORDS[name]} {_BY.get(name, '')}too, to {noise} rms, at {points}"
-        result.append(_run(text, near, (*measured, name), CHANNEL_COST))
-    for name, body in {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}.items():
-        if body != "magnet" or nominal.has_magnet:
-            text = f"Heat the {body} by {HEATED_K:.0f} K, record its temperature ({name}) and add "
-            warm = near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K})
-            result.append(_run(text + counted(len(near), "point"), warm, measured, HEAT_COST))
-    return sorted([*result, *_direct(effects)], key=lambda experiment: experiment.cost)
-
-
-def _direct(effects: Sequence[Effect]) -> list[Experiment]:
-    return [
+    direct = [
         Experiment(calibration.instruction, calibration.cost, effect=effect.name, calibration=calibration)
         for effect in effects
         for calibration in effect.calibrations
     ]
+    if observations.of_impedances:
+        return sorted(direct, key=attrgetter("cost"))
+    current, branch = observations.covariates["current_A"], observations.covariates["branch"]
+    low, high = np.clip([current.min(), current.max()], nominal.current_min_A, nominal.current_max_A).tolist()
+    within_domain = (low, high) if low > current.min() or high < current.max() else None
+    usual = _grid(nominal, low, high)
+    near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
+    result = [_run(usual, measured, "once_more", within_domain), _run(near, measured, "nearer", within_domain)]
+    if not ((branch > 0).any() and (branch < 0).any()):
+        result.append(_run(usual.assign(branch=-1.0), measured, "falling"))
+    # Currents of the other sign, and larger ones, as far as the validity domain has them
+    within = near["current_A"].between(-nominal.current_max_A, -nominal.current_min_A)
+    turned = near[within].assign(current_A=-near.loc[within, "current_A"])
+    if (low >= 0.0 or high <= 0.0) and (turned["current_A"] != 0.0).any():
+        result.append(_run(turned, measured, "reversed"))
+    for bound, reached in ((nominal.current_max_A, high), (nominal.current_min_A, low)):
+        if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
+            larger = _grid(nominal, *sorted((0.7 * bound, bound)))
+            larger = larger[larger["distance_m"] <= near["distance_m"].max()]
+            result.append(_run(larger, measured, "larger", bound))
+    for name in (name for name in CHANNELS if name in available and name not in measured):
+        read = _run(near, (*measured, name), "read", name, assumed_noise(name, nominal))
+        result.append(replace(read, cost=read.cost + CHANNEL_COST))
+    for name, body in {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}.items():
+        if body != "magnet" or nominal.has_magnet:
+            warm = near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K})
+            heated = _run(warm, measured, "heated", name, body)
+            result.append(replace(heated, cost=heated.cost + HEAT_COST))
+    return sorted([*result, *direct], key=attrgetter("cost"))
 
 
-def _run(text: str, rows: pd.DataFrame, channels: tuple[str, ...], further_cost: float = 0.0) -> Experiment:
-    return Experiment(f"{text}.", len(rows) + further_cost, rows.reset_index(drop=True), channels)
+def _run(rows: pd.DataFrame, channels: tuple[str, ...], macro: str, *facts: Any) -> Experiment:
+    """Rows to be measured in the words of a macro of ``experiments.j2``."""
+    text = sentence("experiments", macro, rows["distance_m"], *facts)
+    return Experiment(text, len(rows), rows.reset_index(drop=True), channels)
 
 
 def _grid(nominal: Nominal, low: float, high: float) -> pd.DataFrame:
@@ -253,7 +240,3 @@ def _grid(nominal: Nominal, low: float, high: float) -> pd.DataFrame:
     points = [(d, i, 1.0) for d in distances for i in np.linspace(low, high, CURRENTS if high > low else 1)]
     rows = pd.DataFrame(points, columns=["distance_m", "current_A", "branch"])
     return rows.assign(**{name: missing for name, missing in SETTINGS.items() if name not in rows})
-
-
-def _range(rows: pd.DataFrame) -> str:
-    return f"{1e3 * rows['distance_m'].min():.3g} to {1e3 * rows['distance_m'].max():.3g} mm"

@@ -157,8 +157,7 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
                 why = f"it is {rounded(times)} times the model's, and would then fit"
             if words.startswith("in ") and " " not in words[3:]:
                 return suspicion(name, words[3:], why)
-            text = f"{name} seems to be {words}: {why}."
-            return Finding("suspected-unit", "warning", text, "Convert the column.", column=name)
+            return finding("suspected-unit", name, name=name, other=words, why=why)
     base = model.without_effects  # else a factor that no tolerance of a drawing makes
     zero = base.sensor.quiescent_V if name == "hall_V" and base.sensor is not None else 0.0
     factor = ratio(read - zero, usual - zero)

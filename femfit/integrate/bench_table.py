@@ -13,10 +13,9 @@ from femfit.core.errors import TableError
 from femfit.core.files import BENCH, NOTES, replacing, require_outputs
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
-from femfit.core.text import counted
 from femfit.effects.conditions import Conditions
 from femfit.integrate.plateaus import PlateauFlux, PlateauOptions, plateau_flux
-from femfit.integrate.record_watch import RecordWatch
+from femfit.integrate.record_watch import RecordWatch, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
@@ -48,14 +47,8 @@ class BenchFlux(Printed):
     output: Path | None
 
     def __str__(self) -> str:
-        lines = [
-            f"{counted(len(self.rows), 'plateau')}, flux linkage within {self.noise_Wb:.3g} Wb (noise, rms)",
-            self.notes,
-            *(f"{remark.code}: {remark}" for remark in self.findings),
-        ]
-        if self.output is not None:
-            lines.append(f"written: {self.output}, {self.output.with_suffix('.toml')}")
-        return "\n".join(lines)
+        files = () if self.output is None else (self.output, self.output.with_suffix(".toml"))
+        return sentence("integral", "bench", self, ", ".join(map(str, files)))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, without the rows."""
@@ -111,20 +104,12 @@ def make_bench_table(
         path = model if isinstance(model, str | Path) else None
         inputs = [record, None if path is None else Path(path)]
         require_outputs(inputs, (output, BENCH), (output.with_suffix(".toml"), NOTES))
-    first, begins = None, "taken as 0 Wb"
-    if model is not None:
-        begins = f"taken from {model.name if isinstance(model, ActuatorModel) else Path(model).name}"
-        first = model_of(model)
+    first = None if model is None else model_of(model)
+    source = "" if model is None else model.name if isinstance(model, ActuatorModel) else Path(model).name
     rows = _read(record, Words(columns or {}, units or {}, table))
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
     made, sigma, findings = _table(rows, PlateauOptions(settling_s, still_A, still_m), first)
-    taken = "no R i taken off" if resistance_ohm is None else f"R i taken off with {resistance_ohm:g} ohm"
-    notes = (
-        f"Flux linkage integrated from the coil voltage of {record.name} ({taken}, turns ratio "
-        f"{turns_ratio:g}); on each run's first plateau it was {begins}, not measured. The noise is the rms standard "
-        "uncertainty of the integral from the voltage's noise; it accumulates within a run. Not in it: errors of "
-        "resistance, turns ratio, voltmeter gain and first value."
-    )
+    notes = sentence("integral", "notes", record.name, resistance_ohm, turns_ratio, source)
     result = BenchFlux(made, sigma, notes, tuple(findings), output)
     if output is not None:
         noted = " ".join([notes, *map(str, result.findings)])

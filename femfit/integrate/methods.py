@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.results import Finding, Printed, listing
-from femfit.core.text import counted
+from femfit.core.results import Finding, Printed
 from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.field_of_current import FieldModel, precycled
 from femfit.integrate.offset_filter import OffsetFilter
+from femfit.integrate.record_watch import sentence
 from femfit.integrate.uncertainty import (
     FIRST_FIELD_SIGMA_T,
     SETTLING_S,
@@ -175,30 +175,7 @@ class CoilIntegral(Printed):
         return tuple(code for code in codes if code in spoiled)
 
     def __str__(self) -> str:
-        unit = self.quantity.rsplit("_", 1)[1]
-        shares = ", ".join(f"{name.replace('_', ' ')} {share:.3g}" for name, share in self.parts.items() if share > 0.0)
-        told_by = "coil" if self.method in FEED_FORWARD else "reference"
-        exact = f", if the {told_by}'s gain is exact" if self.parts[f"{told_by}_gain"] == 0.0 else ""
-        end = f"at {self.end_s:.6g} s, the record's end"
-        result = [
-            f"{self.value:.9g} {unit} +- {self.expanded_uncertainty:.3g} {unit} (k = {self.coverage:g}) {end}{exact}"
-        ]
-        weighed = [f"standard uncertainty in {unit}: {shares}"]
-        if self.refuted_by:
-            quantity = self.quantity.rsplit("_", 1)[0].replace("_", " ")
-            result = [f"No {quantity} can be stated {end}: see {listing(self.refuted_by)} below"]
-            weighed = [f"what it comes to, without a known uncertainty: {self.value:.4g} {unit}"]
-        lines = [
-            *result,
-            (
-                f"{self.method}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
-                f"{1e6 * self.offset_V:.3g} uV at the end"
-            ),
-            *weighed,
-            *(f"{finding.code}: {finding}" for finding in self.findings),
-            *([] if self.output is None else [f"written: {self.output}"]),
-        ]
-        return "\n".join(lines)
+        return sentence("integral", "coil", self, "coil" if self.method in FEED_FORWARD else "reference")
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, without the rows."""

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Words
+from femfit.core.results import Finding, Words, listing
 from femfit.integrate.uncertainty import (
     AGREEMENT,
     CLIPPED_LEVELS,
@@ -29,8 +29,9 @@ from femfit.integrate.uncertainty import (
 )
 from femfit.tables.coil_record import CoilBlock
 
-finding = Words("femfit.integrate", names={}).finding
-"""What is remarked on coil records; the words stand in ``templates/findings.j2``."""
+_WORDS = Words("femfit.integrate", listing, names={})
+finding, sentence = _WORDS.finding, _WORDS.sentence
+"""What is remarked on coil records, and printed of results; the words stand in ``templates``."""
 
 Reference = Literal["hall_T", "current_A"]
 

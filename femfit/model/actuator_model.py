@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.numerics import ABSOLUTE_ZERO_C, ComplexArray, FloatArray
-from femfit.core.results import Printed, Words
+from femfit.core.results import Plotted, Words
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
@@ -37,7 +37,7 @@ STRONGER = 1.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ActuatorModel(Printed):
+class ActuatorModel(Plotted):
     """An actuator as the estimator and the simulator need it.
 
     Parameters

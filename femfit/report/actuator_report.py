@@ -16,22 +16,24 @@ from femfit.fit.coenergy import SHAPES
 from femfit.fit.constants import TARGET
 from femfit.fit.rows import FitRows
 from femfit.model.several_magnetics import NETWORK, OPERATIONS
-from femfit.report.circuits import circuits_figure, current_ranges
 from femfit.report.cutaway import draw_off_screen
-from femfit.report.drawing import USUAL_KNEES, actuator_figure, iron_loads, material_words
-from femfit.report.field_figures import field_figure, line_flux
+from femfit.report.drawing import USUAL_KNEES, iron_loads, material_words
+from femfit.report.field_figures import line_flux
 from femfit.report.field_sample import FieldSample
-from femfit.report.loop_report import loop_facts, loop_figures
-from femfit.report.model_figures import SweepGrid, force_curves_figure, hall_figure, stroke_figure
-from femfit.report.motion_figures import open_loop_figure
-from femfit.report.page import ReportContent, render
-from femfit.report.style import Drawing, data_uri, svg_uri
+from femfit.report.figures import figures_of
+from femfit.report.model_figures import SweepGrid
+from femfit.report.page import ReportContent, hangs, render
+from femfit.report.style import data_uri, svg_uri, words
+from femfit.simulation.design import CONTROLLERS
+from femfit.simulation.margins import worst_of
+from femfit.simulation.study import FILTER, ClosedLoopStudy
+from femfit.simulation.words import sentence
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
-_OF_CONTENT = ("model", "actuator", "rows", "weight", "levitates", "motion", "heat", "feeds")
+_OF_CONTENT = ("model", "actuator", "rows", "weight", "motion", "heat", "feeds")
 """What templates call by its own name."""
 
 CUTAWAY, NO_CUTAWAY = "cutaway", "why there is no cut-away"
@@ -44,7 +46,7 @@ def draw_figures(content: ReportContent, draw: Draw = draw_off_screen) -> dict[s
         cutaway = None
         if content.actuator is not None and content.field is not None and CUTAWAY not in pictures:
             cutaway = beside.submit(draw, content.actuator, content.field)
-        pictures |= {name: svg_uri(make, name) for name, make in _figures(content).items() if name not in pictures}
+        pictures |= {name: svg_uri(make, name) for name, make in figures_of(content).items() if name not in pictures}
         if cutaway is not None:
             image, pictures[NO_CUTAWAY] = cutaway.result()
             pictures[CUTAWAY] = "" if image is None else data_uri("image/png", image)
@@ -53,20 +55,16 @@ def draw_figures(content: ReportContent, draw: Draw = draw_off_screen) -> dict[s
 
 def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
     """The report as HTML text with pictures from :func:`draw_figures`."""
-    return render("actuator.html.j2", _facts(content), figures)
-
-
-def _facts(content: ReportContent) -> dict[str, Any]:
     model, actuator, rows, strongest = content.model, content.actuator, content.rows, content.strongest
-    return {
+    facts = {
         "title": model.name,
         "lead": "" if actuator is None else actuator.description,
         "content": content,
         **{name: getattr(content, name) for name in _OF_CONTENT},
         **{name: getattr(model, name) for name in ("misfit", "validity")},
+        "levitates": hangs(actuator, rows),
         "several": content.together,
         "circuit_names": [] if actuator is None else [circuit.name for circuit in actuator.circuits],
-        "ranges": " and ".join(current_ranges(model)),
         "iron": () if actuator is None or strongest is None else iron_loads(actuator, strongest.part_flux_density_T),
         "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
@@ -76,34 +74,12 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "coenergy": None if content.fit is None else content.fit.coenergy,
         "shapes": SHAPES,
         "hall": _hall_facts(content),
-        "closed_loop": None if content.study is None else loop_facts(content.study),
+        "closed_loop": None if content.study is None else _loop_facts(content.study),
         "travel": model.travel_m,
         "stopped": model.motion is not None and None not in {model.motion.near_stop, model.motion.far_stop},
         "provenance": _provenance(content),
     }
-
-
-def _figures(content: ReportContent) -> Mapping[str, Drawing]:
-    model, actuator, rows, grid, several = content.model, content.actuator, content.rows, content.grid, content.together
-    weight = content.weight if content.levitates else None
-    figures: dict[str, Drawing] = {}
-    if actuator is not None:
-        distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
-        figures["actuator"] = partial(actuator_figure, actuator, distance)
-        if content.field is not None:
-            figures["field"] = partial(field_figure, actuator, content.field)
-    if content.feeds:
-        figures["stroke"] = partial(stroke_figure, content.feeds, model.motion)
-    if content.motion is not None:
-        figures["motion"] = partial(open_loop_figure, content.motion)
-    if grid is not None:
-        figures["force-curves"] = partial(force_curves_figure, grid, weight)
-    if several is not None:
-        figures["force-curves"] = partial(force_curves_figure, several.grid, weight, "differential")
-        figures["circuits"] = partial(circuits_figure, several)
-    if rows is not None and rows.hall is not None and model.sensor is not None and several is None:
-        figures["hall"] = partial(hall_figure, model, rows)
-    return figures if content.study is None else figures | loop_figures(content.study)
+    return render("actuator.html.j2", facts, figures)
 
 
 def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]:
@@ -207,4 +183,40 @@ def _provenance(content: ReportContent) -> dict[str, Any]:
         "settings": [(name, value) for name, value in (manifest.get("settings") or {}).items() if value is not None],
         "hashes": hashes,
         "notes": () if content.fit is None else content.fit.notes,
+    }
+
+
+name_of = partial(words, "loop")
+"""A controller, filter or measurement as it is written."""
+
+
+def _loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
+    """The numbers of a study as its template shows them."""
+    design = study.design
+    lost, runs = sum(loop.runs - loop.held for loop in study.loops), sum(loop.runs for loop in study.loops)
+    filtered = [row for row in study.steps if row.measurement != "direct"]
+    return {
+        "study": study,
+        "first": design.points[0],
+        "last": design.points[-1],
+        "lost": lost,
+        "runs": runs,
+        "verdict": [(name_of(row.controller), row.held, row.runs, row.rms_m) for row in filtered],
+        "series": [
+            (f"steps-{loop.experiment.controller}", name_of(loop.experiment.controller), name_of(FILTER))
+            for loop in study.loops
+            if loop.held
+        ],
+        "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
+        "margins": [
+            (name_of(name), sentence("loop", "margins", design, worst_of(design.margins(name, "ukf"))))
+            for name in design.controllers
+        ],
+        "gains": [
+            (name_of(name), sentence("loop", "gains", design, design.controller(name))) for name in design.controllers
+        ],
+        "missing": [(name_of(name), design.why_no(name)) for name in CONTROLLERS if design.why_no(name)],
+        "sensors": sentence("loop", "sensors", design),
+        "measurements": list(dict.fromkeys(row.measurement for row in study.steps)),
+        "steps": {(row.measurement, row.controller): row for row in study.steps},
     }

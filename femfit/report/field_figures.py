@@ -4,7 +4,7 @@ Colours are those of the regular grid of :mod:`femfit.report.field_sample`, on w
 2 pi r A_phi. |B| is coloured by its square root, so that both the air and iron between 0.5 and 2 T keep their shades.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,20 +34,33 @@ _NO_FIELD_T = 1e-6
 
 def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldSample:
     """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format."""
-    actuator, sample = point.actuator, sample_of(point)
-    draw: dict[str, Callable[[str], Figure]] = {
-        "geometry": lambda title: actuator_figure(actuator, point.distance_m, title),
-        "mesh": lambda title: mesh_figure(point, sample, title),
-        "flux-lines": lambda title: flux_lines_figure(actuator, sample, title),
-        "flux-density": lambda title: field_figure(actuator, sample, title),
-    }
+    sample = sample_of(point)
     for what, path in files:
         if what == VTU:
             write_vtu(point, path)
-            continue
-        title = f"{actuator.name}: {words(what, 'title')}\n{point_title(sample)}"
-        write_picture(partial(draw[what], title), path, DPI, bbox_inches="tight")
+        else:
+            write_picture(partial(view_figure, what, point, sample), path, DPI, bbox_inches="tight")
     return sample
+
+
+def view_figure(what: str, point: SolvedPoint, sample: FieldSample | None = None) -> Figure:
+    """Draw one of :data:`PICTURES` of a point."""
+    actuator, sample = point.actuator, sample or sample_of(point)
+    title = f"{actuator.name}: {words(what, 'title')}\n{point_title(sample)}"
+    draw = {
+        "geometry": lambda: actuator_figure(actuator, point.distance_m, title),
+        "mesh": lambda: mesh_figure(point, sample, title),
+        "flux-lines": lambda: flux_lines_figure(actuator, sample, title),
+        "flux-density": lambda: field_figure(actuator, sample, title),
+    }
+    return draw[what]()
+
+
+def middle_point(actuator: Actuator) -> tuple[float, float | tuple[float, ...]]:
+    """The middle distance of the sweep in m, and its largest currents in A."""
+    axes = actuator.sweep
+    largest = tuple(max(axis) for axis in (axes.currents_A, *axes.further_A))
+    return axes.distances_m[len(axes.distances_m) // 2], largest if axes.further_A else largest[0]
 
 
 def colour_limit(sample: FieldSample) -> float:

@@ -12,7 +12,7 @@ import shapely
 from femfit.core.files import replacing
 from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.materials import BHCurve
-from femfit.device.parts import Actuator, LinearMaterial, Material, Region
+from femfit.device.parts import Actuator, LinearMaterial, Material
 from femfit.field.layout import polygon
 from femfit.field.tolerance import SolverSettings, settings_for
 from femfit.report.drawing import moving_corners, standing_corners
@@ -87,7 +87,11 @@ def sample_of(point: SolvedPoint) -> FieldSample:
     w = point.w(points).reshape(r.shape)
     magnitude = np.hypot(*density.T).reshape(r.shape)
     actuator, distance = point.actuator, point.distance_m
-    inside = {region.name: magnitude[inside_of(actuator, region, distance, r, z)] for region in actuator.regions}
+    heights = {region.name: z if region in actuator.fixed else z - distance for region in actuator.regions}
+    inside = {
+        region.name: magnitude[shapely.contains_xy(polygon(region), r, heights[region.name])]
+        for region in actuator.regions
+    }
     return FieldSample(
         distance_m=point.distance_m,
         current_A=point.current_A,
@@ -110,11 +114,6 @@ def _window(actuator: Actuator, distance: float) -> tuple[FloatArray, FloatArray
     low, high = corners[:, 1].min() - MARGIN * size, corners[:, 1].max() + MARGIN * size
     rows = int(np.ceil(COLUMNS * (high - low) / right))
     return np.linspace(0.0, right, COLUMNS), np.linspace(low, high, rows)
-
-
-def inside_of(actuator: Actuator, region: Region, distance: float, r: FloatArray, z: FloatArray) -> Any:
-    """Whether points lie inside of a part; bool, of their shape."""
-    return shapely.contains_xy(polygon(region), r, z - (0.0 if region in actuator.fixed else distance))
 
 
 SUBDIVISIONS = 2

@@ -1,28 +1,26 @@
 """Where the model fails, and what explains it: measured points on its curves, and maps of the misfit."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.numerics import FloatArray
+from femfit.core.results import remembered
 from femfit.core.text import axis_scale
-from femfit.identify.misfit import MeasuredCurves
+from femfit.effects.effect import AddedEffect
+from femfit.identify.add_result import AddResult
+from femfit.identify.compare import Comparison
+from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.misfit import MeasuredCurves, measured_curves
 from femfit.identify.observations import Observations
 from femfit.identify.settings import setting_cells
-from femfit.report.style import (
-    INK,
-    MUTED,
-    VERMILION,
-    WIDTH,
-    Axes,
-    Figure,
-    new_figure,
-    ordered_colours,
-    quantity,
-    words,
-)
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.with_effects import with_effects
+from femfit.report.style import INK, MUTED, VERMILION, WIDTH, Axes, Figure, new_figure, ordered_colours, quantity, words
 from femfit.tables.measurement import CHANNEL_WORDS
 
 MM = 1e3
@@ -33,8 +31,58 @@ LEAST_LIMIT = 2.0
 BINS = 12
 
 
-def residual_maps_figure(observations: Observations, scale: Mapping[str, float], sigma: bool) -> Figure:
+SCALAR = (
+    "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "velocity_m_s",
+    "current_rate_A_s",
+)  # fmt: skip
+"""Covariates that a map over distance and current does not show."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Readings beside a model, before and with effects."""
+
+    model: ActuatorModel
+    observations: Observations
+    floor: Mapping[str, float]  # Standard deviation of one reading, in the channels in which it is known
+    effects: Sequence[AddedEffect]
+    known: bool  # Whether the noise of every channel is
+    channels: Sequence[str]  # In the order of their misfit over the noise, or over their own size
+    fails: str  # The channel of which a diagnosis says where it fails, and what its misfit changes with besides
+    covariates: Sequence[str]
+
+    @cached_property
+    def curves(self) -> dict[str, MeasuredCurves]:
+        """Each channel's readings on the model's curves."""
+        curves = measured_curves(self.model, self.observations, after=self.effects, noise=dict(self.floor))
+        return {curve.channel: curve for curve in curves}
+
+
+@remembered
+def bench_of(result: Comparison | Diagnosis | AddResult) -> Bench:
+    """What the figures show of a result."""
+    model, observations, fails = result.model, result.observations, ""
+    effects: Sequence[AddedEffect] = ()
+    covariates: Sequence[str] = ()
+    if isinstance(result, Comparison):
+        floor = {each.channel: each.noise_floor for each in result.channels if each.noise_floor is not None}
+    elif isinstance(result, Diagnosis):
+        floor, effects = dict(result.noise_floor), result.explanations[0].effects if result.explanations else ()
+        fails, covariates = result.where.channel, [name for name in result.where.covariates if name in SCALAR and floor]
+    else:
+        floor, effects = dict(result.floor), result.added
+        kept = tuple(added for added in model.effects if added.effect.name in result.kept)
+        model = with_effects(model.without_effects, kept)
+    rms = observations.rms(observations.residual)
+    largest = {name: float(np.max(np.abs(observations.value[observations.of(name)]), initial=0.0)) for name in rms}
+    worst_first = sorted(rms, key=lambda name: round(-rms[name] / (floor.get(name) or largest[name] or 1.0), 9))
+    return Bench(model, observations, floor, effects, set(floor) >= set(rms), worst_first, fails, covariates)
+
+
+def residual_maps_figure(bench: Bench) -> Figure:
     """Maps of recorded minus predicted over distance and current, a column a channel, a dot a setting."""
+    observations, sigma = bench.observations, bench.known
+    scale = bench.floor if sigma else dict.fromkeys(observations.channels, 1.0)
     names = observations.channels
     figure = new_figure(2.4, width=min(WIDTH, 1.4 + 2.2 * len(names)))
     panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
@@ -52,8 +100,10 @@ def residual_maps_figure(observations: Observations, scale: Mapping[str, float],
     return figure
 
 
-def covariate_figure(observations: Observations, residual: FloatArray, channel: str, names: Sequence[str]) -> Figure:
+def covariate_figure(bench: Bench) -> Figure:
     """One channel's residual, over its noise, against temperature, time, branch or run."""
+    observations, channel, names = bench.observations, bench.fails, bench.covariates
+    residual = observations.residual / bench.floor[channel]
     figure = new_figure(2.7, width=min(WIDTH, 2.8 + 2.5 * len(names)))
     panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
     here = observations.of(channel)
@@ -83,10 +133,11 @@ _SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1e-3}
 """Factor of a setting's axis, in mm, A or kHz."""
 
 
-def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> Figure:
-    """Draw readings of one channel on the model's curves with the misfit below; with a fit, before and after."""
+def curves_figure(bench: Bench, channel: str) -> Figure:
+    """Draw readings of one channel on the model's curves with the misfit below; with effects, before and after."""
+    curves = bench.curves[channel]
     columns = [("before", curves.before, curves.misfit_before)]
-    if fitted:
+    if bench.effects:
         columns.append(("after", curves.after, curves.misfit_after))
     figure = new_figure(4.6)
     panels = figure.subplots(2, len(columns), sharex=True, sharey="row", height_ratios=(2.2, 1.0), squeeze=False)
@@ -94,11 +145,9 @@ def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> Figure:
         _draw(above, below, curves, lines, misfit)
         above.set_title(words("curves", name))
         below.set_xlabel(words("curves", curves.along))
-    quantity = CHANNEL_WORDS[curves.channel]
-    panels[0, 0].set_ylabel(
-        words("curves", "reading", quantity=quantity, unit=axis_scale(curves.measured, curves.channel)[1])
-    )
-    panels[1, 0].set_ylabel(words("curves", "misfit", unit=axis_scale(curves.misfit_before, curves.channel)[1]))
+    quantity = CHANNEL_WORDS[channel]
+    panels[0, 0].set_ylabel(words("curves", "reading", quantity=quantity, unit=axis_scale(curves.measured, channel)[1]))
+    panels[1, 0].set_ylabel(words("curves", "misfit", unit=axis_scale(curves.misfit_before, channel)[1]))
     figure.legend(
         *panels[0, 0].get_legend_handles_labels(), loc="outside right center", title=words("curves", curves.over)
     )
@@ -122,13 +171,3 @@ def _draw(above: Axes, below: Axes, curves: MeasuredCurves, lines: FloatArray, m
         below.set_xscale("log")
     if curves.noise is not None:
         below.axhspan(-small * curves.noise, small * curves.noise, color=MUTED, alpha=0.18, linewidth=0.0)
-
-
-def worst_first(curves: Sequence[MeasuredCurves]) -> list[MeasuredCurves]:
-    """Channels in the order of their misfit over the noise, or over their own size where the noise is not known."""
-
-    def badness(curve: MeasuredCurves) -> float:
-        size = curve.noise or float(np.max(np.abs(curve.measured), initial=0.0)) or 1.0
-        return round(-float(np.sqrt(np.mean(curve.misfit_before**2))) / size, 9)
-
-    return sorted(curves, key=badness)

@@ -1,4 +1,4 @@
-"""Pictures over time: a motion in open loop, a record that filters have seen, and a distance that is sensed."""
+"""Pictures over time: an open loop, a closed one, a record that filters have seen, and a distance that is sensed."""
 
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ from femfit.report.style import (
 )
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.sense import Sensing
+from femfit.simulation.summary import LoopSummary
 from femfit.tables.measurement import TimeSeries
 
 _MS = 1e3
@@ -67,6 +68,30 @@ def open_loop_figure(motion: OpenLoop) -> Figure:
             axes.axvspan(_MS * left_s, _MS * motion.end_s, color=MUTED, alpha=0.15)
         axes.margins(y=_SPAN)
     figure.align_ylabels()
+    return figure
+
+
+def closed_loop_figure(loop: LoopSummary) -> Figure:
+    """Draw distances, currents and commands over time, of the first recorded run that was held, or the first of all."""
+    figure = new_figure(5.0)
+    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.0, 1.0, 1.0))
+    series, time = loop.result.series, loop.result.time_s
+    run = int(np.argmax(loop.result.held[: series.distance_m.shape[1]]))
+    top.plot(time, 1e3 * series.estimated_distance_m[:, run], color=BLUE, label=words("loop", loop.experiment.observer))
+    top.plot(time, 1e3 * series.distance_m[:, run], color=INK, dashes=(4, 2), label=words("loop", "true"))
+    top.plot(time, 1e3 * series.reference_m[:, run], color=GREEN, label=words("loop", "reference"))
+    top.set_ylabel(words("loop", "distance"))
+    names = loop.design.model.circuit_names
+    for k, name in enumerate(names):
+        look = CATEGORIES[k % len(CATEGORIES)]
+        middle.plot(time, series.currents_A[:, run, k], color=look, label=name)
+        bottom.plot(time, series.commands[:, run, k], color=look, linewidth=0.6, rasterized=True)
+    if len(names) > 1:
+        middle.legend(ncols=len(names))
+    middle.set_ylabel(words("loop", "current"))
+    bottom.set(ylabel=words("loop", "voltage"), xlabel=words("loop", "time"))
+    figure.align_ylabels()
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
 

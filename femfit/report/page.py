@@ -18,16 +18,26 @@ from femfit.core.errors import DomainError, RunDirectoryError
 from femfit.core.files import write_text
 from femfit.core.numerics import GRAVITY
 from femfit.core.text import counted
+from femfit.device.load import actuator_from_record
 from femfit.device.parts import Actuator
 from femfit.estimate.holding import holding_current
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.heat.find_temperatures import Temperatures
 from femfit.model.actuator_model import ActuatorModel
-from femfit.report.circuits import SeveralCircuits, at_currents, several_circuits
 from femfit.report.field_sample import FieldSample
-from femfit.report.model_figures import Supplied, SweepGrid, at_supply, sweep_grid
-from femfit.report.style import NOTHING, formula_markup, p_value, percent, plain, quantity, significant, words
+from femfit.report.model_figures import SeveralCircuits, Supplied, SweepGrid, at_supply, several_circuits, sweep_grid
+from femfit.report.style import (
+    NOTHING,
+    at_currents,
+    formula_markup,
+    p_value,
+    percent,
+    plain,
+    quantity,
+    significant,
+    words,
+)
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -135,10 +145,10 @@ class ReportContent:
         """The force with a cold and a warm coil at the supply; empty without a circuit, and for several."""
         return at_supply(self.model, self.heat)
 
-    @cached_property
+    @property
     def together(self) -> SeveralCircuits | None:
         """What several circuits do together; None for one."""
-        return several_circuits(self.model)
+        return several_circuits(self.model) if len(self.model.current_names) > 1 else None
 
     @property
     def weight(self) -> float | None:
@@ -146,12 +156,18 @@ class ReportContent:
         motion = self.model.motion
         return None if motion is None else motion.mass_kg * motion.gravity_m_s2
 
-    @property
-    def levitates(self) -> bool:
-        """Whether the drawing has a sensor or reference for a body that can hang within the sweep."""
-        if self.actuator is None or self.rows is None or self.rows.hanging_weight is None:
-            return False
-        return self.actuator.hall is not None or bool(self.actuator.reference_distances_m)
+
+def hangs(actuator: Actuator | None, rows: FitRows | None) -> bool:
+    """Whether a drawing has a sensor or reference for a body that can hang within the sweep."""
+    if actuator is None or rows is None or rows.hanging_weight is None:
+        return False
+    return actuator.hall is not None or bool(actuator.reference_distances_m)
+
+
+def drawing_of(table: SweepTable) -> Actuator | None:
+    """The drawing that was swept; None where the table's manifest does not hold it."""
+    inputs = table.manifest.get("inputs")
+    return None if inputs is None else actuator_from_record(inputs, table.manifest.get("name", "the sweep"))
 
 
 def picture_point(content: ReportContent, actuator: Actuator, rows: FitRows) -> Place:
@@ -160,7 +176,7 @@ def picture_point(content: ReportContent, actuator: Actuator, rows: FitRows) -> 
     A body that is meant to hang is drawn at its first reference distance and its holding current, every other actuator
     at :func:`strongest_point`.
     """
-    if content.levitates and content.model.motion is not None:
+    if hangs(actuator, rows) and content.model.motion is not None:
         distances = actuator.reference_distances_m or (float(np.median(rows.distances)),)
         try:
             return distances[0], holding_current(content.model, distances[0])

@@ -5,7 +5,7 @@ import io
 import math
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
 from importlib.resources import files
@@ -94,9 +94,25 @@ def style(**more: Any) -> AbstractContextManager[None]:
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """An empty figure, without any state of pyplot."""
+    return _styled_class()(figsize=(width, height), layout="constrained")
+
+
+@cache
+def _styled_class() -> "type[Figure]":
+    """Figures that keep their look wherever they are drawn, and show themselves in a notebook."""
     import matplotlib.figure
 
-    return matplotlib.figure.Figure(figsize=(width, height), layout="constrained")
+    class StyledFigure(matplotlib.figure.Figure):
+        def draw(self, renderer: Any) -> None:
+            with style():
+                super().draw(renderer)
+
+        def _repr_png_(self) -> bytes:
+            buffer = io.BytesIO()
+            self.savefig(buffer, dpi=DPI)
+            return buffer.getvalue()
+
+    return StyledFigure
 
 
 def label(axes: Axes, figure: str, x: str, y: str, title: str = "", **values: object) -> None:
@@ -174,6 +190,14 @@ def _set(number: str) -> str:
 def plain(value: float, digits: int = 6) -> str:
     """A number that was typed in, with no digit more than it had."""
     return f"{value:.{digits}g}".replace("-", "−") if math.isfinite(value) else NOTHING
+
+
+def at_currents(current: float | Sequence[float], names: Sequence[str], digits: int = 4) -> str:
+    """Currents as a text: ``2 A``, or ``lower 2 A and upper −1 A``."""
+    if isinstance(current, int | float):
+        return f"{plain(current, digits)} A"
+    each = (f"{name} {plain(value, digits)} A" for name, value in zip(names, current, strict=True))
+    return " and ".join(each)
 
 
 def formula_markup(formula: str) -> Markup:

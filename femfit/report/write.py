@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError
 from femfit.core.files import PAGE, path_of, require_outputs
-from femfit.device.load import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
 from femfit.heat.find_temperatures import temperatures_at_supply
@@ -19,7 +18,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.bench_report import render_added, render_comparison, render_diagnosis
-from femfit.report.page import Place, ReportContent, picture_point, strongest_point, write_page
+from femfit.report.page import Place, ReportContent, drawing_of, picture_point, strongest_point, write_page
 from femfit.simulation.open_loop import motion_at_supply
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
@@ -95,8 +94,7 @@ def _table_content(
     table: SweepTable, model: ActuatorModel | None, hashes: tuple[tuple[str, str], ...]
 ) -> ReportContent:
     """A sweep with its drawing, where its manifest holds it, and its model, which is fitted where there is none."""
-    inputs = table.manifest.get("inputs")
-    actuator = None if inputs is None else actuator_from_record(inputs, table.manifest.get("name", "the sweep"))
+    actuator = drawing_of(table)
     fit = fit_model(table) if model is None else None
     model = fit.model if fit is not None else model
     assert model is not None  # noqa: S101 - fitted above

@@ -16,7 +16,7 @@ import pandas as pd
 from femfit.core import files as atomic
 from femfit.core.files import OPEN_LOOP, require_outputs
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Printed
+from femfit.core.results import Plotted
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
@@ -86,7 +86,7 @@ def balance(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OpenLoop(Printed):
+class OpenLoop(Plotted):
     """A motion in open loop; printed, it says how the actuator switched and where the energy went.
 
     Parameters

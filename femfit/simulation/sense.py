@@ -16,7 +16,7 @@ import pandas as pd
 from femfit.core.errors import FilterError, UsageError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.public import random_generator
-from femfit.core.results import Printed
+from femfit.core.results import Plotted
 from femfit.device.electrics import Circuit
 from femfit.estimate.constants import TEST_SAMPLES
 from femfit.estimate.error_bound import bound_along, without_stops
@@ -38,7 +38,7 @@ MOVES = "while it moves"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensing(Printed):
+class Sensing(Plotted):
     """The distance told by a filter over an open loop; arrays have one entry a sample.
 
     Examples

@@ -13,7 +13,7 @@ import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.files import json_ready
-from femfit.core.results import Printed
+from femfit.core.results import Plotted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
@@ -40,7 +40,7 @@ class StepRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ClosedLoopStudy(Printed):
+class ClosedLoopStudy(Plotted):
     """Everything that command line, report and run show of the closed loop."""
 
     design: LoopDesign

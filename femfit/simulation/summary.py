@@ -13,7 +13,7 @@ import pandas as pd
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
-from femfit.core.results import Finding, Printed, remembered
+from femfit.core.results import Finding, Plotted, remembered
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.controllers import ControllerName
@@ -123,7 +123,7 @@ class Choice:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopSummary(Printed):
+class LoopSummary(Plotted):
     """What many runs of one closed loop came to; printed, it says so in a few lines.
 
     Parameters

@@ -61,12 +61,13 @@ class ImportedTable(SweepTable):
     dialects: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        lines = [super().__str__()]
+        severe = [f"- {finding.marked}" for finding in self.findings if finding.severity != "info"]
+        lines = [super().__str__(), *severe]
         lines += [f"{name}: read as {dialect}" for name, dialect in self.dialects.items()]
         for use in self.mapping:
             unit = f"{quoted(use.unit)}{' (assumed)' if use.assumed else ''}"
             lines.append(f"  {use.name} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
-        return "\n".join([*lines, *(f"- {finding.marked}" for finding in self.findings)])
+        return "\n".join([*lines, *(f"- {finding}" for finding in self.findings if finding.severity == "info")])
 
 
 def import_table(

@@ -15,7 +15,7 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings, replacing, write_json
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Printed, listing
+from femfit.core.results import Plotted, listing
 from femfit.core.sweep_columns import VARIANT, is_current
 from femfit.core.text import counted, quoted
 from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
@@ -47,7 +47,7 @@ SHOWN = 6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SweepTable(Printed):
+class SweepTable(Plotted):
     """A sweep table with its manifest.
 
     Parameters

@@ -111,7 +111,7 @@ def test_the_white_noise_of_passes_without_a_run_column_is_found(levitation_mode
 def test_suggest_answers_for_a_plan_and_asks_for_repeats_where_no_noise_is_known(folder):
     rows = [f"1,{k},{0.2 * (k % 7)},{0.016 + 0.002 * (k // 7)},1,\n" for k in range(70)]
     (folder / "plan.csv").write_text("run,order,current_A,distance_m,branch,force_N\n" + "".join(rows))
-    done = femfit("suggest", "model.json", "--plan", "plan.csv", cwd=folder)
+    done = femfit("suggest", "model.json", "--plan", "plan.csv", "--verbose", cwd=folder)
     (line,) = (line for line in done.stdout.splitlines() if line.endswith("lack hall_V"))
     assert "hall_offset" in line
     lines = (folder / "hall.csv").read_text(encoding="utf-8").splitlines(keepends=True)

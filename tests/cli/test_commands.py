@@ -15,8 +15,9 @@ from femfit.device.load import read_actuator
 from femfit.model.json_file import read_model
 from femfit.tables.sweep_table import read_sweep_table
 from support.cli_case import DRAWN, FACE, ONCE, SLOW
+from support.command import worked
 from support.page import Page
-from support.snapshot import check_snapshot
+from support.snapshot import FOLDER, check_snapshot
 
 OUTPUTS = re.compile(r"^(?:-o|--json|--csv|--picture|--report|--write-noise)$")
 
@@ -50,6 +51,28 @@ def test_a_command_prints_what_it_printed_and_writes_its_files(case, name, renew
     if f"--json {name}.json" in ONCE[name]:
         assert result(case, name)["written_by"].startswith("femfit ")
     check_snapshot(f"femfit-{name}", done.stdout, renew=renew)
+
+
+def test_no_command_prints_more_than_its_answer_and_twelve_lines():
+    for path in FOLDER.glob("femfit-*.txt"):
+        lines = [line for line in path.read_text().splitlines() if not line.startswith(("written: ", "Next: femfit "))]
+        assert len(lines) - bool(MORE.fullmatch(lines[-1])) <= 13, path.name
+
+
+MORE = re.compile(r"(\d+) more lines? with --verbose\.")
+
+
+@pytest.mark.parametrize("name", ["heat", "observe", "diagnose"])
+def test_verbose_prints_what_is_left_out_and_changes_nothing_else(case, name):
+    short = case.run(name).stdout.splitlines()
+    whole = worked(*shlex.split(ONCE[name]), "--verbose", cwd=case.folder).stdout.splitlines()
+    cut = [k for k, line in enumerate(short) if MORE.fullmatch(line)]
+    assert len(cut) == (name != "heat")
+    for k in cut:
+        left_out = whole[k : len(whole) - len(short) + k + 1]
+        assert (int(MORE.fullmatch(short[k])[1]), left_out[0][0] != " ") == (len(left_out), True)
+        short[k : k + 1] = left_out
+    assert short == whole
 
 
 def test_a_sweep_with_signatures_sorts_them_by_what_they_change_and_the_fit_keeps_them(case):

@@ -6,6 +6,7 @@ import pytest
 from femfit.core.errors import FitError
 from femfit.fit.rows import rows_of_table
 from femfit.fit.sensed_field import SensedRows, fit_hall, fit_sensed
+from femfit.fit.words import note
 from support.one_current import flat
 from support.sweeps import MASS, ClosedForm, full_table
 
@@ -86,8 +87,8 @@ def test_a_field_that_is_fitted_badly_is_said_with_what_to_do():
     d, currents = grid([0.0, 1.0], [0.0, 1.0])
     good = fit_sensed(SensedRows(d, currents, lines(d, currents)), "search")
     assert bad.held_out > 0.05
-    assert "more distances" in bad.said("search", "Wb")
-    assert "more distances" not in good.said("search", "Wb")
+    assert "more distances" in note("sensed", bad, "search", "Wb")
+    assert "more distances" not in note("sensed", good, "search", "Wb")
 
 
 # One circuit: coil part and magnet part apart from each other

@@ -2,17 +2,29 @@
 
 import copy
 import pickle
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 import femfit as ff
+from femfit.core.errors import UsageError
+from femfit.core.results import Plotted
+from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.whitening import Whitening
+from femfit.report.figures import figures_of
+from femfit.report.style import svg_uri
 from support.actuators import GEOMETRY
 from support.campaign import campaign
+from support.page import Page
+from support.replays import damped, logs
+from support.small_drawing import SMALL
 from support.small_records import coil_record, loop_record
 from support.snapshot import check_snapshot
 
@@ -52,6 +64,8 @@ def results(tmp_path_factory, levitation_model):
         "added": added,
         "filter": ff.kalman_filter(levitation_model),
         "filter-under-effects": ff.kalman_filter(added.model, "ekf"),
+        "observation": ff.observe(damped(), logs(300, 1, seed=8)[1][0], find=False),
+        "sensing": ff.sense(levitation_model, sensors=("hall",), voltage_V=1.0, runs=2),
         "open-loop": ff.simulate(levitation_model, voltage_V=1.5, duration_s=0.002, start_m=0.022),
         "profile": ff.Profile("voltage", [0.0, 0.02], [12.0, 0.0]),
         "loop": ff.close_loop(levitation_model, runs=1, seconds=0.05),
@@ -62,8 +76,8 @@ def results(tmp_path_factory, levitation_model):
 
 KINDS = [
     "actuator", "sweep", "import", "fit", "model", "model-with-effects", "bench-table", "time-series", "comparison",
-    "diagnosis", "diagnosis-of-a-record", "advice", "added", "filter", "filter-under-effects", "open-loop", "profile",
-    "loop", "coil-integral", "export",
+    "diagnosis", "diagnosis-of-a-record", "advice", "added", "filter", "filter-under-effects", "observation", "sensing",
+    "open-loop", "profile", "loop", "coil-integral", "export",
 ]  # fmt: skip
 
 
@@ -87,6 +101,64 @@ def test_a_result_prints_shows_copies_pickles_and_compares(kind, results, renew)
     assert given != copy.copy(given) or kind == "actuator"  # data without arrays are equal by value
     assert len({given, given}) == 1
     check_snapshot(f"result-{kind}", text.replace(str(results["place"]), "PLACE"), renew=renew)
+
+
+CHANNELS = {"curves-force_N", "curves-flux_linkage_Wb", "curves-hall_V", "curves-voltage_V"}
+FIGURES = {
+    "actuator": {"actuator", "geometry", "mesh", "flux-lines", "flux-density"},
+    "sweep": {"force-curves"},
+    "import": {"force-curves"},
+    "fit": {"force-curves"},
+    "model": {"stroke"},
+    "model-with-effects": {"stroke"},
+    "comparison": CHANNELS | {"misfit-maps"},
+    "diagnosis": CHANNELS | {"misfit-maps"},
+    "diagnosis-of-a-record": {"curves-force_balance_N", "curves-hall_V", "misfit-maps"},
+    "added": CHANNELS,
+    "observation": {"replay"},
+    "sensing": {"sensing"},
+    "open-loop": {"motion"},
+    "loop": {"steps-backstepping"},
+}
+
+
+@pytest.mark.parametrize("kind", FIGURES)
+def test_a_result_draws_what_its_names_say(kind, results, monkeypatch):
+    monkeypatch.setattr("femfit.report.figures.solve_point", pytest.fail)  # what shows no field solves none
+    given = results[kind]
+    assert set(figures_of(given)) == FIGURES[kind]
+    with pytest.raises(UsageError, match=next(iter(figures_of(given)))):
+        given.plot("picture")
+    drawn = given.plot()
+    assert isinstance(drawn, Figure)
+    assert drawn.axes
+    assert drawn._repr_png_().startswith(b"\x89PNG")
+
+
+def test_what_can_be_drawn_has_its_figures_tested(results):
+    assert {kind for kind, given in results.items() if isinstance(given, Plotted)} == set(FIGURES)
+
+
+@pytest.mark.parametrize("kind", ["sweep", "fit", "model", "comparison", "diagnosis", "added"])
+def test_a_page_has_the_pictures_that_a_result_draws(kind, results, tmp_path):
+    given = results[kind]
+    page = Page(ff.write_report(given, tmp_path / "page.html").read_text(encoding="utf-8"))
+    for name in figures_of(given):
+        assert page.images[name]["src"] == svg_uri(partial(given.plot, name), name), name
+
+
+def test_a_figure_looks_the_same_whatever_the_users_settings_are(results):
+    with rc_context({"xtick.color": "red", "axes.grid": False, "font.size": 20.0}):
+        other = results["model"].plot("stroke")._repr_png_()
+    assert other == results["model"].plot("stroke")._repr_png_()
+
+
+def test_a_drawing_shows_its_field_where_femfit_view_does(results, tmp_path):
+    drawing = actuator_from_toml(SMALL)
+    figure = drawing.plot("flux-lines")
+    assert figure.axes[0].get_title(loc="left").startswith("small: flux lines\nd = 8 mm, i = 1 A, F = ")
+    with pytest.raises(UsageError, match="nothing to draw of <ActuatorModel: pair"):
+        replace(results["model"], name="pair", circuits=()).plot()
 
 
 def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):

@@ -3,6 +3,7 @@
 import re
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import matplotlib as mpl
 import numpy as np
@@ -10,14 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from femfit.core.errors import UsageError
 from femfit.identify.misfit import MeasuredCurves
-from femfit.report.bench_report import SCALAR
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure
 from femfit.report.field_figures import colour_limit, field_figure, flux_levels
-from femfit.report.loop_report import closed_loop_figure, loop_figures
-from femfit.report.misfit_figures import curves_figure
+from femfit.report.figures import figures_of
+from femfit.report.misfit_figures import SCALAR, curves_figure
 from femfit.report.model_figures import at_supply, force_curves_figure, hall_figure, stroke_figure, sweep_grid
+from femfit.report.motion_figures import closed_loop_figure
 from femfit.report.style import quantity, svg_uri, words
 
 PREFIX = {"p": 1e-12, "n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
@@ -46,8 +48,15 @@ def test_axes_are_labelled_with_units(figures):
         assert all(WITH_UNIT.search(label) for label in labels if label), name
 
 
+def test_a_study_draws_each_loop_that_held_a_run(rig_content):
+    assert set(figures_of(rig_content.study)) == {"steps-backstepping", "steps-pid", "steps-state-feedback"}
+    assert len(rig_content.study.plot("steps-pid").axes) == 3
+
+
 def test_a_loop_that_lost_every_run_has_no_figures(lost_study):
-    assert loop_figures(lost_study) == {}
+    assert figures_of(lost_study) == {}
+    with pytest.raises(UsageError, match="nothing to draw of <ClosedLoopStudy: Lost"):
+        lost_study.plot()
 
 
 def test_figures_leave_matplotlib_as_it_was_and_give_the_same_bytes_again(figures):
@@ -139,8 +148,13 @@ def curves():
     )
 
 
+def beside(curves, *, fitted=False):
+    """What a figure asks of a result with these curves."""
+    return SimpleNamespace(curves={curves.channel: curves}, effects=("found",) * fitted)
+
+
 def test_readings_stand_on_both_sets_of_curves_in_one_scale(curves):
-    figure = curves_figure(curves, fitted=True)
+    figure = curves_figure(beside(curves, fitted=True), "force_N")
     above = figure.axes[:2]
     assert above[0].get_ylim() == above[1].get_ylim()
     for axes in above:
@@ -152,9 +166,9 @@ def test_readings_stand_on_both_sets_of_curves_in_one_scale(curves):
 
 
 def test_a_record_has_points_without_curves_and_without_anything_added_one_column(curves):
-    assert len(curves_figure(curves, fitted=False).axes) == 2
+    assert len(curves_figure(beside(curves), "force_N").axes) == 2
     none = replace(curves, before=np.zeros((0, 9)), after=np.zeros((0, 9)))
-    lines = curves_figure(none, fitted=False).axes[0].get_lines()
+    lines = curves_figure(beside(none), "force_N").axes[0].get_lines()
     assert {line.get_marker() for line in lines} == {"o"}
 
 

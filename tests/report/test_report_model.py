@@ -12,10 +12,9 @@ from femfit.device.materials import BHCurve
 from femfit.device.mechanics import Stop
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.fit.build import fit_model
-from femfit.report.circuits import several_circuits
 from femfit.report.drawing import iron_loads, knee_T
-from femfit.report.model_figures import at_supply, sweep_grid
-from femfit.report.page import picture_point, strongest_point
+from femfit.report.model_figures import at_supply, several_circuits, sweep_grid
+from femfit.report.page import ReportContent, hangs, picture_point, strongest_point
 from support.actuators import GEOMETRY
 from support.bearing import ENTRY, Symmetric, table_of
 from support.one_current import within
@@ -87,11 +86,11 @@ def test_iron_is_judged_beside_its_own_knee_with_the_worst_part_first(plunger_co
 
 
 def test_only_a_body_that_is_meant_to_hang_is_drawn_where_it_hangs(rig_content, plunger_content):
-    assert rig_content.levitates
+    assert hangs(rig_content.actuator, rig_content.rows)
     distance, current = picture_point(rig_content, rig_content.actuator, rig_content.rows)
     assert float(rig_content.model.force(distance, current)) == pytest.approx(rig_content.weight, rel=1e-6)
     plunger = plunger_content.actuator
-    assert not plunger_content.levitates
+    assert not hangs(plunger_content.actuator, plunger_content.rows)
     point = picture_point(plunger_content, plunger, plunger_content.rows)
     assert point == strongest_point(plunger) == (0.0005, 1.0)
 
@@ -111,7 +110,7 @@ def test_a_bearings_numbers_are_those_of_its_closed_form_and_one_circuit_has_no_
     per_current = TRUTH.force_per_current(1.0)
     np.testing.assert_allclose(several.force_per_A[middle], [per_current, -per_current], rtol=5e-3)
     assert several.stiffness_N_per_m[middle] == pytest.approx(TRUTH.stiffness(1.0), rel=0.02)  # a second derivative
-    assert several_circuits(levitation_model) is None
+    assert ReportContent(levitation_model).together is None
 
 
 def test_the_currents_that_hold_balance_the_weight():

@@ -24,6 +24,7 @@ from femfit.device.tolerances import KINDS, read_tolerances
 from femfit.effects.catalogue import effect_by_name, known_effect
 from femfit.effects.circuit import RESISTANCE
 from femfit.identify.decision.naming import Decision
+from femfit.identify.words import sentence
 
 ALL = "all"
 
@@ -155,25 +156,17 @@ def with_named(choice: Choice, decision: Decision, suspects: Sequence[NumberFact
             name, rivals = effects[0], " or ".join(member for member in members if member != effects[0])
             beside[name] = runs
             if rivals:
-                remarks[name] = f"{name} was fitted beside; {rivals} would give the same readings."
+                remarks[name] = sentence("calibration_choice", "beside", name, rivals)
         elif asked:
-            remarks[drawn[0].key] = f"{drawn[0].subject} is named as well; it was not asked for and stays as drawn."
+            remarks[drawn[0].key] = sentence("calibration_choice", "not_asked_for", drawn[0].subject)
         elif runs:
-            remarks[drawn[0].key] = (
-                f"{drawn[0].subject} has its other value from run {runs[0]} to run {runs[1]} alone, so that no one "
-                "drawing is that of all runs. Calibrate with the runs of one state."
-            )
+            remarks[drawn[0].key] = sentence("calibration_choice", "in_some_runs", drawn[0].subject, *runs)
         else:
             numbers = _apart([*numbers, *drawn])
             if len(members) > 1:
-                # What would explain the data as well, and a measurement that tells it apart
                 rivals = " or ".join([*(number.subject for number in drawn[1:]), *effects])
-                direct = f"Measure {drawn[0].subject} on the device itself."
-                to_tell = effect_by_name(effects[0]).check if effects else direct
-                remarks[drawn[0].key] = (
-                    f"{drawn[0].subject} was fitted, as the drawing's; {rivals} would give the same readings. "
-                    f"To tell: {to_tell}"
-                )
+                check = effect_by_name(effects[0]).check if effects else ""
+                remarks[drawn[0].key] = sentence("calibration_choice", "taken", drawn[0].subject, rivals, check)
     return Choice(tuple(numbers), beside, remarks)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from femfit.core.results import Finding
+from femfit.core.results import Finding, Plotted
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.lack_of_fit import LackOfFit
@@ -63,7 +63,7 @@ class ScoredEffect:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Result):
+class Diagnosis(Plotted, Result):
     """The result of a diagnosis; printed, it is what ``femfit diagnose`` prints.
 
     Parameters

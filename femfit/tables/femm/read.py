@@ -40,7 +40,8 @@ class ImportedFem:
     def __str__(self) -> str:
         currents = ", ".join(f"{current:g} A" for current in self.currents_A) or "no current"
         lines = [f"{self.source}: {currents} at {1e3 * self.distance_m:g} mm"]
-        return "\n".join([*lines, *(f"- {finding.marked}" for finding in self.findings)])
+        ordered = sorted(self.findings, key=lambda finding: finding.severity == "info")
+        return "\n".join([*lines, *(f"- {finding.marked}" for finding in ordered)])
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
