@@ -80,9 +80,9 @@ declares it; a run's offset over the standard deviation of one reading."""
 PRIOR_WEIGHT = 8.0
 """Assumed: that judgement counts like so many mounts, or runs."""
 
-PRIOR_MEMORY, PRIOR_SHARE = 0.1, 0.1
-"""Assumed: scales of half-Cauchy priors: of rho / sqrt(1 - rho^2), how readings follow each other, and of what readings
-of a setting share beyond smooth patterns, over the standard deviation of one."""
+PRIOR_MEMORY, PRIOR_SHARE = 0.5, 0.1
+"""Assumed: scales of half-Cauchy priors: of rho / sqrt(1 - rho^2), how readings follow each other, usually by some
+tenths; and of what readings of a setting share beyond smooth patterns, over the standard deviation of one."""
 
 OF_SETTINGS = 0.25
 """Assumed: smooth patterns that are taken out before the noise is sought, over the number of settings."""

@@ -62,6 +62,10 @@ class Scatter:
         shared = bool(self.repeats or self.weight)
         return replace(self, place=self.design.likeliest(self.declared, self.weight, ratio, shared=shared))
 
+    def mean_correlation(self, ratio: FloatArray) -> float:
+        """Of successive readings over its posterior where random effects (q,) are so large."""
+        return self.design.mean_correlation(self.place, self.declared, self.weight, ratio)
+
     @property
     def rho(self) -> float:
         """Correlation of successive readings."""
@@ -110,7 +114,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     # An offset of a run looks like readings that follow each other: it is begun with small ones and with large ones
     ends = [_settled(observations, scatter, scales, factor * scales) for factor in (1.0, FIXED)]
     scatter, sizes, of_readings, (likelihood, used, x) = min(ends, key=_cost)
-    means = sizes.copy()
+    deviations, means = random_effects(observations).deviations(sizes[0], sizes[1:-1], sizes[-1]), sizes.copy()
     means[used] = [np.sqrt(likelihood.mean_variance(x, k)) for k in range(len(used))]
     largest = [float(np.abs(observations.value[observations.channel == c]).max()) for c in range(len(names))]
     sigma = UNKNOWN_CHANNEL * np.array([value or 1.0 for value in largest])
@@ -118,7 +122,8 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     for c, of_channel in scatter.items():
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(float(np.sqrt(of_readings[c])), step / np.sqrt(12.0))
-        rho[c], repeats[c] = of_channel.rho, of_channel.repeats
+        rho[c] = of_channel.mean_correlation(deviations / np.sqrt(of_readings[c]))
+        repeats[c] = of_channel.repeats
         degrees[c] = of_channel.degrees_of_freedom
     return NoiseModel(
         channels=names,

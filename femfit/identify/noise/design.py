@@ -74,26 +74,43 @@ class ChannelDesign:
         shared : bool
             Whether a setting has a share.
         """
-        most = (CORRELATIONS if np.count_nonzero(~self.chain.first) >= LEAST_REPEATS else 0, SHARES * shared)
-
-        def cost(place: tuple[int, int]) -> float:
-            contrasts = self.contrasts(*place)
-            random = contrasts.columns * ratio
-            lower = np.linalg.cholesky(np.eye(len(random)) + random @ random.T)
-            along = solve_triangular(lower, contrasts.along, lower=True)
-            square, free = contrasts.square + float(along @ along), contrasts.free + len(along)
-            beside = self.cost(place) + 2.0 * float(np.log(np.diag(lower)).sum())
-            if not weight:
-                return free * float(np.log(max(square, 1e-300))) + beside
-            grown = np.log1p(square / (weight * declared**2)) - np.log1p(free / weight)
-            return (free + weight) * float(grown) + beside
-
-        best, step = (0, 0), 8
+        most, best, step = (self._most_correlation, SHARES * shared), (0, 0), 8
         while step:
             near = [(best[0] + a * step, best[1] + b * step) for a, b in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
-            better = min(((a, b) for a, b in near if 0 <= a <= most[0] and 0 <= b <= most[1]), key=cost)
+            tried = [(a, b) for a, b in near if 0 <= a <= most[0] and 0 <= b <= most[1]]
+            better = min(tried, key=lambda place: self._whole_cost(place, declared, weight, ratio))
             best, step = (better, step) if better != best else (best, step // 2)
         return best
+
+    def mean_correlation(self, place: tuple[int, int], declared: float, weight: float, ratio: FloatArray) -> float:
+        """The correlation by which slow patterns scatter as they do over its posterior, about its likeliest one.
+
+        They have (1 + rho) / (1 - rho) = exp(2 a) of the variance of independent readings, a = artanh(rho); few
+        readings say little of it, and none that it is zero.
+        """
+        around = [k for k in range(place[0] - 12, place[0] + 13, 4) if 0 <= k <= self._most_correlation]
+        costs = np.array([self._whole_cost((k, place[1]), declared, weight, ratio) for k in around])
+        a = np.arctanh([rho_of(k) for k in around])
+        density = np.exp(-0.5 * (costs - costs.min())) * np.cosh(a)  # the prior is one of sinh(a)
+        return float(np.tanh(0.5 * np.log(np.sum(density * np.exp(2.0 * a)) / np.sum(density))))
+
+    @property
+    def _most_correlation(self) -> int:
+        """Number of the largest correlation; 0 where too few readings follow each other."""
+        return CORRELATIONS if np.count_nonzero(~self.chain.first) >= LEAST_REPEATS else 0
+
+    def _whole_cost(self, place: tuple[int, int], declared: float, weight: float, ratio: FloatArray) -> float:
+        """-2 log of likelihood and prior at numbers of the correlation and of the share, the variance the likeliest."""
+        contrasts = self.contrasts(*place)
+        random = contrasts.columns * ratio
+        lower = np.linalg.cholesky(np.eye(len(random)) + random @ random.T)
+        along = solve_triangular(lower, contrasts.along, lower=True)
+        square, free = contrasts.square + float(along @ along), contrasts.free + len(along)
+        beside = self.cost(place) + 2.0 * float(np.log(np.diag(lower)).sum())
+        if not weight:
+            return free * float(np.log(max(square, 1e-300))) + beside
+        grown = np.log1p(square / (weight * declared**2)) - np.log1p(free / weight)
+        return (free + weight) * float(grown) + beside
 
     def cost(self, place: tuple[int, int]) -> float:
         """What -2 log of likelihood and prior have of a correlation and a share beside that of the variances."""
@@ -176,7 +193,10 @@ def channel_design(observations: Observations, c: int, sigma: float = 0.0) -> Ch
     places = (distance[:, None] == np.unique(distance)[: len(distance) * stops_repeat]) * common[:, :1]
     fixed = orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1))
     random = effects.columns[here] * (effects.differences > 0.0)[effects.group]
-    return ChannelDesign(cell, fixed, random, chain_of(observations, here), weight, observations.residual[here])
+    chain = chain_of(observations, here)
+    if "time_s" in observations.covariates:  # windows of a record share no samples: what lasts is a misfit
+        chain = Chain(np.arange(len(here)), np.ones(len(here), dtype=bool), np.ones(len(here)))
+    return ChannelDesign(cell, fixed, random, chain, weight, observations.residual[here])
 
 
 def made_by_settings(observations: Observations, c: int) -> FloatArray:
