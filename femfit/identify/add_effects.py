@@ -72,10 +72,10 @@ def add_effects(
     >>> better = ff.add_effects(model, "bench.csv", ["coil_temperature", "core_saturation"])
     >>> for one in better.fall.channels:
     ...     print(f"{one.channel}: {one.before_over_noise:.1f} -> {one.after_over_noise:.1f} times the noise")
-    force_N: 2.2 -> 1.1 times the noise
-    flux_linkage_Wb: 10.5 -> 1.0 times the noise
+    force_N: 2.2 -> 1.0 times the noise
+    flux_linkage_Wb: 10.3 -> 1.0 times the noise
     hall_V: 1.6 -> 1.4 times the noise
-    voltage_V: 15.0 -> 1.0 times the noise
+    voltage_V: 15.3 -> 1.0 times the noise
     >>> ff.write_model(better.model, "better.json")
     """
     say = progress or (lambda _: None)
