@@ -96,6 +96,12 @@ ROUNDS = 2
 FIXED = 1e3
 """Numerical: size of a random effect, over its usual one, or over a reading's, that is as good as fixed."""
 
+MOST_STOPS = 200
+"""Numerical, for the time that it takes: of more stops of the stage the errors are left to the scatter of readings."""
+
+LARGEST_UNSEEN = 64.0
+"""Assumed: scatter of mounts, runs or stops, over its likeliest or usual size, that is reckoned with at most."""
+
 VARIANCES_TRIED = 37
 """Numerical: values over which a variance is averaged, even in its logarithm, from 512 times below the largest
 standard deviation."""

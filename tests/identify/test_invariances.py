@@ -86,7 +86,7 @@ def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wr
     rows = rows.assign(order=np.arange(25.0)) if clock else rows
     table = replace(written(rows, tmp_path), declared_noise={"force_N": sigma})
     comparison = compare(levitation_model, table)
-    assert estimate_noise(comparison.observations).run[0] < 0.2 * sigma  # nor is it an offset of the runs
+    assert estimate_noise(comparison.observations).run[0] < 0.5 * sigma  # nor is it an offset of the runs
     assert comparison.verdict == "fails"
     assert diagnose(levitation_model, table).verdict != "nothing_missing"
 

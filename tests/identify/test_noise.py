@@ -108,6 +108,45 @@ def test_the_likelihood_of_correlation_and_share_is_the_normal_density_of_contra
     assert found == pytest.approx(density(rho_of(k), share_of(share), 0.7) - density(1e-12, 0.0, 0.2), abs=1e-8)
 
 
+def test_cost_slope_and_curvature_are_those_of_the_normal_density_of_all_channels():
+    """Two channels of a mount's errors of first and second order, and of runs."""
+    rng, group, second = np.random.default_rng(0), np.array([0, 0, 1, 1, 1, 0, 0]), np.repeat([False, True], [5, 2])
+    channels = [Contrasts(3.0 * k, 20.0 + k, rng.normal(size=6 + k), rng.normal(size=(6 + k, 7))) for k in (1, 2)]
+    priors = Priors(np.array([0.5, 0.4, 1.0, 1.0]), np.array([0.0, 0.0, 5.0, 0.0]), np.arange(4) < 2)
+    likelihood = Likelihood(channels, group, second, priors)
+    columns, along = np.vstack([c.columns for c in channels]), np.concatenate([c.along for c in channels])
+    of = np.repeat([0, 1], [7, 8])
+
+    def covariance(x):
+        v, s = np.exp(x[:2])[group], np.exp(x[2:])
+        return np.diag(s[of]) + columns * np.where(second, 2.0 * v**2, v) @ columns.T
+
+    def density(x):
+        total = covariance(x)
+        own = sum(c.free * x[2 + k] + c.square * np.exp(-x[2 + k]) for k, c in enumerate(channels))
+        return own + np.linalg.slogdet(total)[1] + along @ np.linalg.solve(total, along) + priors.cost(x)[0]
+
+    x, steps = np.array([-0.3, 0.4, 0.2, -0.5]), 1e-5 * np.eye(4)
+    assert likelihood.cost(x) == pytest.approx(density(x), rel=1e-12)
+    slope, curvature = likelihood(x)
+    np.testing.assert_allclose(slope, [(density(x + e) - density(x - e)) / 2e-5 for e in steps], atol=1e-7)
+    changes = [np.linalg.solve(covariance(x), (covariance(x + e) - covariance(x - e)) / 2e-5) for e in steps]
+    expected = np.array([[np.trace(a @ b) for b in changes] for a in changes])
+    expected += np.diag([0.0, 0.0, *(c.free for c in channels)]) + np.diag(priors.cost(x)[2])
+    np.testing.assert_allclose(curvature, expected, atol=1e-7)
+
+
+def test_where_mounts_have_all_that_repeats_differ_by_the_declared_noise_stands(levitation_model):
+    """The body is put back before each of two readings a setting."""
+    table = campaign(levitation_model, 1, runs=2, distances=5, currents=4, rho=0.0)
+    rows = table.rows.assign(mount=np.arange(1.0, 1.0 + len(table.rows)), **dict.fromkeys(NOISE, np.nan))
+    rows["force_N"] = table.rows["force_N"]
+    given = tuple(name for name in table.given if name not in NOISE or name == "force_N")
+    table = replace(table, rows=rows, given=given, declared_noise={"force_N": 4e-4})
+    assert estimate_noise(bench_observations(levitation_model, table)).source == {"force_N": "declared"}
+    assert compare(levitation_model, table).verdict == "agrees"
+
+
 def test_a_prior_counts_like_readings_of_its_variance():
     y = np.random.default_rng(8).normal(0.0, 2.0, 30)
     square = float(y @ y)

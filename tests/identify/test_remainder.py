@@ -58,8 +58,9 @@ def test_it_is_learnt_where_it_acts_and_to_the_noise(learnt, cause, parts):
     assert result.accepted
     assert result.lack_of_fit_before.p_value < 1e-3
     assert result.lack_of_fit_after.p_value > 0.01
+    # Three runs may differ by 0.6 of the noise, so that what all have in common is learnt with less weight
     for name in ("flux_linkage_Wb", "hall_V", "voltage_V"):
-        assert result.left_out[name] < 1.15 * NOISE[name]
+        assert result.left_out[name] < 1.2 * NOISE[name]
     # A re-mount of 20 um, which no model can know, is in the force of a run left out
     worst = {one.channel: one for one in result.fall.channels}["force_N"]
     assert worst.before_over_noise > 1.4

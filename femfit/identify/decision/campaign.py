@@ -71,7 +71,7 @@ class Campaign(WithoutCache):
         """The campaign with the noise of what effects leave; None where that is next to the same."""
         whitening = beside_effects(self.whitening, effects)
         now, before = (np.r_[n.sigma, n.run, n.mount_m, n.stop_m] for n in (whitening.noise, self.noise))
-        if np.all(now > STILL_THE_NOISE * before):
+        if np.all(now >= STILL_THE_NOISE * before):
             return None
         starts = Start.at_null([start.columns for start in self.effects], whitening)
         return Campaign(whitening, starts, self.untestable)

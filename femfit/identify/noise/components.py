@@ -88,13 +88,14 @@ class Scatter:
 
         Readings that follow each other by the correlation rho say it only as well as (1 - rho^2) / (1 + rho^2) times as
         many independent ones; and slow patterns have (1 + rho) / (1 - rho) of it, which rho's own uncertainty,
-        (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance.
+        (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance, and by 8 rho of these more since a
+        large correlation goes with a large variance.
         """
         rho, free = self.rho, max(self.contrasts.free, 1.0)
         if self.weight == EXACT:
             return np.inf
         independent = self.weight + free * (1.0 - rho**2) / (1.0 + rho**2)
-        return 1.0 / (2.0 * (rho > 0.0) / ((1.0 - rho**2) * free) + 1.0 / independent)
+        return 1.0 / ((2.0 + 4.0 * rho) * (rho > 0.0) / ((1.0 - rho**2) * free) + 1.0 / independent)
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
@@ -176,7 +177,8 @@ def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | No
     if constant and not np.isfinite(declared):  # coarser than its noise: rounding is left
         declared, source, weight = least or np.nan, "resolution", EXACT
     known = bool(np.isfinite(declared))
-    design = channel_design(observations, c, max(declared, least) if known else 0.0)
+    declared = max(declared, least) if known else np.nan
+    design = channel_design(observations, c, declared if known else 0.0)
     if not known and (constant or design.contrasts(0, 0).free < LEAST_REPEATS):
         return None
     made, free = made_by_settings(observations, c), design.contrasts(0, 0).free
@@ -187,13 +189,13 @@ def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | No
         design = channel_design(observations, c, float(np.sqrt(variance)))
     repeats = 0.0 if constant or design.repeats < LEAST_REPEATS else float(design.repeats)
     if not known:
-        varies = design.contrasts(0, 0).square > SAME_READING**2 * float(np.sum(design.residual**2))
+        varies = design.contrasts(0, 0).square > SAME_READING * float(np.sum(design.residual**2))
         return Scatter(design, np.nan, 0.0, "repeats" if repeats else GUESS, repeats) if varies else None
-    told = Scatter(design, max(declared, least), EXACT, source, 0.0)  # which nothing moves
-    if not repeats:
+    told = Scatter(design, declared, EXACT, source, 0.0)  # which nothing moves
+    if not repeats or design.contrasts(0, 0).free < LEAST_REPEATS:  # mounts may have all that repeats differ by
         return told
     alone = Scatter(design, np.nan, 0.0, "repeats", repeats)
-    shown = alone.likeliest(np.full(design.random.shape[1], FIXED)).variance
+    shown = alone.likeliest(FIXED / np.maximum(np.linalg.norm(design.random, axis=0), 1e-300)).variance
     ratio = shown / declared**2
     if 2.0 * min(stats.f.sf(ratio, repeats, weight), stats.f.cdf(ratio, repeats, weight)) < CONTRADICTED:
         return alone

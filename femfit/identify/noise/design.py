@@ -83,16 +83,18 @@ class ChannelDesign:
         return best
 
     def mean_correlation(self, place: tuple[int, int], declared: float, weight: float, ratio: FloatArray) -> float:
-        """The correlation by which slow patterns scatter as they do over its posterior, about its likeliest one.
+        """The correlation by which slow patterns scatter as they do over its posterior.
 
         They have (1 + rho) / (1 - rho) = exp(2 a) of the variance of independent readings, a = artanh(rho); few
         readings say little of it, and none that it is zero.
         """
-        around = [k for k in range(place[0] - 12, place[0] + 13, 4) if 0 <= k <= self._most_correlation]
+        around = range(place[0] % 4, self._most_correlation + 1, 4)
+        if len(around) < 2:
+            return rho_of(place[0])
         costs = np.array([self._whole_cost((k, place[1]), declared, weight, ratio) for k in around])
         a = np.arctanh([rho_of(k) for k in around])
         density = np.exp(-0.5 * (costs - costs.min())) * np.cosh(a)  # the prior is one of sinh(a)
-        return float(np.tanh(0.5 * np.log(np.sum(density * np.exp(2.0 * a)) / np.sum(density))))
+        return float(np.tanh(0.5 * np.log(np.trapezoid(density * np.exp(2.0 * a), a) / np.trapezoid(density, a))))
 
     @property
     def _most_correlation(self) -> int:

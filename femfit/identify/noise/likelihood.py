@@ -4,12 +4,14 @@ Of each channel c there are the squared length q_c of its readings beyond everyt
 f_c degrees of freedom, and their coordinates t along the random effects (mounts, runs, stops of the stage). With T_k
 the columns of those of variance v_k in the coordinates,
 
-    t ~ N(0, S),   S = diag(s_c^2) + sum_k v_k T_k T_k'   (3 v^2 for columns of second order in a normal error),
+    t ~ N(0, S),   S = diag(s_c^2) + sum_k v_k T_k T_k'   (2 v^2 for columns of second order in a normal error),
     -2 log L = sum_c [f_c log s_c^2 + q_c / s_c^2] + log det S + t' S^-1 t - 2 log prior.
 
-A variance x that was declared as a has the scaled inverse chi-square prior of w readings, w (log x + a / x); any other
-one the half-Cauchy prior of its standard deviation about zero, 2 log(1 + x / a): what the readings cannot tell from
-zero is zero, and what is really there is not made smaller. The maximum is found by Fisher scoring in log x.
+What all mounts share of a column of second order is taken out. A variance x that was declared as a has the scaled
+inverse chi-square prior of w readings, w (log x + a / x); that of a random effect otherwise the half-Cauchy prior of
+its standard deviation about zero, 2 log(1 + x / a): what the readings cannot tell from zero is zero, and what is really
+there is not made smaller. That of a channel without a declaration is even in its logarithm. The maximum is found by
+Fisher scoring in log x.
 
 References
 ----------
@@ -22,12 +24,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg import cho_solve
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import (
     FLAT,
     LARGEST_STEP,
+    LARGEST_UNSEEN,
     NO_VARIANCE,
     SEARCH_STEPS,
     SETTLED_STEP,
@@ -109,53 +112,70 @@ class Likelihood:
         return x
 
     def mean_variance(self, x: FloatArray, k: int) -> float:
-        """Posterior mean of the k-th variance, the others as they are: few mounts or runs say little of theirs."""
-        largest = max(x[k], np.log(self.priors.scale[k])) + np.log(64.0**2)
+        """Posterior mean of the k-th variance, the others as they are: few mounts or runs say little of theirs.
+
+        Up to a largest one, without which a half-Cauchy prior has no mean where the readings say next to nothing.
+        """
+        largest = max(x[k], np.log(self.priors.scale[k])) + 2.0 * np.log(LARGEST_UNSEEN)
         tried = np.linspace(largest - np.log(512.0**2), largest, VARIANCES_TRIED)
         costs = np.array([self.cost(np.array([*x[:k], value, *x[k + 1 :]])) for value in tried])
         density = np.exp(-0.5 * (costs - costs.min()) + 0.5 * (tried - largest))  # of it, over its logarithm
         return float(np.sum(density * np.exp(tried)) / np.sum(density))
 
     @cached_property
-    def _stacked(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
-        """Of all channels the coordinates (k,), columns (k, q), squares and freedom; the channel of each coordinate."""
+    def _products(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Per channel T'T, shape (C, q, q), T't, (C, q), t't and what is beyond, (C,), and how many coordinates."""
         each = self.channels
-        along, columns = np.concatenate([c.along for c in each]), np.concatenate([c.columns for c in each])
-        square, free = np.array([c.square for c in each]), np.array([c.free for c in each])
-        return along, columns, square, free, np.repeat(np.arange(len(each)), [len(c.along) for c in each])
+        gram, along = np.array([c.columns.T @ c.columns for c in each]), np.array([c.columns.T @ c.along for c in each])
+        inside = np.array([c.along @ c.along for c in each])
+        count = np.array([float(len(c.along)) for c in each])
+        return gram, along, inside, np.array([c.square for c in each]), count
 
-    def _factor(self, variance: FloatArray) -> FloatArray:
-        """L of L L' = S."""
-        _, columns, _, _, channel = self._stacked
-        count = len(variance) - len(self.channels)
-        v = variance[:count][self.group]
-        total = (columns * np.where(self.second, 3.0 * v**2, v)) @ columns.T
-        total[np.diag_indices(len(total))] += variance[count:][channel]
-        return np.asarray(np.linalg.cholesky(total), dtype=np.float64)
+    def _solved(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """M = sum of T'T / s_c^2, its vector of T't / s_c^2, R = (D^-1 + M)^-1 with D = diag(v_k), log det (D R^-1).
+
+        By the inverse of a sum (Woodbury) S^-1 = N^-1 - N^-1 T R T' N^-1, N = diag(s_c^2): all is of the size of the
+        random effects, however many coordinates the channels have.
+        """
+        gram, along, *_ = self._products
+        count = len(x) - len(self.channels)
+        v, precision = np.exp(x[:count])[self.group], np.exp(-x[count:])
+        root = np.sqrt(np.where(self.second, 2.0 * v**2, v))
+        total, vector = np.tensordot(precision, gram, 1), precision @ along
+        lower = np.linalg.cholesky(np.eye(len(root)) + root[:, None] * total * root)
+        inverse = root[:, None] * cho_solve((lower, True), np.diag(root), check_finite=False)
+        return total, vector, inverse, 2.0 * float(np.log(np.diag(lower)).sum())
 
     def cost(self, x: FloatArray) -> float:
         """-2 log of likelihood and prior at log variances x."""
-        along, _, square, free, _ = self._stacked
-        lower, s = self._factor(np.exp(x)), np.exp(x[len(x) - len(self.channels) :])
-        white = solve_triangular(lower, along, lower=True, check_finite=False)
-        of_readings = free @ np.log(s) + np.sum(square / s)
-        return float(of_readings + 2.0 * np.log(np.diag(lower)).sum() + white @ white + self.priors.cost(x)[0])
+        _, _, inside, square, count = self._products
+        _, vector, inverse, log_det = self._solved(x)
+        of_channels, free = x[len(x) - len(self.channels) :], np.array([c.free for c in self.channels])
+        own = (free + count) @ of_channels + (square + inside) @ np.exp(-of_channels)
+        return float(own + log_det - vector @ inverse @ vector + self.priors.cost(x)[0])
 
     def __call__(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slope and expected curvature of the cost at log variances x."""
-        along, columns, square, free, channel = self._stacked
-        variance, count = np.exp(x), len(x) - len(self.channels)
+        gram, along, inside, square, number = self._products
+        total, vector, inverse, _ = self._solved(x)
+        count, free = len(x) - len(self.channels), np.array([c.free for c in self.channels])
+        variance = np.exp(x)
         in_group = (self.group[:, None] == np.arange(count)).astype(np.float64)
-        in_channel = (channel[:, None] == np.arange(len(self.channels))).astype(np.float64)
-        s, change = variance[count:], np.where(self.second, 6.0 * variance[:count][self.group], 1.0)
-        inverse = cho_solve((self._factor(variance), True), np.eye(len(along)), check_finite=False)
-        a, solved = inverse @ along, inverse @ columns
+        precision, change = 1.0 / variance[count:], np.where(self.second, 4.0 * variance[:count][self.group], 1.0)
+        mean = inverse @ vector
+        beyond = np.eye(len(total)) - inverse @ total  # T' S^-1 T = M (1 - R M), and T' S^-1 t likewise
+        inner, outer = total @ beyond, vector - total @ mean
+        spread = gram @ inverse  # of each channel
+        left = inside + square - 2.0 * along @ mean + np.einsum("i,cij,j->c", mean, gram, mean)
+        of_effects = change * (np.diag(inner) - outer**2)
+        of_channels = (free + number) * precision - precision**2 * (np.trace(spread, axis1=1, axis2=2) + left)
         _, prior_slope, prior_curvature = self.priors.cost(x)
-        of_effects = change * (np.sum(columns * solved, axis=0) - (columns.T @ a) ** 2)
-        of_channels = in_channel.T @ (np.diag(inverse) - a**2) + free / s - square / s**2
         slope = np.concatenate([in_group.T @ of_effects, of_channels]) * variance + prior_slope
-        effects = np.outer(change, change) * (columns.T @ solved) ** 2
-        both = in_channel.T @ (solved**2 * change) @ in_group
-        alone = in_channel.T @ inverse**2 @ in_channel + np.diag(free / s**2)
-        curvature = np.block([[in_group.T @ effects @ in_group, both.T], [both, alone]])
+        effects = in_group.T @ (np.outer(change, change) * inner**2) @ in_group
+        squares = np.sum(beyond * (gram @ beyond), axis=1)  # of T beyond R M, column by column
+        both = precision[:, None] ** 2 * (squares * change) @ in_group
+        alone = np.einsum("cij,dji->cd", spread, spread) * np.outer(precision, precision) ** 2
+        trace = np.trace(spread, axis1=1, axis2=2)
+        alone += np.diag((free + number) * precision**2 - 2.0 * trace * precision**3)
+        curvature = np.block([[effects, both.T], [both, alone]])
         return slope, curvature * np.outer(variance, variance) + np.diag(prior_curvature)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import SAME_SETTING
+from femfit.identify.constants import MOST_STOPS, SAME_SETTING
 from femfit.identify.noise.shared_errors import SharedErrors
 from femfit.identify.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.patterns import own_misfit_columns
@@ -144,7 +144,7 @@ def random_effects(observations: Observations) -> RandomEffects:
     runs = [np.unique(run[column]) for column in here.T]
     put_back = "mount" in observations.given or max(map(len, runs)) > 1
     repeated = len(numbers) - len(np.unique(observations.column("distance_m")))
-    told_apart = repeated > 0 and 2 * len(numbers) <= len(observations.covariates)
+    told_apart = repeated > 0 and 2 * len(numbers) <= min(len(observations.covariates), 2 * MOST_STOPS)
     each = mount[:, None] == mounts
     blocks = [each * slope, 0.5 * each * curvature]
     blocks += [(run[:, None] == there) & here[:, [c]] for c, there in enumerate(runs)]
