@@ -112,9 +112,10 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
         readings; ``beyond``, as of :func:`beyond_noise`, and ``apart``, those of them that the model's own misfit does
         not make either; ``own``, the rms of that misfit per channel, and ``granted``, channels that have one;
         ``place``, from where to where the distance may differ; ``unknown``, channels whose noise nothing says, beside
-        others; ``mount``, how that of mounts is known (``assumed``, ``estimated``, ``any``, or empty where they have no
-        freedom); ``mount_m``; ``stop_m``, 0 where stops make less than the noise of one reading; ``runs``, offsets of
-        runs that are larger than the noise of one reading, and whether they were declared.
+        others; ``mount``, how that of mounts is known (``assumed``, ``declared``, ``estimated``, ``any``, or empty
+        where they have no freedom); ``mount_m``; ``stop_m``, 0 where stops make less than the noise of one reading;
+        ``stop``, how that is known; ``runs``, offsets of runs that are larger than the noise of one reading, and
+        whether they were declared.
     """
     own, beyond = observations.rms(observations.tolerance), beyond_noise(observations, noise, rms)
     facts = {
@@ -131,12 +132,14 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
     any_distance = noise.mount_m >= np.ptp(observations.column("distance_m"))
     stop_m = noise.stop_m or observations.declared_noise.get("distance_m", 0.0)  # declared, where no stop is repeated
     made = np.abs(stop_m * observations.distance_slope) > noise.sigma[observations.channel]
-    source = "any" if any_distance else "assumed" if noise.mount_assumed else "estimated"
+    known = "declared" if "distance_m" in observations.declared_noise else "estimated"
+    source = "any" if any_distance else "assumed" if noise.mount_assumed else known
     return facts | {
         "unknown": [name for name in observations.channels if name not in noise.source],
         "mount": source if noise.mount_m > 0.0 else "",
         "mount_m": noise.mount_m,
         "stop_m": stop_m if made.any() else 0.0,
+        "stop": known,
         "runs": {
             name: (float(offset), OF_RUNS + name in observations.declared_noise)
             for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
