@@ -222,10 +222,32 @@ def test_the_map_to_independent_readings_is_an_inverse_root_of_their_covariance(
     covariance = np.where(each, rho[channel][:, None] ** between, 0.0) * np.outer(sigma, sigma)
     for number, size in setting_errors(observations, noise.stop_m):
         covariance += np.where(number[:, None] == number, np.outer(size, size), 0.0)
-    assert len(setting_errors(observations, noise.stop_m)) == 2
+    assert len(setting_errors(observations, noise.stop_m)) == 3  # of the distance to second order
     columns = np.random.default_rng(6).normal(size=(len(covariance), 3)) * sigma[:, None]
     white = Whitening(observations, noise).full(columns)
     np.testing.assert_allclose(white.T @ white, columns.T @ np.linalg.solve(covariance, columns), rtol=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_single_run_on_a_stage_that_is_off_as_declared_is_not_accused(levitation_model, seed):
+    """Ten stops of seven currents each, up and down: a shift at each stop explains all of the misfit."""
+    table = campaign(levitation_model, seed, mount_m=0.0, rho=0.0, distances=10, currents=7, runs=1)
+    shift = np.random.default_rng(seed).normal(0.0, 300e-6, 10)
+    stop = table.rows["distance_m"].rank(method="dense").astype(int).to_numpy() - 1
+    box, moved = levitation_model.validity, table.rows["distance_m"] + shift[stop]
+    kept = moved.between(box.distance_min_m, box.distance_max_m)
+    table = replace(
+        table,
+        rows=table.rows.assign(distance_m=moved)[kept].reset_index(drop=True),
+        declared_noise=NOISE | {"distance_m": 300e-6},
+    )
+    observations = bench_observations(levitation_model, table)
+    noise = estimate_noise(observations)
+    assert noise.stop_m == pytest.approx(300e-6, rel=1e-3)  # nothing repeats a stop: what is declared stands
+    assert np.all(noise.rho < 0.5)
+    comparison = compare(levitation_model, table)
+    assert comparison.channels[0].rms > 2.0 * NOISE["force_N"]
+    assert comparison.verdict == "agrees"
 
 
 def test_declared_offsets_of_runs_stand_whatever_the_runs_differ_by(levitation_model):

@@ -114,8 +114,11 @@ class Likelihood:
     def mean_variance(self, x: FloatArray, k: int) -> float:
         """Posterior mean of the k-th variance, the others as they are: few mounts or runs say little of theirs.
 
-        Up to a largest one, without which a half-Cauchy prior has no mean where the readings say next to nothing.
+        Up to a largest one, without which a half-Cauchy prior has no mean where the readings say next to nothing. Of a
+        declared one the likeliest: it stands where the readings say nothing.
         """
+        if not self.priors.from_zero[k]:
+            return float(np.exp(x[k]))
         largest = max(x[k], np.log(self.priors.scale[k])) + 2.0 * np.log(LARGEST_UNSEEN)
         tried = np.linspace(largest - np.log(512.0**2), largest, VARIANCES_TRIED)
         costs = np.array([self.cost(np.array([*x[:k], value, *x[k + 1 :]])) for value in tried])

@@ -76,12 +76,14 @@ def stops(observations: Observations) -> IntArray:
 def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntArray, FloatArray]]:
     """What errors of the settings make: who shares each, a number per reading, and its standard deviation, (M,).
 
-    Readings of a stop share the error of the distance, those of a row that of the current.
+    Readings of a stop share the error of the distance, those of a row that of the current. The square of a normal error
+    of variance s^2 has the root mean square sqrt(3) s^2.
     """
-    distance, *currents = observations.setting_columns.T
-    if stop_m > 0.0:
-        distance = stop_m * observations.distance_slope
-    errors = [(stops(observations), distance), *((observations.row, column) for column in currents)]
+    _, *currents = observations.setting_columns.T
+    stop_m, stop = stop_m or observations.declared_noise.get("distance_m", 0.0), stops(observations)
+    bent = 0.5 * np.sqrt(3.0) * stop_m**2 * observations.distance_curvature
+    errors = [(stop, stop_m * observations.distance_slope), (stop, bent)]
+    errors += [(observations.row, column) for column in currents]
     return [(number, size) for number, size in errors if size.any()]
 
 
@@ -144,6 +146,9 @@ def random_effects(observations: Observations) -> RandomEffects:
     runs = [np.unique(run[column]) for column in here.T]
     put_back = "mount" in observations.given or max(map(len, runs)) > 1
     repeated = len(numbers) - len(np.unique(observations.column("distance_m")))
+    repeated = max(
+        repeated, int("distance_m" in observations.declared_noise)
+    )  # else the declaration says their variance
     told_apart = repeated > 0 and 2 * len(numbers) <= min(len(observations.covariates), 2 * MOST_STOPS)
     each = mount[:, None] == mounts
     blocks = [each * slope, 0.5 * each * curvature]
