@@ -290,7 +290,7 @@ def test_a_circuit_asks_for_currents_and_is_asked_of_no_magnet_alone(pair, levit
 
 
 def test_no_flux_linkage_is_suggested_where_there_is_no_winding(pair, tmp_path):
-    little = bench_csv(tmp_path / "little.csv", shift_m=0.02e-3)
+    little = bench_csv(tmp_path / "little.csv", shift_m=0.03e-3)  # more than mounts usually differ by
     assert len(suggest(pair, little).explanations) > 1
     observations = placed(pair, little)
     read = predict_readings(
