@@ -238,14 +238,15 @@ def _cost(end: _Settled) -> float:
 def _scales(observations: Observations, scatter: Mapping[int, Scatter]) -> FloatArray:
     """What mounts, runs of each channel and stops are assumed to scatter by, or were declared to: standard deviations.
 
-    A stop is assumed to make, in the channel which shows it most, what runs are assumed to differ by.
+    A stop is assumed to make, in the channel which shows it most, what runs are assumed to differ by; but to be off by
+    no more than a body that is put back, however little the channels change with the distance.
     """
     names, declared = observations.channels, observations.declared_noise
     slope = np.sqrt(observations.mean_square(observations.distance_slope))
     sigma = {c: np.sqrt(of_channel.variance) for c, of_channel in scatter.items()}
     runs = [declared.get(OF_RUNS + name) or PRIOR_RUN * sigma.get(c, 1.0) for c, name in enumerate(names)]
     shown = max(float(slope[c] / sd) for c, sd in sigma.items())
-    stop = PRIOR_RUN / shown if shown else PRIOR_MOUNT_M
+    stop = min(PRIOR_RUN / shown, PRIOR_MOUNT_M) if shown else PRIOR_MOUNT_M
     distance_m = declared.get("distance_m")
     return np.array([distance_m or PRIOR_MOUNT_M, *runs, distance_m or stop])
 
