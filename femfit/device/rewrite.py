@@ -24,7 +24,7 @@ from femfit.device.parameters import ParameterDesign, Value
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
 
 _DIGITS = 9
-"""Significant digits of the points of a scaled curve."""
+"""Significant digits of a scaled number: points of a curve, a warm magnet's remanence."""
 
 
 def drawing_text(path: str | Path) -> str:

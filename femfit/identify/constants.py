@@ -78,7 +78,7 @@ PRIOR_MOUNT_M, PRIOR_RUN = 20e-6, 0.1
 declares it; a run's offset over the standard deviation of one reading."""
 
 PRIOR_WEIGHT = 8.0
-"""Assumed: that judgement counts like so many mounts, or runs."""
+"""Assumed: a declared error of the distance counts like so many mounts, or stops."""
 
 PRIOR_MEMORY, PRIOR_SHARE = 0.5, 0.1
 """Assumed: scales of half-Cauchy priors: of rho / sqrt(1 - rho^2), how readings follow each other, usually by some
@@ -111,11 +111,10 @@ LEAST_REPEATS = 12
 other; and so many differences of neighbours, of windows, or of halves of stretches."""
 
 LEAST_REPEATS_AGAINST_DECLARED = 4 * LEAST_REPEATS
-"""Conventional: a declared noise counts like so many repeats (to 10 %); and from so many degrees of freedom on, what
-smooth patterns leave says how readings follow each other."""
+"""Conventional: a declared noise counts like so many repeats (to 10 %)."""
 
 CONTRADICTED = 0.01
-"""Conventional: chance of so different a variance below which readings contradict a prior, or a declared noise."""
+"""Conventional: chance of so different a variance below which repeats contradict a declared noise."""
 
 LARGEST_CORRELATION = 0.95
 """Assumed: readings that follow each other more closely are not noise."""
@@ -140,8 +139,8 @@ CORRELATIONS = 40
 (1 + rho) / (1 - rho), by 10 % from one to the next."""
 
 SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-5, 1e-6
-"""Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of where the
-search began below which a variance is none."""
+"""Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of its scale
+below which a variance is none."""
 
 FLAT = 1e-6
 """Numerical: curvature of -2 log likelihood in a log variance below which it is flat, and the variance stays."""

@@ -28,7 +28,7 @@ from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
 from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
-from femfit.identify.decision.campaign import Campaign, detectable_magnitudes, testable_columns
+from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
 from femfit.identify.decision.constants import (
     CHANNEL_COST,
     CURRENTS,
@@ -44,6 +44,7 @@ from femfit.identify.decision.constants import (
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit
+from femfit.identify.signatures import testable_columns
 from femfit.identify.words import Result, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.header import parts_of

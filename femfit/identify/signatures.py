@@ -1,7 +1,7 @@
 """What each effect would do to these readings, to first order."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -144,3 +144,19 @@ def columns_at(added: AddedEffect, observations: Observations) -> list[EffectCol
         return []
     amplitudes, columns = zip(*visible, strict=True)
     return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
+
+
+def testable_columns(
+    observations: Observations, effects: Sequence[Effect]
+) -> tuple[list[EffectColumns], dict[str, str]]:
+    """The first-order columns of every effect that readings can show, and why they cannot show the others."""
+    every, untestable = list[EffectColumns](), dict[str, str]()
+    for effect in effects:
+        reason = why_untestable(effect, observations)
+        columns = [] if reason else effect_columns(effect, observations)
+        if any(not np.isfinite(variant.columns).all() for variant in columns):
+            columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
+        if not columns:
+            untestable[effect.name] = reason or CHANGES_NOTHING
+        every += columns
+    return every, untestable

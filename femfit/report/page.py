@@ -145,7 +145,7 @@ class ReportContent:
         """The force with a cold and a warm coil at the supply; empty without a circuit, and for several."""
         return at_supply(self.model, self.heat)
 
-    @property
+    @cached_property
     def together(self) -> SeveralCircuits | None:
         """What several circuits do together; None for one."""
         return several_circuits(self.model) if len(self.model.current_names) > 1 else None

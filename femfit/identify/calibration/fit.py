@@ -26,11 +26,11 @@ from femfit.fit.build import fit_model
 from femfit.identify.add_effects import in_their_runs, whitening_beside
 from femfit.identify.bench import placed
 from femfit.identify.calibration.numbers import Choice, Drawing
-from femfit.identify.decision.campaign import considered_effects, gather, testable_columns
+from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.refit import Refit, Start, refit, starting_point
-from femfit.identify.signatures import columns_at
+from femfit.identify.refit import Refit, refit, starting_point
+from femfit.identify.signatures import columns_at, testable_columns
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
@@ -203,6 +203,4 @@ def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
     ]
     own_misfit = campaign.whitening.misfit
     misfit = np.concatenate([*([] if own_misfit is None else [own_misfit]), *free], axis=1)
-    whitening = replace(campaign.whitening, misfit=misfit)
-    effects = Start.at_null([start.columns for start in campaign.effects], whitening)
-    return decide(replace(campaign, whitening=whitening, effects=effects))
+    return decide(campaign.whitened_by(replace(campaign.whitening, misfit=misfit)))

@@ -40,7 +40,7 @@ from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations, WithoutCache
 from femfit.identify.patterns import products, scaled_to_one
 from femfit.identify.refit import Refit, Start
-from femfit.identify.signatures import CHANGES_NOTHING, EffectColumns, effect_columns, why_untestable
+from femfit.identify.signatures import testable_columns
 from femfit.identify.words import finding
 
 
@@ -73,6 +73,10 @@ class Campaign(WithoutCache):
         now, before = (np.r_[n.sigma, n.run, n.mount_m, n.stop_m] for n in (whitening.noise, self.noise))
         if np.all(now >= STILL_THE_NOISE * before):
             return None
+        return self.whitened_by(whitening)
+
+    def whitened_by(self, whitening: Whitening) -> "Campaign":
+        """The same readings and effects by another map to independent readings."""
         starts = Start.at_null([start.columns for start in self.effects], whitening)
         return Campaign(whitening, starts, self.untestable)
 
@@ -211,22 +215,6 @@ def considered_effects(exclude: Sequence[str] = (), nominal: Nominal | None = No
             effect_by_name(name)
     out = {*exclude, *(effect.stands_for for effect in catalogue.values())}
     return [effect for name, effect in catalogue.items() if name not in out]
-
-
-def testable_columns(
-    observations: Observations, effects: Sequence[Effect]
-) -> tuple[list[EffectColumns], dict[str, str]]:
-    """The first-order columns of every effect that readings can show, and why they cannot show the others."""
-    every, untestable = list[EffectColumns](), dict[str, str]()
-    for effect in effects:
-        reason = why_untestable(effect, observations)
-        columns = [] if reason else effect_columns(effect, observations)
-        if any(not np.isfinite(variant.columns).all() for variant in columns):
-            columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
-        if not columns:
-            untestable[effect.name] = reason or CHANGES_NOTHING
-        every += columns
-    return every, untestable
 
 
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:

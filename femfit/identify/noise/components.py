@@ -62,10 +62,6 @@ class Scatter:
         shared = bool(self.repeats or self.weight)
         return replace(self, place=self.design.likeliest(self.declared, self.weight, ratio, shared=shared))
 
-    def mean_correlation(self, ratio: FloatArray) -> float:
-        """Of successive readings over its posterior where random effects (q,) are so large."""
-        return self.design.mean_correlation(self.place, self.declared, self.weight, ratio)
-
     @property
     def rho(self) -> float:
         """Correlation of successive readings."""
@@ -114,8 +110,8 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     scales = _scales(observations, scatter)
     # An offset of a run looks like readings that follow each other: it is begun with small ones and with large ones
     ends = [_settled(observations, scatter, scales, factor * scales) for factor in (1.0, FIXED)]
-    scatter, sizes, of_readings, (likelihood, used, x) = min(ends, key=_cost)
-    deviations, means = random_effects(observations).deviations(sizes[0], sizes[1:-1], sizes[-1]), sizes.copy()
+    scatter, sizes, of_readings, likelihood, used, x = min(ends, key=_Settled.cost)
+    deviations, means = random_effects(observations).deviations(sizes), sizes.copy()
     means[used] = [np.sqrt(likelihood.mean_variance(x, k)) for k in range(len(used))]
     largest = [float(np.abs(observations.value[observations.channel == c]).max()) for c in range(len(names))]
     sigma = UNKNOWN_CHANNEL * np.array([value or 1.0 for value in largest])
@@ -123,7 +119,8 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     for c, of_channel in scatter.items():
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(float(np.sqrt(of_readings[c])), step / np.sqrt(12.0))
-        rho[c] = of_channel.mean_correlation(deviations / np.sqrt(of_readings[c]))
+        known, ratio = (of_channel.declared, of_channel.weight), deviations / np.sqrt(of_readings[c])
+        rho[c] = of_channel.design.mean_correlation(of_channel.place, *known, ratio)
         repeats[c] = of_channel.repeats
         degrees[c] = of_channel.degrees_of_freedom
     return NoiseModel(
@@ -208,8 +205,14 @@ class _Settled(NamedTuple):
     scatter: dict[int, Scatter]
     sizes: FloatArray  # Standard deviations of mounts, runs of each channel and stops; shape (2 + channels,)
     of_readings: dict[int, float]  # Variances by the channel
-    # The likelihood, which of mounts, runs and stops have a variance in it, and its logarithms of all variances
-    variances: tuple[Likelihood, IntArray, FloatArray]
+    likelihood: Likelihood
+    used: IntArray  # Which of mounts, runs and stops have a variance in it
+    log_variances: FloatArray  # All of its
+
+    def cost(self) -> float:
+        """-2 log of likelihood and prior of all."""
+        each = (scatter.design.cost(scatter.place) for scatter in self.scatter.values())
+        return self.likelihood.cost(self.log_variances) + sum(each)
 
 
 def _settled(
@@ -219,20 +222,14 @@ def _settled(
     effects, of_readings = random_effects(observations), {c: each.variance for c, each in scatter.items()}
     likeliest, near = dict(scatter), list[FloatArray]()
     for _ in range(ROUNDS):
-        deviations = effects.deviations(sizes[0], sizes[1:-1], sizes[-1])
+        deviations = effects.deviations(sizes)
         likeliest = {c: each.likeliest(deviations / np.sqrt(of_readings[c])) for c, each in likeliest.items()}
         likelihood, used = _likelihood(observations, likeliest, scales)
         x, sizes = likelihood.maximum(*near), np.zeros(len(scales))
         near = [x]
         sizes[used] = np.exp(0.5 * x[: len(used)])
         of_readings = dict(zip(scatter, np.exp(x[len(used) :]).tolist(), strict=True))
-    return _Settled(likeliest, sizes, of_readings, (likelihood, used, x))
-
-
-def _cost(end: _Settled) -> float:
-    """-2 log of likelihood and prior of all."""
-    likelihood, _, x = end.variances
-    return likelihood.cost(x) + sum(each.design.cost(each.place) for each in end.scatter.values())
+    return _Settled(likeliest, sizes, of_readings, likelihood, used, x)
 
 
 def _scales(observations: Observations, scatter: Mapping[int, Scatter]) -> FloatArray:

@@ -195,10 +195,7 @@ def channel_design(observations: Observations, c: int, sigma: float = 0.0) -> Ch
     places = (distance[:, None] == np.unique(distance)[: len(distance) * stops_repeat]) * common[:, :1]
     fixed = orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1))
     random = effects.columns[here] * (effects.differences > 0.0)[effects.group]
-    chain = chain_of(observations, here)
-    if "time_s" in observations.covariates:  # windows of a record share no samples: what lasts is a misfit
-        chain = Chain(np.arange(len(here)), np.ones(len(here), dtype=bool), np.ones(len(here)))
-    return ChannelDesign(cell, fixed, random, chain, weight, observations.residual[here])
+    return ChannelDesign(cell, fixed, random, chain_of(observations, here), weight, observations.residual[here])
 
 
 def made_by_settings(observations: Observations, c: int) -> FloatArray:

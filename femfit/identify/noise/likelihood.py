@@ -126,13 +126,12 @@ class Likelihood:
         return float(np.sum(density * np.exp(tried)) / np.sum(density))
 
     @cached_property
-    def _products(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Per channel T'T, shape (C, q, q), T't, (C, q), t't and what is beyond, (C,), and how many coordinates."""
+    def _products(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Per channel T'T, shape (C, q, q), T't, (C, q), its squared length and its degrees of freedom, (C,)."""
         each = self.channels
         gram, along = np.array([c.columns.T @ c.columns for c in each]), np.array([c.columns.T @ c.along for c in each])
-        inside = np.array([c.along @ c.along for c in each])
-        count = np.array([float(len(c.along)) for c in each])
-        return gram, along, inside, np.array([c.square for c in each]), count
+        square = np.array([c.square + c.along @ c.along for c in each])
+        return gram, along, square, np.array([c.free + len(c.along) for c in each])
 
     def _solved(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
         """M = sum of T'T / s_c^2, its vector of T't / s_c^2, R = (D^-1 + M)^-1 with D = diag(v_k), log det (D R^-1).
@@ -151,34 +150,33 @@ class Likelihood:
 
     def cost(self, x: FloatArray) -> float:
         """-2 log of likelihood and prior at log variances x."""
-        _, _, inside, square, count = self._products
+        _, _, square, free = self._products
         _, vector, inverse, log_det = self._solved(x)
-        of_channels, free = x[len(x) - len(self.channels) :], np.array([c.free for c in self.channels])
-        own = (free + count) @ of_channels + (square + inside) @ np.exp(-of_channels)
+        of_channels = x[len(x) - len(self.channels) :]
+        own = free @ of_channels + square @ np.exp(-of_channels)
         return float(own + log_det - vector @ inverse @ vector + self.priors.cost(x)[0])
 
     def __call__(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slope and expected curvature of the cost at log variances x."""
-        gram, along, inside, square, number = self._products
+        gram, along, square, free = self._products
         total, vector, inverse, _ = self._solved(x)
-        count, free = len(x) - len(self.channels), np.array([c.free for c in self.channels])
-        variance = np.exp(x)
+        count, variance = len(x) - len(self.channels), np.exp(x)
         in_group = (self.group[:, None] == np.arange(count)).astype(np.float64)
         precision, change = 1.0 / variance[count:], np.where(self.second, 4.0 * variance[:count][self.group], 1.0)
         mean = inverse @ vector
         beyond = np.eye(len(total)) - inverse @ total  # T' S^-1 T = M (1 - R M), and T' S^-1 t likewise
         inner, outer = total @ beyond, vector - total @ mean
         spread = gram @ inverse  # of each channel
-        left = inside + square - 2.0 * along @ mean + np.einsum("i,cij,j->c", mean, gram, mean)
+        trace = np.trace(spread, axis1=1, axis2=2)
+        left = square - 2.0 * along @ mean + np.einsum("i,cij,j->c", mean, gram, mean)
         of_effects = change * (np.diag(inner) - outer**2)
-        of_channels = (free + number) * precision - precision**2 * (np.trace(spread, axis1=1, axis2=2) + left)
+        of_channels = free * precision - precision**2 * (trace + left)
         _, prior_slope, prior_curvature = self.priors.cost(x)
         slope = np.concatenate([in_group.T @ of_effects, of_channels]) * variance + prior_slope
         effects = in_group.T @ (np.outer(change, change) * inner**2) @ in_group
         squares = np.sum(beyond * (gram @ beyond), axis=1)  # of T beyond R M, column by column
         both = precision[:, None] ** 2 * (squares * change) @ in_group
         alone = np.einsum("cij,dji->cd", spread, spread) * np.outer(precision, precision) ** 2
-        trace = np.trace(spread, axis1=1, axis2=2)
-        alone += np.diag((free + number) * precision**2 - 2.0 * trace * precision**3)
+        alone += np.diag(free * precision**2 - 2.0 * trace * precision**3)
         curvature = np.block([[effects, both.T], [both, alone]])
         return slope, curvature * np.outer(variance, variance) + np.diag(prior_curvature)

@@ -104,10 +104,13 @@ def places(observations: Observations) -> FloatArray:
 
 
 def chain_of(observations: Observations, here: IntArray) -> Chain:
-    """Link those of some readings that follow each other in a channel and run."""
+    """Link those of some readings that follow each other in a channel and run.
+
+    Windows of a record share no samples: none follows another one, and what lasts from one to the next is a misfit.
+    """
     channel, run, place = observations.channel[here], observations.column("run")[here], places(observations)[here]
     sorting = np.argsort(place)
-    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
+    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0) & ("time_s" not in observations.covariates)
     later, before, gap = sorting[1:][same], np.arange(len(here)), np.ones(len(here))
     before[later] = sorting[:-1][same]
     gap[later] = np.diff(place[sorting])[same]
@@ -129,9 +132,9 @@ class RandomEffects:
     # unless the file says that the body was put back; shape (2 + channels,)
     differences: FloatArray
 
-    def deviations(self, mount_m: float, run: FloatArray, stop_m: float) -> FloatArray:
-        """The standard deviation of each where mounts, runs of each channel, (channels,), and stops have these."""
-        size = np.array([mount_m, *run, stop_m])[self.group]
+    def deviations(self, sizes: FloatArray) -> FloatArray:
+        """The standard deviation of each where mounts, runs of each channel and stops have these, (2 + channels,)."""
+        size = sizes[self.group]
         # The square of a normal error of variance s^2 has the root mean square sqrt(3) s^2
         return np.where(self.second, np.sqrt(3.0) * size**2, size)
 
@@ -145,10 +148,9 @@ def random_effects(observations: Observations) -> RandomEffects:
     here = observations.channel[:, None] == np.arange(len(observations.channels))
     runs = [np.unique(run[column]) for column in here.T]
     put_back = "mount" in observations.given or max(map(len, runs)) > 1
-    repeated = len(numbers) - len(np.unique(observations.column("distance_m")))
-    repeated = max(
-        repeated, int("distance_m" in observations.declared_noise)
-    )  # else the declaration says their variance
+    # A stop that no other one repeats has the variance that is declared, if any is
+    again = len(numbers) - len(np.unique(observations.column("distance_m")))
+    repeated = max(again, int("distance_m" in observations.declared_noise))
     told_apart = repeated > 0 and 2 * len(numbers) <= min(len(observations.covariates), 2 * MOST_STOPS)
     each = mount[:, None] == mounts
     blocks = [each * slope, 0.5 * each * curvature]
@@ -170,7 +172,7 @@ def random_columns(observations: Observations, mount_m: float, run: FloatArray) 
     The offsets of a channel's runs scatter by ``run``, of shape (channels,).
     """
     effects = random_effects(observations)
-    deviations = effects.deviations(mount_m, run, 0.0)
+    deviations = effects.deviations(np.array([mount_m, *run, 0.0]))
     return effects.columns[:, deviations > 0.0], deviations[deviations > 0.0]
 
 
@@ -183,11 +185,10 @@ class NoiseModel:
     rho: FloatArray  # Correlation of successive readings; shape (channels,)
     mount_m: float
     run: FloatArray  # Standard deviation of a run's offset, in the channel's unit; shape (channels,)
-    # Degrees of freedom of ``sigma``, counted in readings and in independent ones; infinite where declared; (channels,)
-    repeats: FloatArray
-    degrees_of_freedom: FloatArray
+    repeats: FloatArray  # Readings beside the first of each setting, where they count; (channels,)
+    degrees_of_freedom: FloatArray  # Of ``sigma``, in independent readings; infinite where declared; (channels,)
     source: Mapping[str, str]
-    stop_m: float = 0.0  # Of the distance at each stop of the stage, as repeats show it; 0 where they do not
+    stop_m: float = 0.0  # Of the distance at each stop of the stage; 0 where stops have no columns
     # Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts
     mount_assumed: bool = False
     never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
