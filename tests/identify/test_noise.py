@@ -326,6 +326,14 @@ def test_noise_that_lasts_along_a_sweep_is_not_taken_for_less(levitation_model):
     np.testing.assert_allclose(noise.rho, 0.8, atol=0.1)
 
 
+def test_readings_do_not_seem_to_follow_each_other_because_their_noise_was_declared_too_large(levitation_model):
+    sweep = rising(levitation_model, 6)
+    tables = (replace(sweep, declared_noise={name: f * NOISE[name] for name in sweep.channels}) for f in (1.0, 8.0))
+    known, too_large = (estimate_noise(bench_observations(levitation_model, table)) for table in tables)
+    np.testing.assert_allclose(too_large.rho, known.rho, atol=0.02)  # of 0.95 before
+    assert np.all(too_large.rho < 0.6)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_two_passes_without_runs_say_the_noise_as_well_as_their_own_errors_do(levitation_model, seed):
     """Twenty settings read twice: their errors' own rms is within a quarter of the truth in 19 of 20."""

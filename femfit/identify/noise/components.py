@@ -60,7 +60,7 @@ class Scatter:
         Repeats, or a declaration, tell what a setting has from what a reading has; that is a misfit and no noise.
         """
         shared = bool(self.repeats or self.weight)
-        return replace(self, place=self.design.likeliest(self.declared, self.weight, ratio, shared=shared))
+        return replace(self, place=self.design.likeliest(ratio, shared=shared))
 
     @property
     def rho(self) -> float:
@@ -119,8 +119,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     for c, of_channel in scatter.items():
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(float(np.sqrt(of_readings[c])), step / np.sqrt(12.0))
-        known, ratio = (of_channel.declared, of_channel.weight), deviations / np.sqrt(of_readings[c])
-        rho[c] = of_channel.design.mean_correlation(of_channel.place, *known, ratio)
+        rho[c] = of_channel.design.mean_correlation(of_channel.place, deviations / np.sqrt(of_readings[c]))
         repeats[c] = of_channel.repeats
         degrees[c] = of_channel.degrees_of_freedom
     return NoiseModel(

@@ -62,13 +62,11 @@ class ChannelDesign:
         """Of a reading, were all readings independent."""
         return self.contrasts(0, 0).square / max(self.contrasts(0, 0).free, 1)
 
-    def likeliest(self, declared: float, weight: float, ratio: FloatArray, *, shared: bool) -> tuple[int, int]:
+    def likeliest(self, ratio: FloatArray, *, shared: bool) -> tuple[int, int]:
         """Numbers of the correlation and of the setting's share that are likeliest.
 
         Parameters
         ----------
-        declared, weight : float
-            The standard deviation of a reading that is known beforehand, and like how many readings it counts.
         ratio : array, shape (q,)
             Standard deviations of the random effects over that of a reading.
         shared : bool
@@ -78,11 +76,11 @@ class ChannelDesign:
         while step:
             near = [(best[0] + a * step, best[1] + b * step) for a, b in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
             tried = [(a, b) for a, b in near if 0 <= a <= most[0] and 0 <= b <= most[1]]
-            better = min(tried, key=lambda place: self._whole_cost(place, declared, weight, ratio))
+            better = min(tried, key=lambda place: self._whole_cost(place, ratio))
             best, step = (better, step) if better != best else (best, step // 2)
         return best
 
-    def mean_correlation(self, place: tuple[int, int], declared: float, weight: float, ratio: FloatArray) -> float:
+    def mean_correlation(self, place: tuple[int, int], ratio: FloatArray) -> float:
         """The correlation by which slow patterns scatter as they do over its posterior.
 
         They have (1 + rho) / (1 - rho) = exp(2 a) of the variance of independent readings, a = artanh(rho); few
@@ -91,7 +89,7 @@ class ChannelDesign:
         around = range(place[0] % 4, self._most_correlation + 1, 4)
         if len(around) < 2:
             return rho_of(place[0])
-        costs = np.array([self._whole_cost((k, place[1]), declared, weight, ratio) for k in around])
+        costs = np.array([self._whole_cost((k, place[1]), ratio) for k in around])
         a = np.arctanh([rho_of(k) for k in around])
         density = np.exp(-0.5 * (costs - costs.min())) * np.cosh(a)  # the prior is one of sinh(a)
         return float(np.tanh(0.5 * np.log(np.trapezoid(density * np.exp(2.0 * a), a) / np.trapezoid(density, a))))
@@ -101,18 +99,19 @@ class ChannelDesign:
         """Number of the largest correlation; 0 where too few readings follow each other."""
         return CORRELATIONS if np.count_nonzero(~self.chain.first) >= LEAST_REPEATS else 0
 
-    def _whole_cost(self, place: tuple[int, int], declared: float, weight: float, ratio: FloatArray) -> float:
-        """-2 log of likelihood and prior at numbers of the correlation and of the share, the variance the likeliest."""
+    def _whole_cost(self, place: tuple[int, int], ratio: FloatArray) -> float:
+        """-2 log of likelihood and prior at numbers of the correlation and of the share, the variance the likeliest.
+
+        Whatever was declared: were too large a noise believed, readings that differ by less would seem to follow each
+        other.
+        """
         contrasts = self.contrasts(*place)
         random = contrasts.columns * ratio
         lower = np.linalg.cholesky(np.eye(len(random)) + random @ random.T)
         along = solve_triangular(lower, contrasts.along, lower=True)
         square, free = contrasts.square + float(along @ along), contrasts.free + len(along)
-        beside = self.cost(place) + 2.0 * float(np.log(np.diag(lower)).sum())
-        if not weight:
-            return free * float(np.log(max(square, 1e-300))) + beside
-        grown = np.log1p(square / (weight * declared**2)) - np.log1p(free / weight)
-        return (free + weight) * float(grown) + beside
+        log_det = 2.0 * float(np.log(np.diag(lower)).sum())
+        return free * float(np.log(max(square, 1e-300))) + log_det + self.cost(place)
 
     def cost(self, place: tuple[int, int]) -> float:
         """What -2 log of likelihood and prior have of a correlation and a share beside that of the variances."""
