@@ -42,7 +42,8 @@ def add(
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
         sidecar .toml beside it where noise is declared.
     output : Path
-        New model file, which simulates, filters and exports like any other.
+        New model file, which simulates, filters and exports like any other; not written where the addition is not
+        accepted.
     effects : tuple of str
         Further effect, fitted after the first; repeat for more, in the order of adding.
     from_run : int
@@ -84,7 +85,7 @@ def add(
     remembering = replace(result.model, provenance={**result.model.provenance, "added": added})
 
     files: list[ToWrite] = [
-        (output, partial(ff.write_model, remembering)),
+        (output if result.accepted else None, partial(ff.write_model, remembering)),
         (picture, lambda path: write_before_after((actuator, result.model), cast("ff.TimeSeries", measured), path)),
         (report, partial(ff.write_report, result)),
     ]

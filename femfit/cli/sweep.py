@@ -6,7 +6,7 @@ from typing import Annotated
 
 import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
-from femfit.cli.output import said
+from femfit.cli.output import said, sweep_progress
 from femfit.core.errors import FieldSolverError
 
 
@@ -36,7 +36,6 @@ def sweep(
     """
     from time import perf_counter
 
-    from femfit.cli.output import sweep_progress
     from femfit.device.load import remarks
     from femfit.device.rewrite import read_variants
     from femfit.field.sweep_rows import failed_points, summarise, variants_without_a_point

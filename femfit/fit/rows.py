@@ -69,11 +69,6 @@ class FitRows:
         return np.unique(self.distance)
 
     @property
-    def grid_points(self) -> int:
-        """Points of the grid of all distances and currents, of which a row may be missing."""
-        return len(self.distances) * int(np.prod([len(axis) for axis in self.axes]))
-
-    @property
     def linked(self) -> FloatArray:
         """The flux linkages of a table that has them; (rows, n)."""
         assert self.flux_linkage is not None  # noqa: S101  a fit that needs them asks first

@@ -95,7 +95,7 @@ class Comparison(Plotted, Result):
 
     data = (
         *("verdict", "p_value", "mount_m", "mount_assumed", "beyond_noise", "where", "structure"),
-        *("channels", "findings", "filter"),
+        *("channels", "noise", "findings", "filter"),
     )
 
     verdict: CompareVerdict

@@ -130,15 +130,14 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
     if noise is None:
         return facts | {"unknown": (), "mount": "", "stop_m": 0.0, "runs": {}}
     any_distance = noise.mount_m >= np.ptp(observations.column("distance_m"))
-    stop_m = noise.stop_m or observations.declared_noise.get("distance_m", 0.0)  # declared, where no stop is repeated
-    made = np.abs(stop_m * observations.distance_slope) > noise.sigma[observations.channel]
+    made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
     known = "declared" if "distance_m" in observations.declared_noise else "estimated"
     source = "any" if any_distance else "assumed" if noise.mount_assumed else known
     return facts | {
         "unknown": [name for name in observations.channels if name not in noise.source],
         "mount": source if noise.mount_m > 0.0 else "",
         "mount_m": noise.mount_m,
-        "stop_m": stop_m if made.any() else 0.0,
+        "stop_m": noise.stop_m if made.any() else 0.0,
         "stop": known,
         "runs": {
             name: (float(offset), OF_RUNS + name in observations.declared_noise)

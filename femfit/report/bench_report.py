@@ -13,7 +13,7 @@ from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.add_result import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.constants import LEVEL_AFTER
-from femfit.identify.decision.diagnosis import Diagnosis, certainty_sentence, verdict_sentence
+from femfit.identify.decision.diagnosis import Diagnosis, said_of
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.remainder import RemainderResult
 from femfit.identify.settings import setting_cells
@@ -56,8 +56,8 @@ def render_diagnosis(
         "data": data,
         "diagnosis": diagnosis,
         "observations": observations,
-        "verdict": verdict_sentence(diagnosis),
-        "certainty": certainty_sentence(diagnosis) if diagnosis.missing else "",
+        "verdict": said_of(diagnosis, "verdict"),
+        "certainty": said_of(diagnosis, "certainty") if diagnosis.missing else "",
         "classes": [effect for effect in diagnosis.missing if len(effect.members) > 1],
         "hashes": hashes,
         "recorded_motion": recorded_motion,
@@ -133,11 +133,11 @@ def _render(result: Comparison | Diagnosis | AddResult, facts: Mapping[str, Any]
 
 
 def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion]) -> list[tuple[str, str]]:
-    summary = [("Verdict", verdict_sentence(diagnosis))]
+    summary = [("Verdict", said_of(diagnosis, "verdict"))]
     if diagnosis.where.channel:
         summary.append(("Where", diagnosis.where.sentence))
     if diagnosis.missing:
-        summary.append(("How certain", certainty_sentence(diagnosis)))
+        summary.append(("How certain", said_of(diagnosis, "certainty")))
     if suggestions or diagnosis.own_misfit:
         finer = sentence("allowances", "finer_model", finer_sweep(diagnosis.model))
         summary.append(("Next", suggestions[0].text if suggestions else finer))

@@ -301,7 +301,7 @@ def test_whoever_asks_for_a_number_decides_its_class():
 
 
 def test_nothing_is_calibrated_where_no_number_is_named(monkeypatch):
-    monkeypatch.setattr(calibration, "verdict_sentence", lambda _: "The verdict.")
+    monkeypatch.setattr(calibration, "said_of", lambda *_: "The verdict.")
     with pytest.raises(TableError, match="The verdict"):
         _diagnosed(diagnosed(None), KNOWN)
     with pytest.raises(TableError, match="hall_offset"):

@@ -14,7 +14,7 @@ from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import certainty_sentence, verdict_sentence
+from femfit.identify.decision.diagnosis import said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
@@ -173,10 +173,10 @@ def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levit
     assert (found.missing[0].name, found.look_alikes, found.confident) == (effect.effect.name, (), True)
     beside = diagnose(levitation_model, table, exclude=("hall_offset",))
     assert beside.missing[0].name == effect.effect.name
-    assert "hall_offset" in certainty_sentence(beside)
-    assert certainty_sentence(beside).startswith("Not certain")
+    assert "hall_offset" in said_of(beside, "certainty")
+    assert said_of(beside, "certainty").startswith("Not certain")
     advice = str(suggest(levitation_model, table, beside))
-    assert certainty_sentence(beside) in advice
+    assert said_of(beside, "certainty") in advice
     assert effect.effect.experiment in advice
     withheld = diagnose(levitation_model, table, exclude=(effect.effect.name,))
     assert withheld.verdict in {"unexplained", "form_insufficient"}
@@ -214,7 +214,7 @@ def test_an_error_that_is_left_beyond_the_noise_is_said_in_the_verdict(found, ti
         found.campaign, whitening=replace(found.campaign.whitening, noise=replace(found.campaign.noise, mount_m=0.0))
     )
     one = replace(found, verdict="named", error_fall=ErrorFall((left,)), campaign=campaign_without_mounts)
-    assert (f"{times:.3g} times" in verdict_sentence(one)) is said
+    assert (f"{times:.3g} times" in said_of(one, "verdict")) is said
 
 
 def coarse(model, share=0.02, noise=4e-3):

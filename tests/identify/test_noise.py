@@ -9,12 +9,13 @@ from statsmodels.regression.mixed_linear_model import MixedLM
 
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
+from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.design import ChannelDesign, rho_of, share_of
 from femfit.identify.noise.likelihood import Contrasts, Likelihood, Priors
 from femfit.identify.noise.whitening import Chain, Whitening, places, setting_errors
 from femfit.identify.settings import quantisation_step
-from support.campaign import NOISE, campaign
+from support.campaign import NOISE, campaign, ripple
 
 
 def alone(n):
@@ -228,19 +229,21 @@ def test_the_map_to_independent_readings_is_an_inverse_root_of_their_covariance(
     np.testing.assert_allclose(white.T @ white, columns.T @ np.linalg.solve(covariance, columns), rtol=1e-8)
 
 
+def on_a_bad_stage(model, seed, stop_m):
+    """Ten stops of seven currents each, up and down, of a single run; the stage is off by something else at each."""
+    table = campaign(model, seed, mount_m=0.0, rho=0.0, distances=10, currents=7, runs=1)
+    shift = np.random.default_rng(seed).normal(0.0, stop_m, 10)
+    stop = table.rows["distance_m"].rank(method="dense").astype(int).to_numpy() - 1
+    box, moved = model.validity, table.rows["distance_m"] + shift[stop]
+    kept = moved.between(box.distance_min_m, box.distance_max_m)
+    rows = table.rows.assign(distance_m=moved)[kept].reset_index(drop=True)
+    return replace(table, rows=rows, declared_noise=NOISE)
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_single_run_on_a_stage_that_is_off_as_declared_is_not_accused(levitation_model, seed):
-    """Ten stops of seven currents each, up and down: a shift at each stop explains all of the misfit."""
-    table = campaign(levitation_model, seed, mount_m=0.0, rho=0.0, distances=10, currents=7, runs=1)
-    shift = np.random.default_rng(seed).normal(0.0, 300e-6, 10)
-    stop = table.rows["distance_m"].rank(method="dense").astype(int).to_numpy() - 1
-    box, moved = levitation_model.validity, table.rows["distance_m"] + shift[stop]
-    kept = moved.between(box.distance_min_m, box.distance_max_m)
-    table = replace(
-        table,
-        rows=table.rows.assign(distance_m=moved)[kept].reset_index(drop=True),
-        declared_noise=NOISE | {"distance_m": 300e-6},
-    )
+    table = on_a_bad_stage(levitation_model, seed, 300e-6)
+    table = replace(table, declared_noise=NOISE | {"distance_m": 300e-6})
     observations = bench_observations(levitation_model, table)
     noise = estimate_noise(observations)
     assert noise.stop_m == pytest.approx(300e-6, rel=1e-3)  # nothing repeats a stop: what is declared stands
@@ -248,6 +251,16 @@ def test_a_single_run_on_a_stage_that_is_off_as_declared_is_not_accused(levitati
     comparison = compare(levitation_model, table)
     assert comparison.channels[0].rms > 2.0 * NOISE["force_N"]
     assert comparison.verdict == "agrees"
+
+
+def test_a_stage_that_nobody_declared_is_said_to_explain_what_no_effect_does(levitation_model):
+    result = diagnose(levitation_model, on_a_bad_stage(levitation_model, 2, 150e-6))
+    assert result.verdict == "unexplained"
+    stage = next(finding for finding in result.findings if finding.code == "stage-errors")
+    assert stage.size == pytest.approx(150e-6, rel=0.4)
+    rippled = campaign(levitation_model, 2, runs=1, change=ripple("force_N", 8.0 * NOISE["force_N"]))
+    result = diagnose(levitation_model, replace(rippled, declared_noise=NOISE))
+    assert "stage-errors" not in [finding.code for finding in result.findings]
 
 
 def test_declared_offsets_of_runs_stand_whatever_the_runs_differ_by(levitation_model):

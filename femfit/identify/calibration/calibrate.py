@@ -33,7 +33,7 @@ from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
 from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import Diagnosis, verdict_sentence
+from femfit.identify.decision.diagnosis import Diagnosis, said_of
 from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.left_out import unseen_error
 from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
@@ -127,7 +127,7 @@ def _diagnosed(diagnosis: Diagnosis, suspects: Sequence[NumberFacts]) -> Choice:
     if choice.numbers:
         return choice
     titles = titles_of(diagnosis.observations.nominal.drawn)
-    why = [*choice.remarks.values(), titled(verdict_sentence(diagnosis), titles)]
+    why = [*choice.remarks.values(), titled(said_of(diagnosis, "verdict"), titles)]
     if choice.beside:
         why.append(f"That is {' and '.join(choice.beside)} and no number; femfit add puts it into the model.")
     raise TableError(

@@ -8,7 +8,7 @@ References
 J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988), chapter 12: noncentral chi-square.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -31,12 +31,13 @@ from femfit.identify.decision.constants import (
     FORM_DEGREE,
     FORM_DIRECTIONS,
     FORM_ELSEWHERE,
+    READINGS_OF_A_STOP,
     SHARE_DEGREE,
     STILL_THE_NOISE,
 )
 from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
 from femfit.identify.noise.components import beside_effects, estimate_noise, never_varying
-from femfit.identify.noise.whitening import NoiseModel, Whitening
+from femfit.identify.noise.whitening import NoiseModel, Whitening, stops
 from femfit.identify.observations import Observations, WithoutCache
 from femfit.identify.patterns import products, scaled_to_one
 from femfit.identify.refit import Refit, Start
@@ -224,8 +225,8 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     """
     noise = estimate_noise(observations)
     if noise is None:
-        constant = constant_readings(never_varying(observations))
-        return constant[0] if constant else finding("no-noise")
+        constant = never_varying(observations)
+        return finding("never-varies", constant[0], name=constant[0]) if constant else finding("no-noise")
     whitening = Whitening.granting(observations, noise)
     columns, untestable = testable_columns(observations, effects)
     campaign = Campaign(whitening, Start.at_null(columns, whitening), untestable)
@@ -244,12 +245,24 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
             facts: dict[str, Any] = {"declared": observations.declared_noise[name], "source": observations.noise_source}
             facts |= {"sigma": float(noise.sigma[c]), "repeats": round(noise.repeats[c])}
             replaced.append(finding("declared-noise", name, name=name, **facts))
-    return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise)]
+    constant = [finding("never-varies", name, name=name) for name in noise.never_varying]
+    return [*few, *constant, *replaced, *guessed_noises(noise)]
 
 
-def constant_readings(names: Iterable[str]) -> list[Finding]:
-    """Say which channels read the same at every repeat, so that their repeats show no noise."""
-    return [finding("never-varies", name, name=name) for name in names]
+def stage_errors(campaign: Campaign) -> list[Finding]:
+    """Say that errors of the stage would explain a misfit, where each stop has several settings and none is repeated.
+
+    Whatever shifts the stops may have is taken out of the misfit; what several currents show beside it is tested.
+    """
+    observations, whitening = campaign.observations, campaign.whitening
+    number = stops(observations)
+    if campaign.noise.stop_m or READINGS_OF_A_STOP * (number.max() + 1) > len(observations.covariates):
+        return []
+    shifts = whitening.full((number[:, None] == np.unique(number)) * observations.distance_slope[:, None])
+    if campaign.patterns.test(whitening.residual, shifts).p_value <= LEVEL:
+        return []
+    size = float(np.sqrt(np.mean(np.linalg.lstsq(shifts, whitening.residual)[0] ** 2)))
+    return [finding("stage-errors", "distance_m", size, error=size)]
 
 
 def guessed_noises(noise: NoiseModel) -> list[Finding]:

@@ -64,6 +64,9 @@ MOST_EFFECTS = 5
 PAIRED = 12
 """Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
 
+READINGS_OF_A_STOP = 3
+"""Assumed: rows for each stop of the stage from which an error of each stop cannot explain just anything."""
+
 STILL_THE_NOISE = 0.8
 """Assumed: part of a standard deviation down to which what is named leaves the noise as it was: as well as the noise of
 forty readings is known, and mounts and runs far less."""

@@ -16,6 +16,7 @@ from femfit.identify.decision.campaign import (
     detectable_magnitudes,
     explained_share,
     gather,
+    stage_errors,
 )
 from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect, ScoredEffect
@@ -102,6 +103,8 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
     missing = _named_effects(campaign, decision, excess)
     alike = look_alikes(campaign, decision)
     remarks = campaign_remarks(campaign)
+    if decision.verdict == "unexplained":
+        remarks += stage_errors(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))
     where = Where("", (), "The model fits.")

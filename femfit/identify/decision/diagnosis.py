@@ -9,6 +9,7 @@ from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall, allowed, finer_sweep
+from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
 from femfit.identify.signatures import CHANGES_NOTHING
 from femfit.identify.where import Where
@@ -109,7 +110,7 @@ class Diagnosis(Plotted, Result):
     """
 
     data = (
-        *("verdict", "probability", "noise_floor", "detectable", "p_value", "look_alikes"),
+        *("verdict", "probability", "noise_floor", "noise", "detectable", "p_value", "look_alikes"),
         *("confident", "dimensions_suspected", "excluded", "missing", "ranking", "where", "error_fall"),
         *("lack_of_fit_before", "lack_of_fit_after", "findings", "rms=error_fall.rms_before"),
     )
@@ -152,10 +153,14 @@ class Diagnosis(Plotted, Result):
         return tuple(explanation.fit for explanation in self.decision.left if explanation.fit) if self.decision else ()
 
     @property
+    def noise(self) -> NoiseModel | None:
+        """Variances of the readings; None where they are unknown."""
+        return self.campaign.noise if self.campaign else None
+
+    @property
     def allowed(self) -> Mapping[str, Any]:
         """What is granted of the errors with what is named."""
-        noise = self.campaign.noise if self.campaign else None
-        return allowed(self.observations, noise, self.error_fall.rms_after)
+        return allowed(self.observations, self.noise, self.error_fall.rms_after)
 
     def __str__(self) -> str:
         after, nominal = self.allowed, self.observations.nominal
@@ -181,11 +186,6 @@ class Diagnosis(Plotted, Result):
         return titled(text, titles_of(nominal.drawn))
 
 
-def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence."""
-    return sentence("diagnosis", "verdict", diagnosis, diagnosis.allowed)
-
-
-def certainty_sentence(diagnosis: Diagnosis) -> str:
-    """How far what is named can be trusted against other causes."""
-    return sentence("diagnosis", "certainty", diagnosis)
+def said_of(diagnosis: Diagnosis, what: str) -> str:
+    """Its ``verdict`` in one sentence, or its ``certainty``: how far a name can be trusted against other causes."""
+    return sentence("diagnosis", what, diagnosis, diagnosis.allowed)

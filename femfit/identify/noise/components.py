@@ -63,11 +63,6 @@ class Scatter:
         return replace(self, place=self.design.likeliest(ratio, shared=shared))
 
     @property
-    def rho(self) -> float:
-        """Correlation of successive readings."""
-        return rho_of(self.place[0])
-
-    @property
     def contrasts(self) -> Contrasts:
         """What the readings say of variances."""
         return self.design.contrasts(*self.place)
@@ -87,7 +82,7 @@ class Scatter:
         (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance, and by 8 rho of these more since a
         large correlation goes with a large variance.
         """
-        rho, free = self.rho, max(self.contrasts.free, 1.0)
+        rho, free = rho_of(self.place[0]), max(self.contrasts.free, 1.0)
         if self.weight == EXACT:
             return np.inf
         independent = self.weight + free * (1.0 - rho**2) / (1.0 + rho**2)
@@ -131,7 +126,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         repeats=repeats,
         degrees_of_freedom=degrees,
         source={names[c]: of_channel.source for c, of_channel in scatter.items()},
-        stop_m=float(means[-1]),
+        stop_m=float(means[-1]) or observations.declared_noise.get("distance_m", 0.0),
         mount_assumed="distance_m" not in observations.declared_noise and bool(2.0 * sizes[0] < means[0]),
         never_varying=tuple(constant),
     )

@@ -80,7 +80,7 @@ def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntA
     of variance s^2 has the root mean square sqrt(3) s^2.
     """
     _, *currents = observations.setting_columns.T
-    stop_m, stop = stop_m or observations.declared_noise.get("distance_m", 0.0), stops(observations)
+    stop = stops(observations)
     bent = 0.5 * np.sqrt(3.0) * stop_m**2 * observations.distance_curvature
     errors = [(stop, stop_m * observations.distance_slope), (stop, bent)]
     errors += [(observations.row, column) for column in currents]
@@ -188,7 +188,7 @@ class NoiseModel:
     repeats: FloatArray  # Readings beside the first of each setting, where they count; (channels,)
     degrees_of_freedom: FloatArray  # Of ``sigma``, in independent readings; infinite where declared; (channels,)
     source: Mapping[str, str]
-    stop_m: float = 0.0  # Of the distance at each stop of the stage; 0 where stops have no columns
+    stop_m: float = 0.0  # Of the distance at each stop of the stage; as declared where stops have no columns
     # Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts
     mount_assumed: bool = False
     never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
