@@ -142,8 +142,12 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
             result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))
+    # A voltage balance is made of the very rates, noise and all: where a motion is repeated, they less a function of
+    # distance, current and branch are that noise
+    of_balance = observations.channels[observations.channel[here[0]]].startswith("voltage_balance")
+    motion = () if of_balance else _MOTION
     clocks: list[FloatArray] = []
-    for name in (*_MOTION, "order", "elapsed"):
+    for name in (*motion, "order", "elapsed"):
         if name not in observations.covariates or (name not in _MOTION and not observations.clocked):
             continue  # the order of a file's rows is no time
         t = observations.column(name)[here]

@@ -71,8 +71,8 @@ def main():
     without = certain_without_the_cause(output, outcomes)
     print(f"the cause taken out of the catalogue: a name was called certain in {without.hits} of {without.of}")
     print(f"left out: {options.cases - len(numbers)} campaigns of which the device cannot show what was to be hidden")
-    for reason, names in truths.reasons().items():
-        print(f"not hidden ({reason}): {', '.join(names)}")
+    for name, reason in truths.left_out.items():
+        print(f"not hidden: {name} ({reason})")
 
 
 if __name__ == "__main__":

@@ -178,7 +178,9 @@ def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | No
         # variance from so many readings: below it nothing can be told apart
         variance = max(design.variance - float(made.mean()), design.variance * np.sqrt(2.0 / free), least**2)
         design = channel_design(observations, c, float(np.sqrt(variance)))
-    repeats = 0.0 if constant or design.repeats < LEAST_REPEATS else float(design.repeats)
+    # Windows of a record that share a setting share no motion, and what their edges of a command are off by
+    in_motion = "time_s" in observations.covariates
+    repeats = 0.0 if constant or in_motion or design.repeats < LEAST_REPEATS else float(design.repeats)
     if not known:
         varies = design.contrasts(0, 0).square > SAME_READING * float(np.sum(design.residual**2))
         return Scatter(design, np.nan, 0.0, "repeats" if repeats else GUESS, repeats) if varies else None

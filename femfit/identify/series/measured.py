@@ -151,7 +151,7 @@ def sensor_noise(
     explained = {"distance_m": np.zeros_like(field.force), **driven, "hall_V": field.hall, "force_N": field.force}
     result = {}
     for name, model in explained.items():
-        values = samples.columns[name]
+        values = samples.recorded_m if name == "distance_m" else samples.columns[name]
         step, misfit = converter_step(values), np.where(samples.usable, values - model, np.nan)
         white = max(white_noise(misfit, samples.segment), step / np.sqrt(12.0))
         result[name] = SensorNoise(float(declared.get(name, white)), step, values)
@@ -211,6 +211,10 @@ class Recorded:
         """Weights over the usable samples among some rows, of shape (N,)."""
         return window_weights(windows, self.samples.time, self.samples.segment, self.samples.usable & rows)
 
+    def of_distance(self, weights: sparse.csr_array, slope: FloatArray) -> tuple[sparse.csr_array, SensorNoise]:
+        """What the noise of the distance makes of a sum that changes by a slope (N,) with it: nothing at rest."""
+        return carried(weights, np.where(self.samples.rests, 0.0, slope)), self.noise["distance_m"]
+
     def of_currents(self, weights: sparse.csr_array, slope: FloatArray) -> list[tuple[sparse.csr_array, SensorNoise]]:
         """What each ammeter's noise makes of a weighted sum that changes by slopes (N, n) with the currents."""
         currents = zip(self.samples.currents, slope.T, strict=True)
@@ -238,12 +242,12 @@ def measure_sensors(record: Recorded, windows: Windows) -> Iterator[MeasuredChan
     for name, kind, along_distance, along_current, scale in parts:
         values, least = samples.columns[name], (METHOD_ACCURACY * scale) ** 2
         weights = record.weights(windows, np.isfinite(values))
-        of_distance = carried(weights.mean, along_distance), noise["distance_m"]
+        of_distance = record.of_distance(weights.mean, along_distance)
         sensors = (weights.mean, noise[name]), of_distance, *record.of_currents(weights.mean, along_current)
         sigma, measured = propagated(weights.mean, *sensors, further=least), weights.mean @ np.nan_to_num(values)
         yield MeasuredChannel(name, measured, sigma, weights.valid, weights.mean, kind)
     weights = record.weights(windows, np.isfinite(samples.stop_m))
-    measured, least = weights.mean @ np.nan_to_num(samples.columns["distance_m"]), METHOD_ACCURACY * nominal.travel_m
+    measured, least = weights.mean @ np.nan_to_num(samples.recorded_m), METHOD_ACCURACY * nominal.travel_m
     sigma = propagated(weights.mean, (weights.mean, noise["distance_m"]), further=least**2)
     stop, none = weights.mean @ np.nan_to_num(samples.stop_m), sparse.csr_array(weights.mean.shape)
     yield MeasuredChannel(REST, measured, sigma, weights.valid, none, "force", fixed=stop)
@@ -265,14 +269,14 @@ def _force_balance(record: Recorded, motion: Mechanics, windows: Windows) -> Mea
 
 def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> MeasuredChannel:
     """Of the circuit with the place k."""
-    base, nominal, samples, field, noise = record.base, record.nominal, record.samples, record.field, record.noise
+    base, nominal, samples, field = record.base, record.nominal, record.samples, record.field
     ohms, held = base.circuits[k].resistance_ohm, held_from(samples, k)
     each = samples.current.reshape(len(held), -1)
     driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, held)
     of_currents = record.of_currents(slope, field.inductance[:, k])
     of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
     volts, variance = between_samples(samples, k, held, nominal.sample_time_s)
-    of_distance = carried(slope, field.force_i[:, k]), noise["distance_m"]
+    of_distance = record.of_distance(slope, field.force_i[:, k])
     further = driven.power(2) @ variance + (METHOD_ACCURACY * nominal.voltage_V) ** 2
     sigma = propagated(mean, *of_currents, of_distance, further=further)
     here = np.flatnonzero(samples.usable)

@@ -35,7 +35,8 @@ class Samples:
     """A time series as arrays of length N; usable where distance and current lie in the model's validity domain.
 
     The body is ``free`` where nothing but the model's forces acts on it, and ``touches`` a stop where it neither is nor
-    stands still: it comes, bounces or goes.
+    stands still: it comes, bounces or goes. Where it stands still its distance is the mean over the rest: a velocity of
+    its sensor's noise would look like one that induces less voltage.
     """
 
     time: FloatArray
@@ -47,6 +48,7 @@ class Samples:
     usable: BoolArray
     free: BoolArray
     touches: BoolArray
+    recorded_m: FloatArray  # Distance as recorded, at rest too
     stop_m: FloatArray  # Drawn distance of the stop that the body rests on; NaN elsewhere
     findings: tuple[Finding, ...]
 
@@ -55,6 +57,11 @@ class Samples:
         """Currents in the shape that the model takes, zero where unknown."""
         each = [np.nan_to_num(self.columns[name]) for name in self.currents]
         return each[0] if len(each) == 1 else np.stack(each, axis=1)
+
+    @property
+    def rests(self) -> BoolArray:
+        """Where the body stands still and is not free."""
+        return ~(self.free | self.touches)
 
     @property
     def stretch(self) -> IntArray:
@@ -97,6 +104,10 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     track = Track(time, segment, distance, current, noise_m, noise_A)
     rests = find_rests(model, track)
     findings += rests.findings
+    recorded_m = columns["distance_m"].copy()
+    for rest in rests.rests:
+        here = slice(rest.first, rest.last + 1)
+        columns["distance_m"][here] = np.where(usable[here], recorded_m[here][usable[here]].mean(), recorded_m[here])
     for k, command in enumerate(commands):
         command_V = given_voltage(model, track, columns[command], k)
         findings += command_V.findings
@@ -117,6 +128,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         usable=usable,
         free=~rests.contact,
         touches=rests.contact & ~rests.held,
+        recorded_m=recorded_m,
         stop_m=_stops(model, rests.rests, len(time)),
         findings=tuple(findings),
     )
