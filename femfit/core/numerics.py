@@ -107,6 +107,11 @@ def central_differences(
     return np.moveaxis((values[0] - values[1]) / exact_width[:, :, None], 0, -1)
 
 
+def root_beside_one(products: FloatArray) -> FloatArray:
+    """L of L L' = 1 + A'A, shape (k, k), of products A'A whose rounding may be more than the 1."""
+    return np.asarray(np.linalg.cholesky(products + np.diag(1.0 + 1e-12 * np.diag(products))))
+
+
 Item = TypeVar("Item")
 
 ROUNDING = 1e-6

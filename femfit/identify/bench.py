@@ -22,7 +22,13 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
 from femfit.identify.impedance import away_from_bias, weighed_by_magnitude
 from femfit.identify.observations import TEMPERATURES, Observations, Stacking, circumstances, model_tolerance
-from femfit.identify.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
+from femfit.identify.plausible import (
+    nothing_in_domain,
+    plausible_table,
+    require_known_settings,
+    within_currents,
+    within_domain,
+)
 from femfit.identify.series.observations import series_observations
 from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
 from femfit.identify.words import finding
@@ -193,6 +199,7 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
         If a bench table has so many rows that a comparison takes hours, or no reading that the model predicts.
     """
     data = measurement_of(data)
+    require_known_settings(model, data)
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
     data = plausible_table(model, without_bias(model, data))

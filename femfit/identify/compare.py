@@ -154,6 +154,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         whitening = Whitening(observations, noise or noise_by_smoothness(observations))
     else:
         whitening, noise, findings = campaign.whitening, campaign.noise, campaign_remarks(campaign)
+        observations = campaign.observations
         test, verdict = campaign.patterns.test(whitening.residual), "fails"
         if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
             verdict = "wrong_shape" if decision.own_misfit else "agrees"

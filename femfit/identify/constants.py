@@ -97,7 +97,10 @@ FIXED = 1e3
 """Numerical: size of a random effect, over its usual one, or over a reading's, that is as good as fixed."""
 
 MOST_STOPS = 200
-"""Numerical, for the time that it takes: of more stops of the stage the errors are left to the scatter of readings."""
+"""Numerical, for the time that it takes: what more stops, mounts or runs differ by is left to readings' scatter."""
+
+MOST_MOUNTS = 48
+"""Numerical, for the time that it takes: of more mounts, or runs, so many say the noise of all (to 10 %)."""
 
 LARGEST_UNSEEN = 64.0
 """Assumed: scatter of mounts, runs or stops, over its likeliest or usual size, that is reckoned with at most."""
@@ -127,6 +130,9 @@ SAME_SETTING = 1.0 / 400.0
 
 SAME_LINE = 1.0 / 50.0
 """Assumed: settings closer than this part of their range lie on one line, along which a smooth misfit is compared."""
+
+FINEST = 1e-7
+"""Numerical: noise of a channel over its largest reading below which products of columns lose it in their rounding."""
 
 SAME_READING = 1e-12
 """Derived: some thousand roundings of a float, over the largest reading."""

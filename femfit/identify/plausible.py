@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 from scipy import optimize
 
+from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns
-from femfit.core.text import rounded
+from femfit.core.text import amount, rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.estimate.record_checks import suspect_settings
@@ -40,7 +41,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.several_magnetics import CoenergyMatrix
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
-from femfit.tables.measurement import BenchTable
+from femfit.tables.measurement import BenchTable, Measurement
 from femfit.tables.measurement_checks import without_outliers
 from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion
 
@@ -241,6 +242,20 @@ def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
     columns, limits = current.reshape(len(current), -1), box.column_limits_A
     slack = DOMAIN_SLACK * np.ptp(limits, axis=1)
     return np.asarray(((columns >= limits[:, 0] - slack) & (columns <= limits[:, 1] + slack)).all(axis=1))
+
+
+def require_known_settings(model: ActuatorModel, measured: Measurement) -> None:
+    """Refuse an error of distance or current that was declared as large as the model's whole range of it."""
+    box = model.without_effects.validity
+    ranges = (box.distance_max_m - box.distance_min_m, *np.ptp(box.column_limits_A, axis=1).tolist())
+    for name, width in zip(("distance_m", *current_columns(model.current_names)), ranges, strict=True):
+        error = measured.declared_noise.get(name, 0.0)
+        if error > width > 0.0:
+            raise TableError(
+                f"The declared error of {name} must be below the model's whole range of it, {amount(width, name)}; "
+                f"instead received {amount(error, name)}. Give it in SI, or with its unit in the key, as distance_um "
+                "and current_mA."
+            )
 
 
 def nothing_in_domain(model: ActuatorModel, source: str, distance: FloatArray, current: FloatArray) -> str:

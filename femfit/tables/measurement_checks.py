@@ -20,6 +20,9 @@ from femfit.tables.units import suspected_by_size
 _LEAST_STUCK = 8
 """Assumed: consecutive equal readings from which a channel may be stuck."""
 
+USUAL_OUTLIERS = 0.02
+"""Assumed: part of a channel that a loose contact or a slip may be; more are warned of."""
+
 _FEW = 5
 """Assumed: other readings that show whether a channel has noise."""
 
@@ -74,7 +77,8 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
             f"(run {rows['run'][k]:g}, order {rows['order'][k]:g})"
             for k in lone[:3].tolist()
         ) + ("; and so on" if len(lone) > 3 else "")
-        findings.append(finding("outliers", size=float(len(lone)), column=name, readings=len(lone), shown=shown))
+        code = "outliers many" if len(lone) > USUAL_OUTLIERS * len(readable) else "outliers"
+        findings.append(finding(code, size=float(len(lone)), column=name, readings=len(lone), shown=shown))
         values[lone] = np.nan
         rows = rows.assign(**{name: values})
     return replace(table, rows=rows, findings=(*table.findings, *findings))
@@ -83,9 +87,16 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
 def without_copies(rows: pd.DataFrame, columns: tuple[str, ...]) -> tuple[pd.DataFrame, list[Finding]]:
     """Keep rows once, where the same row stands twice: a file joined with itself would make the noise look smaller.
 
-    Without numbers of run and order rows may be equal by chance, and are kept.
+    Without numbers of run and order rows may be equal by chance, and are kept; but not where all of a table follows
+    itself once more.
     """
-    copies = rows.duplicated(subset=list(columns)).to_numpy() & ({"run", "order"} <= set(columns))
+    given = rows[list(columns)].reset_index(drop=True)
+    copies = given.duplicated().to_numpy()
+    if not {"run", "order"} <= set(columns):
+        as_first = (given == given.iloc[0]) | (given.isna() & given.iloc[0].isna())
+        length = int(np.r_[np.flatnonzero(as_first.all(axis=1)), len(given)][1])
+        again, rest = given[length:].reset_index(drop=True), given[: len(given) - length]
+        copies = (np.arange(len(given)) >= length) & (_LEAST_STUCK <= length <= len(given) // 2) & again.equals(rest)
     count = int(copies.sum())
     findings = [finding("copies", size=float(count), rows=count)] if count else []
     return rows[~copies].reset_index(drop=True), findings

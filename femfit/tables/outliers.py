@@ -1,8 +1,8 @@
 """Single readings that contradict all their neighbours: a slipped digit, a spike, a loose contact.
 
 Each reading is predicted by a robust local plane through its nearest readings of the same run, in distance, current,
-branch and time, without itself. What is set aside is alone: its neighbours agree with each other, and no repeat of its
-setting deviates in the same sense. A physical effect is seen by more than one reading and is kept. At the border of
+branch and time, without itself. What is set aside is alone: its neighbours agree with each other, and most repeats of
+its setting do not deviate with it. A physical effect is seen by more than one reading and is kept. At the border of
 the range the plane extrapolates, and a smooth curve may leave it by any amount: there a reading is set aside only if a
 repeat of its setting does not deviate with it, or if it slipped against the prediction by a sign or a factor of two.
 
@@ -23,14 +23,20 @@ _NEIGHBOURS, _LEAST = 12, 8
 _SIGMA = 8.0
 """Assumed: deviation, in local standard deviations, from which a lone reading is set aside."""
 
-_COMPANY = 4.0
-"""Assumed: deviation of a neighbour or a repeat from which a reading is not alone."""
+_ALIKE = 0.5
+"""Conventional: part of a reading's deviation from which a repeat of its setting deviates as well."""
 
-_MOST = 0.02
+_MOST = 0.1
 """Assumed: largest part of a channel that can be outliers; more are its nature."""
 
 _ROUNDS = 20
 """Numerical: rounds of setting aside, after which a channel is left as it is."""
+
+_REPEATS_APART = 1e-6
+"""Numerical: by how much repeats of a setting are set apart, over the scale on which neighbours are far."""
+
+_PLANES = 2
+"""Conventional: planes that are fitted to a reading's neighbours, each without what the one before leaves outside."""
 
 _RANGES = 2
 """Derived: the settings that a reading can lie between: distance and current, not the branch."""
@@ -42,7 +48,7 @@ _SLIP = 2.0
 def isolated_outliers(
     value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatArray, floor: float = 0.0
 ) -> BoolArray:
-    """Find the readings that contradict all of their neighbours: at most 2 %, else none.
+    """Find the readings that contradict all of their neighbours: at most 10 %, else none.
 
     Each value is a reading of one channel minus its prediction, its place, shape (n, 3), distance, current and branch,
     scaled so that neighbours in each are about equally far; only readings of one run are neighbours. The floor is the
@@ -51,6 +57,9 @@ def isolated_outliers(
     # Equally near neighbours are taken in this order, so that the order of the rows does not matter
     order = np.lexsort((value, *place.T[::-1], run))
     value, place, run, predicted = value[order], place[order], run[order], predicted[order]
+    # Of many repeats each has neighbours of its own, whatever they read
+    apart = np.random.default_rng(len(value)).permutation(len(value)) * (_REPEATS_APART / len(value))
+    place = np.column_stack([place, apart])
     outlier = np.zeros(len(value), dtype=bool)
     for _ in range(_ROUNDS):
         remaining = np.flatnonzero(~outlier)
@@ -79,7 +88,7 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatA
     scale[judged] = np.sqrt(local**2 + (0.5 * usual) ** 2 + floor**2)
     score = deviation / np.maximum(scale, 1e-300)
     largest = np.abs(score[judged]) >= np.maximum(np.abs(score[near[judged]]).max(axis=1), _SIGMA)
-    alone = [k for k in judged[largest] if _is_alone(k, near[k], value, place, predicted, score, scale)]
+    alone = [k for k in judged[largest] if _is_alone(k, near[k], value, place, predicted, scale)]
     return np.array(alone, dtype=np.intp)
 
 
@@ -89,7 +98,6 @@ def _is_alone(
     value: FloatArray,
     place: FloatArray,
     predicted: FloatArray,
-    score: FloatArray,
     scale: FloatArray,
 ) -> bool:
     """Whether the neighbours agree once the reading is left out, and can judge it, and no repeat deviates with it."""
@@ -99,7 +107,9 @@ def _is_alone(
         return False
     distance = np.abs(place - place[k]).max(axis=1)
     repeats = np.flatnonzero((distance < 1e-3) & (np.arange(len(value)) != k))
-    if np.any(np.sign(score[k]) * score[repeats] > _COMPANY):
+    # What a device does at a setting most repeats show: they read alike, and not what the neighbours say
+    off = (value[repeats] - plane[0]) / (value[k] - plane[0])
+    if len(repeats) and 2 * np.count_nonzero(off > _ALIKE) >= len(repeats):
         return False
     between = (place[neighbours] - place[k])[:, :_RANGES]
     return _surrounded(between) or len(repeats) > 0 or _slipped(k, neighbours, value, predicted)
@@ -142,16 +152,18 @@ def _nearest(place: FloatArray, run: IntArray) -> IntArray:
 
 
 def _planes(value: FloatArray, offset: FloatArray) -> FloatArray:
-    """Coefficients of robust planes: least squares, then once more without what lies three deviations off.
+    """Coefficients of robust planes: each without what lies three deviations off the one before, the median at first.
 
     ``value`` has the shape (m, neighbours), ``offset`` (m, neighbours, k), the result (m, 1 + k).
     """
     columns = np.concatenate([np.ones((*value.shape, 1)), offset], axis=2)
-    planes = _ridge(columns, value, np.ones_like(value))
-    rest = np.abs(value - np.einsum("mjk,mk->mj", columns, planes))
-    keep = rest <= 3.0 * 1.4826 * np.median(rest, axis=1)[:, None]
-    enough = keep.sum(axis=1) >= columns.shape[2] + 2
-    return _ridge(columns, value, np.where(enough[:, None], keep, True).astype(np.float64))
+    rest, planes = np.abs(value - np.median(value, axis=1)[:, None]), np.zeros((len(value), columns.shape[2]))
+    for _ in range(_PLANES):
+        keep = rest <= 3.0 * 1.4826 * np.median(rest, axis=1)[:, None]
+        enough = keep.sum(axis=1) >= columns.shape[2] + 2
+        planes = _ridge(columns, value, np.where(enough[:, None], keep, True).astype(np.float64))
+        rest = np.abs(value - np.einsum("mjk,mk->mj", columns, planes))
+    return planes
 
 
 def _ridge(columns: FloatArray, value: FloatArray, weight: FloatArray) -> FloatArray:

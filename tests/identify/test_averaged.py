@@ -102,3 +102,16 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
 def test_settings_in_random_order_are_asked_to_be_averaged_by_their_owner(levitation_model, tmp_path):
     with pytest.raises(TableError, match="on end at one setting"):
         placed(levitation_model, logged(levitation_model, tmp_path, shuffled=True))
+
+
+def test_a_reading_in_twenty_that_drops_out_is_set_aside_and_no_gain(levitation_model, tmp_path):
+    """Of thirty readings at each setting some are 0: their mean would be a gain of five per cent."""
+    table = logged(levitation_model, tmp_path, rho=0.0)
+    dropped = np.random.default_rng(1).random(len(table.rows)) < 0.05
+    rows = table.rows.assign(force_N=table.rows["force_N"].where(~dropped, 0.0))
+    found = ff.compare(levitation_model, replace(table, rows=rows))
+    assert found.verdict == "agrees"
+    told = next(finding for finding in found.findings if finding.code == "outliers")
+    assert told.severity == "warning"
+    clear = dropped & (table.rows["force_N"].abs() > 12.0 * 3.0 * NOISE["force_N"])
+    assert told.size == pytest.approx(np.count_nonzero(clear), rel=0.05)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
+from femfit.core.errors import TableError
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
@@ -261,6 +262,40 @@ def test_a_stage_that_nobody_declared_is_said_to_explain_what_no_effect_does(lev
     rippled = campaign(levitation_model, 2, runs=1, change=ripple("force_N", 8.0 * NOISE["force_N"]))
     result = diagnose(levitation_model, replace(rippled, declared_noise=NOISE))
     assert "stage-errors" not in [finding.code for finding in result.findings]
+
+
+@pytest.mark.parametrize("declared", [0.02, 0.005])
+def test_a_declared_error_of_the_current_by_which_readings_would_scatter_more_is_not_used(levitation_model, declared):
+    table = campaign(levitation_model, 5, rho=0.0, runs=2)
+    known = compare(levitation_model, table)
+    result = compare(levitation_model, replace(table, declared_noise={"current_A": declared}))
+    assert result.verdict == known.verdict == "agrees"
+    np.testing.assert_allclose(result.noise.sigma, known.noise.sigma, rtol=1e-9)
+    (told,) = [finding for finding in result.findings if finding.code == "declared-setting"]
+    assert (told.column, told.severity) == ("current_A", "warning")
+    less = compare(levitation_model, replace(table, declared_noise={"current_A": 1e-4}))
+    assert "declared-setting" not in [finding.code for finding in less.findings]
+
+
+def test_a_declared_error_as_large_as_the_whole_range_is_refused(levitation_model):
+    for name, error in (("distance_m", 20.0), ("current_A", 5.0)):
+        table = replace(campaign(levitation_model, 5), declared_noise={name: error})
+        with pytest.raises(TableError, match=f"The declared error of {name}"):
+            compare(levitation_model, table)
+
+
+def test_sixty_runs_whose_offsets_differ_are_not_accused(levitation_model):
+    """Runs are few readings each: so many columns took a minute, and 48 of them say the noise of all."""
+    noise = {"force_N": NOISE["force_N"]}
+    table = campaign(levitation_model, 8, mount_m=0.0, rho=0.0, distances=40, currents=12, runs=1, noise=noise)
+    run = np.arange(len(table.rows)) * 60 // len(table.rows)
+    offset = np.random.default_rng(8).normal(0.0, NOISE["force_N"], 60)
+    rows = table.rows.assign(run=run + 1.0, force_N=table.rows["force_N"] + offset[run])
+    result = compare(levitation_model, replace(table, rows=rows, given=("run", *table.given)))
+    assert result.verdict == "agrees"
+    c = result.noise.channels.index("force_N")
+    assert result.noise.run[c] == pytest.approx(NOISE["force_N"], rel=0.3)
+    assert result.noise.sigma[c] == pytest.approx(NOISE["force_N"], rel=0.15)
 
 
 def test_declared_offsets_of_runs_stand_whatever_the_runs_differ_by(levitation_model):

@@ -125,6 +125,13 @@ def test_milliamperes_are_suspected_although_none_is_none_in_any_unit_and_ampere
     assert not [one for one in suspect_units(levitation_model, beyond) if one.column == "current_A"]
 
 
+def test_a_table_in_milliamperes_is_suspected_and_judged_without_an_error(levitation_model):
+    table = campaign(levitation_model, 24, distances=6, currents=5, runs=2)
+    thousand = with_columns(table, current_A=1e3 * table.rows["current_A"])
+    found = diagnose(levitation_model, thousand)  # whose columns are 1e5 times the noise
+    assert str(found).startswith("Check first: current_A seems to be in mA")
+
+
 def test_the_effects_that_a_model_has_belong_to_what_it_predicts(levitation_model):
     """A force sensor that is known to read 0.3 of the largest force more is no reading of another sign."""
     offset = AddedEffect(all_effects()["force_offset"], {"offset": 0.3})

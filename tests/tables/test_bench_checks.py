@@ -165,6 +165,18 @@ def test_rows_that_stand_twice_count_once_and_runs_without_a_column_are_told_apa
     assert "50" in str(next(one for one in table.findings if one.code == "copies"))
     by_chance = read(tmp_path, pd.concat([rows, rows[:1]]).drop(columns=["order"]).round(12))
     assert "copies" not in codes(by_chance)
+
+
+def test_a_table_that_follows_itself_once_more_is_read_once_without_any_order(tmp_path):
+    rng = np.random.default_rng(2)
+    once = pd.DataFrame({"distance_mm": np.repeat([5.0, 6.0, 7.0], 4), "current_A": np.tile([0.1, 0.2, 0.3, 0.4], 3)})
+    once["force_N"] = rng.normal(1.0, 0.1, len(once))
+    twice = pd.concat([once, once], ignore_index=True)
+    for rows, count in ((twice, 12), (twice.assign(force_N=rng.normal(1.0, 0.1, 24)), 24)):
+        rows.to_csv(tmp_path / "twice.csv", index=False)
+        table = read_bench_table(tmp_path / "twice.csv")
+        assert len(table.rows) == count
+        assert ("copies" in codes(table)) == (count == 12)
     table = read(tmp_path, bench(3).drop(columns=["run"]))
     assert table.rows["run"].unique().tolist() == [1.0, 2.0, 3.0]
     assert "2 times" in str(table.findings[0])

@@ -36,7 +36,7 @@ from femfit.identify.decision.constants import (
     STILL_THE_NOISE,
 )
 from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
-from femfit.identify.noise.components import beside_effects, estimate_noise, never_varying
+from femfit.identify.noise.components import as_readings_show, beside_effects, estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening, stops
 from femfit.identify.observations import Observations, WithoutCache
 from femfit.identify.patterns import products, scaled_to_one
@@ -223,6 +223,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
 
     A finding says instead why these readings cannot be tested: their noise is unknown, or they are too few.
     """
+    observations = as_readings_show(observations)
     noise = estimate_noise(observations)
     if noise is None:
         constant = never_varying(observations)

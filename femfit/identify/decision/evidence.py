@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from femfit.core.numerics import FloatArray, IntArray, ranked
+from femfit.core.numerics import FloatArray, IntArray, ranked, root_beside_one
 from femfit.identify.constants import ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
@@ -37,7 +37,8 @@ class LogDensity:
     degrees_of_freedom: float  # Of the noise; infinite where it is declared, and the density normal
 
     def __call__(self, square: FloatArray | float, log_det: FloatArray | float) -> FloatArray:
-        """Take squares and determinants of one shape."""
+        """Take squares and determinants of one shape; a square that rounding made negative is none."""
+        square = np.maximum(square, 0.0)
         if not np.isfinite(self.degrees_of_freedom):
             return np.asarray(-0.5 * (square + log_det))
         half = 0.5 * (self.degrees_of_freedom + self.readings)
@@ -65,7 +66,7 @@ class Linear(WithoutCache):
     @cached_property
     def solved(self) -> Solved:
         """The linear model solved."""
-        triangle = np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
+        triangle = root_beside_one(self.columns.T @ self.columns)
         along = linalg.solve_triangular(triangle, self.columns.T @ self.target, lower=True)
         square = float(self.target @ self.target - along @ along)
         return Solved(np.asarray(triangle), np.asarray(along), square, 2.0 * float(np.log(np.diag(triangle)).sum()))
@@ -173,7 +174,7 @@ def of_sizes(
     sizes = [sizes_of(float(np.sqrt(np.linalg.eigvalsh(gram[np.ix_(f, f)])[-1]))) for f in families]
 
     def log_evidence(scale: FloatArray) -> float:
-        triangle = np.linalg.cholesky(np.eye(len(scale)) + scale[:, None] * gram * scale)
+        triangle = root_beside_one(scale[:, None] * gram * scale)
         along = linalg.solve_triangular(triangle, scale * product, lower=True, check_finite=False)
         return float(density(square - float(along @ along), 2.0 * float(np.log(np.diag(triangle)).sum())))
 

@@ -11,6 +11,7 @@ F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of an 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -18,13 +19,17 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
+    FINEST,
     FIXED,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
+    MOST_MOUNTS,
+    MOST_STOPS,
     PRIOR_MOUNT_M,
     PRIOR_RUN,
     PRIOR_WEIGHT,
@@ -37,6 +42,7 @@ from femfit.identify.noise.likelihood import Contrasts, Likelihood, Priors
 from femfit.identify.noise.whitening import NoiseModel, Whitening, random_effects
 from femfit.identify.observations import Observations
 from femfit.identify.settings import quantisation_step, setting_cells
+from femfit.identify.words import finding
 from femfit.tables.measurement import OF_RUNS
 
 GUESS = "guess"
@@ -94,6 +100,10 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
 
     None where neither repeats nor a declaration say the noise of any channel, and it cannot be guessed either.
     """
+    mount = observations.column("mount")
+    if MOST_MOUNTS < len(mounts := np.unique(mount)) <= MOST_STOPS:
+        some = mounts[np.linspace(0, len(mounts) - 1, MOST_MOUNTS).astype(int)]
+        observations = observations.select(np.isin(mount, some))
     names, constant = observations.channels, never_varying(observations)
     every = {c: _scatter(observations, c, name in constant) for c, name in enumerate(names)}
     guessed = {c: of_channel for c, of_channel in every.items() if of_channel is not None}
@@ -132,6 +142,26 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     )
 
 
+def as_readings_show(observations: Observations) -> Observations:
+    """Readings without those declared errors of settings by which a channel would scatter more than it does.
+
+    An error of each row is in the scatter about any smooth pattern.
+    """
+    columns, findings = observations.setting_columns.copy(), list[Finding]()
+    beside = int(random_effects(observations).differences[-1] > 0.0)  # of stops, which are found
+    for (k, name), (c, channel) in product(enumerate(observations.settings), enumerate(observations.channels)):
+        design = channel_design(observations, c)
+        made = float(np.mean(columns[observations.channel == c, k] ** 2)) if beside <= k < columns.shape[1] else 0.0
+        free, declared = design.contrasts(0, 0).free, observations.declared_noise.get(name, 0.0)
+        if made and free >= LEAST_REPEATS and stats.f.cdf(design.variance / made, free, PRIOR_WEIGHT) < CONTRADICTED:
+            columns[:, k] = 0.0
+            most = declared * float(np.sqrt(design.variance / made))
+            findings.append(finding("declared-setting", name, name=name, declared=declared, channel=channel, most=most))
+    if not findings:
+        return observations
+    return replace(observations, setting_columns=columns, findings=(*observations.findings, *findings))
+
+
 def beside_effects(whitening: Whitening, effects: Sequence[AddedEffect]) -> Whitening:
     """The map with the noise of what effects leave: a misfit that is taken away is no scatter of mounts and runs."""
     observations = whitening.observations
@@ -163,7 +193,8 @@ def never_varying(observations: Observations) -> list[str]:
 def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | None:
     """What repeats, a declaration and smooth patterns say of a channel's readings; None where nothing does."""
     declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
-    least = quantisation_step(observations.value[observations.channel == c]) / np.sqrt(12.0)
+    values = observations.value[observations.channel == c]
+    least = max(quantisation_step(values) / np.sqrt(12.0), FINEST * float(np.abs(values).max(initial=0.0)))
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
     if constant and not np.isfinite(declared):  # coarser than its noise: rounding is left
         declared, source, weight = least or np.nan, "resolution", EXACT

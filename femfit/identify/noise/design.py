@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.linalg import solve_triangular
 from scipy.sparse.linalg import splu
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray, IntArray, root_beside_one
 from femfit.identify.constants import (
     CORRELATIONS,
     LARGEST_CORRELATION,
@@ -107,7 +107,7 @@ class ChannelDesign:
         """
         contrasts = self.contrasts(*place)
         random = contrasts.columns * ratio
-        lower = np.linalg.cholesky(np.eye(len(random)) + random @ random.T)
+        lower = root_beside_one(random @ random.T)
         along = solve_triangular(lower, contrasts.along, lower=True)
         square, free = contrasts.square + float(along @ along), contrasts.free + len(along)
         log_det = 2.0 * float(np.log(np.diag(lower)).sum())

@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_solve
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, root_beside_one
 from femfit.identify.constants import (
     FLAT,
     LARGEST_STEP,
@@ -144,7 +144,7 @@ class Likelihood:
         v, precision = np.exp(x[:count])[self.group], np.exp(-x[count:])
         root = np.sqrt(np.where(self.second, 2.0 * v**2, v))
         total, vector = np.tensordot(precision, gram, 1), precision @ along
-        lower = np.linalg.cholesky(np.eye(len(root)) + root[:, None] * total * root)
+        lower = root_beside_one(root[:, None] * total * root)
         inverse = root[:, None] * cho_solve((lower, True), np.diag(root), check_finite=False)
         return total, vector, inverse, 2.0 * float(np.log(np.diag(lower)).sum())
 

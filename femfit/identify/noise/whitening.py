@@ -147,17 +147,22 @@ def random_effects(observations: Observations) -> RandomEffects:
     mounts, numbers = np.unique(mount), np.unique(stop)
     here = observations.channel[:, None] == np.arange(len(observations.channels))
     runs = [np.unique(run[column]) for column in here.T]
-    put_back = "mount" in observations.given or max(map(len, runs)) > 1
+    put_back = ("mount" in observations.given or max(map(len, runs)) > 1) and len(mounts) <= MOST_STOPS
     # A stop that no other one repeats has the variance that is declared, if any is
     again = len(numbers) - len(np.unique(observations.column("distance_m")))
     repeated = max(again, int("distance_m" in observations.declared_noise))
     told_apart = repeated > 0 and 2 * len(numbers) <= min(len(observations.covariates), 2 * MOST_STOPS)
-    each = mount[:, None] == mounts
+    runs = [there if len(there) <= MOST_STOPS else there[:0] for there in runs]
+    each = mount[:, None] == mounts[: len(mounts) * put_back]
     blocks = [each * slope, 0.5 * each * curvature]
     blocks += [(run[:, None] == there) & here[:, [c]] for c, there in enumerate(runs)]
     blocks += [(stop[:, None] == numbers) * slope] if told_apart else []
     widths, variances = [block.shape[1] for block in blocks], np.maximum(np.arange(len(blocks)) - 1, 0)
-    differences = [len(mounts) - 1.0 if put_back else 0.0, *(len(there) - 1.0 for there in runs), repeated * told_apart]
+    differences = [
+        len(mounts) - 1.0 if put_back else 0.0,
+        *(max(len(there) - 1.0, 0.0) for there in runs),
+        repeated * told_apart,
+    ]
     return RandomEffects(
         columns=np.concatenate(blocks, axis=1).astype(np.float64),
         group=np.repeat(variances, widths),
