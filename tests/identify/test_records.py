@@ -483,7 +483,7 @@ def test_a_body_without_stops_has_none_to_be_wrong(worn):
 
 
 def test_a_body_that_lies_on_its_stop_while_the_drive_goes_on_lacks_nothing():
-    """The noise of its distance would look like a motion that induces less voltage, and a gain of -87 % explain noise."""
+    """The noise of its distance would be a motion that induces less voltage, and a gain of -87 % explain noise."""
     turns = 0.025 * np.arange(120)
     loop = switched(turns, np.where(np.arange(120) % 2, 7.0, 12.0), 3.0, start_m=SWITCHED.motion.near_stop.distance_m)
     found = diagnose(SWITCHED, logged([loop], noise=(3e-3, 5e-6)))
