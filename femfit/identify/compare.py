@@ -75,10 +75,6 @@ class Comparison(Plotted, Result):
         That test, in the worst of its groups of patterns.
     noise : NoiseModel or None
         Of the readings; None where it is unknown.
-    mount_m : float or None
-        Standard deviation by which the distance may differ from mount to mount, where that freedom is given.
-    mount_assumed : bool
-        Whether that is assumed rather than estimated, since there are few mounts.
     beyond_noise : mapping of str to float
         Channels whose error is more than 1.2 times what declared noise, or repeats, show, and more than by chance, and
         how many times the noise of one reading it is.
@@ -94,7 +90,7 @@ class Comparison(Plotted, Result):
     """
 
     data = (
-        *("verdict", "p_value", "mount_m", "mount_assumed", "beyond_noise", "where", "structure"),
+        *("verdict", "p_value", "beyond_noise", "where", "structure"),
         *("channels", "noise", "findings", "filter"),
     )
 
@@ -104,8 +100,6 @@ class Comparison(Plotted, Result):
     p_value: float | None
     structure: LackOfFit | None
     noise: NoiseModel | None
-    mount_m: float | None
-    mount_assumed: bool
     beyond_noise: Mapping[str, float]
     observations: Observations
     model: ActuatorModel
@@ -170,8 +164,6 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         p_value=test.p_value if test else None,
         structure=test,
         noise=noise,
-        mount_m=(noise.mount_m or None) if noise else None,
-        mount_assumed=bool(noise and noise.mount_assumed),
         beyond_noise=beyond,
         observations=observations,
         model=model,

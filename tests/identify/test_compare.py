@@ -80,8 +80,8 @@ def test_the_freedom_of_the_mounts_is_said(levitation_model, given):
     columns = table.given if given else tuple(name for name in table.given if name != "mount")
     comparison = compare(levitation_model, replace(table, given=columns))
     assert (comparison.verdict, comparison.where.channel) == ("agrees", "")
-    assert comparison.mount_m == pytest.approx(300e-6, rel=0.9)  # three mounts
-    assert not comparison.mount_assumed  # they contradict the 20 um that are assumed otherwise
+    assert comparison.noise.mount_m == pytest.approx(300e-6, rel=0.9)  # three mounts
+    assert not comparison.noise.mount_assumed  # they contradict the 20 um that are assumed otherwise
 
 
 def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model):
@@ -93,7 +93,7 @@ def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model
     for seed in range(20, 22):
         table = campaign(levitation_model, seed, runs=2, mount_m=20e-6, rho=0.0, noise=noise)
         comparison = compare(levitation_model, table)
-        assert comparison.mount_assumed
+        assert comparison.noise.mount_assumed
         declared = compare(levitation_model, replace(table, declared_noise={"distance_m": 20e-6}))
         beyond.append((comparison.verdict == "agrees", bool(comparison.beyond_noise), bool(declared.beyond_noise)))
     agreeing, assumed, known = np.sum(beyond, axis=0)
@@ -135,7 +135,7 @@ def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     comparison, diagnosis = compare(levitation_model, table), diagnose(levitation_model, table)
     assert (comparison.verdict == "agrees") is (diagnosis.verdict == "nothing_missing")
     assert comparison.p_value == diagnosis.p_value
-    assert comparison.mount_m is None
+    assert comparison.noise.mount_m == 0.0
     assert offset_m or comparison.verdict == "agrees"
 
 

@@ -194,10 +194,11 @@ def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | No
     """What repeats, a declaration and smooth patterns say of a channel's readings; None where nothing does."""
     declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
     values = observations.value[observations.channel == c]
-    least = max(quantisation_step(values) / np.sqrt(12.0), FINEST * float(np.abs(values).max(initial=0.0)))
+    step = quantisation_step(values) / np.sqrt(12.0)
+    least = max(step, FINEST * float(np.abs(values).max(initial=0.0)))
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
     if constant and not np.isfinite(declared):  # coarser than its noise: rounding is left
-        declared, source, weight = least or np.nan, "resolution", EXACT
+        declared, source, weight = step or np.nan, "resolution", EXACT
     known = bool(np.isfinite(declared))
     declared = max(declared, least) if known else np.nan
     design = channel_design(observations, c, declared if known else 0.0)
