@@ -100,8 +100,9 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
 def _surface(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
     result = _tensor(x, y, DEGREE)
+    finest = DEGREE if "time_s" in observations.covariates else FINE_DEGREE  # a record has no stage with a screw
     for z, name in ((x, "distance_m"), (y, "current_A")):
-        columns = _polynomials(z, FINE_DEGREE)
+        columns = _polynomials(z, finest)
         result += [(columns[:, k], k, frozenset({name})) for k in range(DEGREE + 1, columns.shape[1])]
     for name in observations.currents:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
