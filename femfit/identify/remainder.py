@@ -14,7 +14,7 @@ S. N. Wood, Journal of the Royal Statistical Society B 73 (2011) 3: smoothing by
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,7 +25,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
-from femfit.identify.add_result import AddResult, filter_fall, fit_facts
+from femfit.identify.add_result import AddResult, fit_facts, run_facts
 from femfit.identify.bench import placed
 from femfit.identify.constants import (
     CURVE_CELLS,
@@ -41,6 +41,7 @@ from femfit.identify.constants import (
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.left_out import cross_validated
+from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.observations import Observations
@@ -255,9 +256,21 @@ class RemainderResult(AddResult):
     beside: AddResult | None = None
 
     @property
-    def accepted(self) -> bool:
-        """Whether it helps on runs left out, and the filter is not worse."""
-        return bool(self.parts) and self.fall_unseen > HELPS and not self.filter_worse
+    def objections(self) -> tuple[str, ...]:
+        """What speaks against the new model: no fall on runs left out, as ``unseen``, a channel's rise, or unusable.
+
+        Where nothing is learnt, what speaks against the effects beside it; ``nothing`` without any.
+        """
+        if not self.parts:
+            return ("nothing",) if self.beside is None else self.beside.objections
+        tests = {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)}
+        return (*(code for code, fails in tests.items() if fails), *self.unusable)
+
+    def since(self, first: AddResult) -> "RemainderResult":
+        """The same with the model before as it was before the effects beside it, too."""
+        before = first.fall.rms_before
+        fall = ErrorFall(tuple(replace(c, rms_before=before[c.channel]) for c in self.fall.channels))
+        return replace(self, fall=fall, lack_of_fit_before=first.lack_of_fit_before)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -321,11 +334,11 @@ def add_remainder(
         added=effects,
         kept=tuple(present.effect.name for present in model.effects),
         left_out=rms,
-        suspicious=(),
+        suspicious=beside.suspicious if beside else (),
         findings=(*observations.findings, *guessed_noises(noise)),
         parts=learnt.kinds,
         fall_unseen=before - chi2,
         beside=beside,
-        filter=filter_fall(model, after, measured) if effects else None,
+        **(run_facts(model, after, measured) if effects else {}),
         **fit_facts(whitening, (), effects, learnt.decided),
     )

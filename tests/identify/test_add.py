@@ -159,7 +159,9 @@ def test_an_effect_that_is_absent_or_too_large_is_called_suspicious(levitation_m
     assert any("hall_offset" in sentence for sentence in result.suspicious)
 
 
-@pytest.mark.parametrize(("before", "after", "accepted"), [(0.68, 11.2, False), (11.2, 0.9, True), (1.3, 0.5, True)])
+@pytest.mark.parametrize(
+    ("before", "after", "accepted"), [(0.68, 11.2, False), (11.2, 0.9, True), (1.3, 0.5, True), (1.3, None, False)]
+)
 def test_an_effect_with_which_the_filter_is_lost_is_not_accepted(both, before, after, accepted):
     result = replace(both[1], filter={"mean_square": {"before": before, "after": after}})
     assert result.accepted is accepted
