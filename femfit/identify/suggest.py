@@ -69,7 +69,8 @@ class Advice(Result):
     # The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be
     suggestions: tuple[Suggestion, ...] = ()
     never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows is sure to separate
-    # Per effect the measurement that isolates it: for records, to which no readings can be added on trial, and where
+    # Per effect the measurement that isolates it, the most separating first: for records, to which no readings can be
+    # added on trial, and where
     # one name alone is left and is not certain
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
@@ -135,7 +136,7 @@ def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, s
         note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
         return Advice(names, isolating=_isolating(unsure, nominal), note=note)
     if not isinstance(measured, BenchTable) or nominal.circuits:
-        return Advice(names, isolating=_isolating([name for fit in every for name in fit.names], nominal))
+        return Advice(names, isolating=_isolating(_most_separating(every), nominal))
     explanations, unlisted = every[:COMPARED], max(0, len(every) - COMPARED)
     say("Trying measurements")
     noise = diagnosis.campaign.noise
@@ -147,6 +148,12 @@ def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, s
 
 def _pair(a: Refit, b: Refit) -> tuple[str, str]:
     return " + ".join(a.names), " + ".join(b.names)
+
+
+def _most_separating(explanations: Sequence[Refit]) -> list[str]:
+    """Effects of explanations, first that which most pairs of these disagree about."""
+    every = [name for fit in explanations for name in fit.names]
+    return sorted(dict.fromkeys(every), key=lambda name: every.count(name) * (every.count(name) - len(explanations)))
 
 
 def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str], ...]:
