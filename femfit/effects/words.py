@@ -20,7 +20,7 @@ def describe(added: AddedEffect, nominal: Nominal) -> list[str]:
     if effect.words is not None:
         return list(effect.words(values, nominal))
     return [
-        _clause(p, values[p.name], added.ci95.get(p.name), nominal)
+        _clause(p, values[p.name], added.ci95.get(p.name), nominal, of_drawing=bool(effect.title))
         for p in effect.parameters
         if p.words and (p.nonlinear or values[p.name] != p.null)
     ]
@@ -55,7 +55,9 @@ def range_of(p: EffectParameter, low: float, high: float, nominal: Nominal) -> s
     return amount_range(low * scale, high * scale, p.scale or p.unit)
 
 
-def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | None, nominal: Nominal) -> str:
+def _clause(
+    p: EffectParameter, value: float, interval: tuple[float, float] | None, nominal: Nominal, *, of_drawing: bool
+) -> str:
     def chosen(match: re.Match[str]) -> str:
         above, _, below = match.group(1).partition("|")
         return above if value >= 0.0 else below
@@ -67,7 +69,10 @@ def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | No
         low, high = (-interval[1], -interval[0]) if turned else interval
         scale, unit = (getattr(nominal, p.scale), p.scale) if p.scale else (1.0, p.unit)
         size, signed = (amount_in(x * scale, low * scale, high * scale, unit) for x in (abs(value), value))
-        ends = f" (95 %: {range_of(p, low, high, nominal)})"
+        between = range_of(p, low, high, nominal)
+        if not p.nonlinear and max(10.0 * abs(value - p.null), p.width) < high - low:
+            return f"{p.description.rstrip('.')}: not determined (95 %: {between})"
+        ends = f" (95 %: {between}{', to first order; femfit calibrate finds the size' if of_drawing else ''})"
     clause = p.words.replace("{size}", size).replace("{signed}", signed)
     return re.sub(r"\{([^{}]*\|[^{}]*)\}", chosen, clause) + ends
 
