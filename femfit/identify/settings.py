@@ -62,9 +62,9 @@ def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> 
 
 
 def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """The table with no current in any of several circuits where it has ``current_A`` alone, of 0 A."""
+    """A table of impedances without current in any of several circuits where it has ``current_A`` alone, of 0 A."""
     names = current_columns(model.current_names)
-    if len(names) == 1 or "current_A" not in table.given:
+    if len(names) == 1 or not {"current_A", "frequency_Hz"} <= set(table.given):
         return table
     currents = table.rows.reindex(columns=names)
     unbiased = currents.isna().all(axis=1) & (table.rows["current_A"] == 0.0)
@@ -87,7 +87,10 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
         unused = [str(finding) for finding in table.findings if finding.code == "unused-column"]
         remedy = "Rename a column, or say what it is with --column HEADER=current_A."
         if len(names) > 1:
-            remedy = "Add a column of zeros for one that carries none."
+            remedy = (
+                f"Say which column is which circuit's with --column HEADER={lacking[0]}, and add a column of zeros for a "
+                "circuit that carries none."
+            )
         raise TableError(
             f"A bench table beside model {model.name!r} must have a current of each circuit with numbers in it; "
             f"{table.source} lacks {', '.join(lacking)} (it has {', '.join(table.given)}). "
