@@ -88,8 +88,8 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
         remedy = "Rename a column, or say what it is with --column HEADER=current_A."
         if len(names) > 1:
             remedy = (
-                f"Say which column is which circuit's with --column HEADER={lacking[0]}, and add a column of zeros for a "
-                "circuit that carries none."
+                f"Say which column is which circuit's with --column HEADER={lacking[0]}, and add a column of zeros for "
+                "one that carries none."
             )
         raise TableError(
             f"A bench table beside model {model.name!r} must have a current of each circuit with numbers in it; "
