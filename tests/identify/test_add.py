@@ -88,8 +88,10 @@ def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
     no_hall = replace(table, given=tuple(name for name in table.given if name != "hall_V"))
     with pytest.raises(TableError, match="hall_V"):
         add_effects(levitation_model, no_hall, ["hall_offset"])
-    with pytest.raises(UsageError, match="gremlins"):
+    with pytest.raises(UsageError, match=r"^Effect must be one of .*gremlins"):
         add_effects(levitation_model, table, ["gremlins"])
+    with pytest.raises(UsageError, match=r"^Did you mean remanence\? Effect must be one of"):
+        add_effects(levitation_model, table, ["remanense"])
     once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
     scattered = once.iloc[:: len(once) // 12].reset_index(drop=True)  # no neighbours on a line to guess the noise from
     with pytest.raises(TableError, match="twice"):

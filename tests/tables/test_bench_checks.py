@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit.core.errors import TableError
 from femfit.tables.measurement_checks import branch_from_order, without_outliers
 from femfit.tables.measurement_file import read_bench_table
 
@@ -239,3 +240,11 @@ def test_a_cycle_rises_to_its_turning_point_and_falls_after_it(rows, expected):
 )
 def test_currents_that_were_not_cycled_tell_no_branch(rows):
     assert branch_from_order(rows) == (None, [])
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_a_table_of_names_alone_is_said_to_have_no_rows_and_no_delimiter_that_it_has_not(tmp_path, delimiter):
+    (tmp_path / "bench.csv").write_text(delimiter.join(["distance_m", "current_A", "force_N"]) + "\n")
+    with pytest.raises(TableError, match="holds no rows of at least two numbers;") as refused:
+        read_bench_table(tmp_path / "bench.csv")
+    assert "semicolons" not in str(refused.value)
