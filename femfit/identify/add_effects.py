@@ -18,6 +18,7 @@ from femfit.identify.bench import measurement_of, placed
 from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.left_out import checked_refit, unseen_error
+from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import TEMPERATURES, Observations
@@ -137,7 +138,11 @@ def _with_remainder(
         if not catalogued or not result.parts:
             break
         model = result.model
-    return result if first is None else result.since(first)
+    if first is None:
+        return result
+    before = first.fall.rms_before  # of the model as it was given
+    fall = ErrorFall(tuple(replace(c, rms_before=before[c.channel]) for c in result.fall.channels))
+    return replace(result, fall=fall, lack_of_fit_before=first.lack_of_fit_before)
 
 
 def _catalogued(effects: Sequence[AddedEffect]) -> tuple[AddedEffect, ...]:

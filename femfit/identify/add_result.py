@@ -29,15 +29,12 @@ def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]
         (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
     ]
     ends = [(fit.effects[k], _clocked(p, observations)) for k, p in at_bounds(fit)]
-    absent = [added.effect.name for added in fit.effects if _may_be_absent(added)]
+    limits = {
+        a.effect.name: [(p.null, a.ci95.get(p.name, (p.null,))) for p in a.effect.amplitudes] for a in fit.effects
+    }
+    absent = [name for name, known in limits.items() if all(min(ci) <= null <= max(ci) for null, ci in known)]
     text = printed("suspicious", fit=fit, unusual=unusual, ends=ends, absent=absent, nominal=nominal, alone=_alone)
     return tuple(text.splitlines())
-
-
-def _may_be_absent(added: AddedEffect) -> bool:
-    """Whether no fitted amplitude differs from what it is without the effect."""
-    limits = [(p.null, *added.ci95[p.name]) for p in added.effect.amplitudes if p.name in added.ci95]
-    return all(low <= null <= high for null, low, high in limits)
 
 
 def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
@@ -123,21 +120,22 @@ class AddResult(Plotted, Result):
 
     @property
     def objections(self) -> tuple[str, ...]:
-        """What speaks against the new model: ``risen``, where the error on runs left out falls nowhere, or unusable."""
-        helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
-        return (*(("risen",) if self.risen and not helps else ()), *self.unusable)
+        """What speaks against the new model: :attr:`worse`, and what keeps it from running that did not before.
 
-    @property
-    def unusable(self) -> tuple[str, ...]:
-        """What keeps it from running that did not before: ``inductance``, or its filter, ``lost`` or ``filter``.
-
-        A filter is worse where the mean square of its innovations is farther from 1 by more than a factor.
+        ``inductance``: it is not positive everywhere; ``lost``: the filter does not run through; ``filter``: the mean
+        square of its innovations is farther from 1 by more than a factor.
         """
         before, after = self.filter["mean_square"].values() if self.filter else (1.0, 1.0)
         farther = before and after and abs(np.log(after)) > abs(np.log(before)) + np.log(FILTER_WORSE)
         turned = self.inductance_H.get("after", 1.0) <= 0.0 < self.inductance_H["before"]
-        tests = {"inductance": turned, "lost": after is None, "filter": farther}
+        tests = {**self.worse, "inductance": turned, "lost": after is None, "filter": farther}
         return tuple(code for code, fails in tests.items() if fails)
+
+    @property
+    def worse(self) -> dict[str, bool]:
+        """Whether the error on runs left out has ``risen`` in some channel and falls in none."""
+        helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
+        return {"risen": bool(self.risen) and not helps}
 
     @property
     def risen(self) -> tuple[str, ...]:

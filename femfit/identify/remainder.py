@@ -14,7 +14,7 @@ S. N. Wood, Journal of the Royal Statistical Society B 73 (2011) 3: smoothing by
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -41,7 +41,6 @@ from femfit.identify.constants import (
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.left_out import cross_validated
-from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.observations import Observations
@@ -256,21 +255,14 @@ class RemainderResult(AddResult):
     beside: AddResult | None = None
 
     @property
-    def objections(self) -> tuple[str, ...]:
-        """What speaks against the new model: no fall on runs left out, as ``unseen``, a channel's rise, or unusable.
+    def worse(self) -> dict[str, bool]:
+        """Whether the error does not fall on runs left out, as ``unseen``, or that of a channel has ``risen``.
 
-        Where nothing is learnt, what speaks against the effects beside it; ``nothing`` without any.
+        Where nothing is learnt: whether the effects beside it are not accepted, or none are there.
         """
         if not self.parts:
-            return ("nothing",) if self.beside is None else self.beside.objections
-        tests = {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)}
-        return (*(code for code, fails in tests.items() if fails), *self.unusable)
-
-    def since(self, first: AddResult) -> "RemainderResult":
-        """The same with the model before as it was before the effects beside it, too."""
-        before = first.fall.rms_before
-        fall = ErrorFall(tuple(replace(c, rms_before=before[c.channel]) for c in self.fall.channels))
-        return replace(self, fall=fall, lack_of_fit_before=first.lack_of_fit_before)
+            return {"nothing": self.beside is None or not self.beside.accepted}
+        return {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)}
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""

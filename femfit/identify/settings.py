@@ -37,7 +37,7 @@ from femfit.identify.constants import (
     WHOLE,
 )
 from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
-from femfit.identify.words import finding
+from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
 from femfit.tables.header import parts_of
@@ -84,18 +84,7 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     table, names = without_bias(model, table), current_columns(model.current_names)
     lacking = [name for name in names if name not in table.given]
     if lacking and (model.circuits or len(names) > 1):
-        unused = [str(finding) for finding in table.findings if finding.code == "unused-column"]
-        remedy = "Rename a column, or say what it is with --column HEADER=current_A."
-        if len(names) > 1:
-            remedy = (
-                f"Say which column is which circuit's with --column HEADER={lacking[0]}, and add a column of zeros for "
-                "one that carries none."
-            )
-        raise TableError(
-            f"A bench table beside model {model.name!r} must have a current of each circuit with numbers in it; "
-            f"{table.source} lacks {', '.join(lacking)} (it has {', '.join(table.given)}). "
-            f"{' '.join([*unused, remedy])}"
-        )
+        raise TableError(sentence("refusals", "no_current", model, table, lacking, len(names) > 1))
     if len(names) == 1:
         return table
     circuits = model.without_effects.circuit_names
@@ -103,13 +92,7 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     impedances = {*inductances, *map(resistance_column, inductances)}
     foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
     if foreign:
-        raise TableError(
-            f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
-            f"{table.source} has {', '.join(foreign)}. Name each column after its circuit, all others open "
-            f"({inductances[0]}), or after two: the voltage of one over the current of the other "
-            f"({inductances[1]}), or the one with the other shorted ({inductances[2]}). For example --column "
-            f"HEADER={inductances[0]}."
-        )
+        raise TableError(sentence("refusals", "foreign_impedance", model, table, circuits, foreign, inductances))
     columns = {name: table.rows[name].to_numpy() for name in names}
     return replace(table, rows=table.rows.assign(current_A=columns[leading_current(model, columns)]))
 

@@ -116,8 +116,6 @@ def _covariates(
 
 def _excess(columns: FloatArray, residual: FloatArray) -> float:
     """Squared length of the whitened residual along whitened columns, less what noise gives."""
-    if not columns.shape[1]:
-        return 0.0
     basis = orthonormal_basis(columns)
     along = basis.T @ residual
     return float(along @ along - basis.shape[1])

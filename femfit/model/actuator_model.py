@@ -431,13 +431,10 @@ class ActuatorModel(Plotted):
             law fitted to forces alone.
         """
         self.require_motion()
-        if not self.require_circuits():
-            return
-        smallest = self.smallest_inductance_H
-        if not smallest > 0.0:
+        if self.require_circuits() and not self.smallest_inductance_H > 0.0:
             raise MissingPartError(
                 f"Model {self.name!r} must have an inductance > 0 for its current to be computed; it goes down to "
-                f"{smallest:g} H. Fit it to a table with flux linkage, or give femfit fit --inductance-H."
+                f"{self.smallest_inductance_H:g} H. Fit a table with flux linkage, or give femfit fit --inductance-H."
             )
 
     @property

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import combinations
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.plan import examine_plan
 from femfit.identify.signatures import why_untestable
-from femfit.identify.suggest import Advice, _most_separating, joined, suggest, suggest_measurements
+from femfit.identify.suggest import Advice, _isolating, joined, suggest, suggest_measurements
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of
@@ -135,15 +134,12 @@ def test_an_offset_of_the_force_sensor_and_a_pull_are_separated_by_an_empty_sens
     assert {"force_offset", "constant_force"} in [{a, b} for a, b, _ in empty.separates]
 
 
-def test_of_a_record_each_measurement_is_said_once_the_most_separating_first():
-    sets = ("mass_error", "coulomb_friction"), ("mass_error", "viscous_friction"), ("mass_error", "spring_stiffness")
-    explanations = [SimpleNamespace(names=names) for names in (*sets, ("mass_error", "spring_preload"))]
-    names = _most_separating(explanations)
-    assert names == ["coulomb_friction", "viscous_friction", "spring_stiffness", "spring_preload", "mass_error"]
-    effects = all_effects()
-    advice = Advice(tuple(map(" + ".join, sets)), isolating=tuple((name, effects[name].experiment) for name in names))
-    first, second, *rest = str(advice).splitlines()
-    assert first == f"Next: {effects['coulomb_friction'].experiment}"
+def test_of_a_record_each_measurement_is_said_once_the_most_separating_first(levitation_model):
+    rivals = ["coulomb_friction", "viscous_friction", "spring_stiffness", "spring_preload"]
+    isolating = _isolating([("mass_error", rival) for rival in rivals], nominal_of(levitation_model))
+    assert [name for name, _ in isolating] == [*rivals, "mass_error"]
+    first, second, *rest = str(Advice(("mass_error + coulomb_friction", "..."), isolating=isolating)).splitlines()
+    assert first == f"Next: {all_effects()['coulomb_friction'].experiment}"
     assert second == "  This shows coulomb_friction by itself."
     assert sum("Weigh" in line for line in rest) == 1
     assert all(line.startswith(("Or: ", "  This shows ", "The data leave ")) for line in rest)
