@@ -3,6 +3,7 @@
 import functools
 import runpy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.add_effects import add_effects
+from femfit.identify.add_result import run_facts, suspicious_values
 from femfit.identify.remainder import COENERGY, NAME, given, likeliest_root
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.carried import Carried, FieldTerm, bounded_basis
@@ -115,7 +117,7 @@ def test_what_keeps_a_model_from_running_is_said(learnt):
     assert "1.23 -> lost" in str(lost)
 
 
-def test_a_co_energy_that_bends_down_with_the_current_has_no_inductance(levitation_model):
+def test_a_co_energy_that_bends_down_with_the_current_has_no_inductance_and_no_filter(levitation_model, clean_record):
     rest, plain = levitation_model.smallest_inductance_H, DistanceCoordinate(1.0, kind="distance")
     grid = levitation_model.inductance(*levitation_model.validity.grid(9, 9))
     assert rest == pytest.approx(grid.min())
@@ -126,6 +128,20 @@ def test_a_co_energy_that_bends_down_with_the_current_has_no_inductance(levitati
     spline = TensorSpline(np.array([0.0, 1.0]), knots, 0, 4, bent)
     bending = replace(levitation_model, magnetics=CoenergySpline(plain, spline))
     assert bending.smallest_inductance_H < 0.0
+    facts = run_facts(levitation_model, bending, clean_record)
+    assert facts["inductance_H"] == {"before": rest, "after": bending.smallest_inductance_H}
+    squares = facts["filter"]["mean_square"]
+    assert squares["before"] == pytest.approx(1.0, abs=0.3)
+    assert squares["after"] is None
+
+
+def test_an_unusual_share_of_what_was_learnt_is_said_with_its_size(learnt):
+    result = learnt("energy")
+    (added,) = result.added
+    large = replace(added, parameters={"share": 1.4}, ci95={"share": (1.3, 1.5)})
+    fit = SimpleNamespace(effects=[large], converged=True, active=[], free=[])
+    (sentence,) = suspicious_values(result.observations, fit)
+    assert "(140 %). That is unusual: 0 to 100 % is usual." in sentence
 
 
 def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model):
