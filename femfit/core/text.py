@@ -57,7 +57,7 @@ def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
     if common is None:
         return f"{amount(low, unit, digits)} to {amount(high, unit, digits)}"
     factor, places, shown = common
-    texts = [f"{factor * end:.{places}f}" for end in (low, high)]
+    texts = [f"{factor * end:z.{places}f}" for end in (low, high)]
     return f"{' to '.join(dict.fromkeys(texts))} {shown}"
 
 
@@ -70,7 +70,7 @@ def amount_in(value: float, low: float, high: float, unit: str, digits: int = 2)
     if common is None:
         return amount(value, unit, digits)
     factor, places, shown = common
-    return f"{factor * value:.{places}f} {shown}"
+    return f"{factor * value:z.{places}f} {shown}"
 
 
 def _in_common(low: float, high: float, unit: str, digits: int) -> tuple[float, int, str] | None:

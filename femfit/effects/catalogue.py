@@ -12,6 +12,7 @@ All others are written for one circuit: iron, lags, misalignment and outer field
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from functools import cache
 
 from femfit.core.errors import UsageError
@@ -153,7 +154,8 @@ def all_effects() -> dict[str, Effect]:
 def effect_by_name(name: str) -> Effect:
     """Look up an effect, or that of a circuit as ``turns:lower``."""
     if (effect := known_effect(_EARLIER_NAMES.get(name, name))) is None:
-        raise UsageError(f"Effect must be one of {', '.join(all_effects())}; instead received {name!r}.")
+        near = "".join(f"Did you mean {close}? " for close in get_close_matches(name, all_effects(), n=1))
+        raise UsageError(f"{near}Effect must be one of {', '.join(all_effects())}; instead received {name!r}.")
     return effect
 
 

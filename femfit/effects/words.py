@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
+from math import inf
 
 from femfit.core.numerics import first_best
 from femfit.core.text import amount, amount_in, amount_range
@@ -19,11 +20,8 @@ def describe(added: AddedEffect, nominal: Nominal) -> list[str]:
         return []
     if effect.words is not None:
         return list(effect.words(values, nominal))
-    return [
-        _clause(p, values[p.name], added.ci95.get(p.name), nominal)
-        for p in effect.parameters
-        if p.words and (p.nonlinear or values[p.name] != p.null)
-    ]
+    said = [p for p in effect.parameters if p.words and (p.nonlinear or values[p.name] != p.null)]
+    return [_clause(p, added, nominal) for p in said]
 
 
 def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: Nominal) -> str:
@@ -31,11 +29,7 @@ def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: N
 
     Magnitudes are of each amplitude taken alone; the one that needs the least part of its plausible range is said.
     """
-    parts = [
-        (magnitudes[p.name] / p.width, p)
-        for p in effect.amplitudes
-        if p.name in magnitudes and magnitudes[p.name] < float("inf")
-    ]
+    parts = [(magnitudes[p.name] / p.width, p) for p in effect.amplitudes if magnitudes.get(p.name, inf) < inf]
     if not parts:
         return ""
     _, p = parts[first_best([-share for share, _ in parts])]
@@ -55,7 +49,9 @@ def range_of(p: EffectParameter, low: float, high: float, nominal: Nominal) -> s
     return amount_range(low * scale, high * scale, p.scale or p.unit)
 
 
-def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | None, nominal: Nominal) -> str:
+def _clause(p: EffectParameter, added: AddedEffect, nominal: Nominal) -> str:
+    value, interval = added.parameters[p.name], added.ci95.get(p.name)
+
     def chosen(match: re.Match[str]) -> str:
         above, _, below = match.group(1).partition("|")
         return above if value >= 0.0 else below
@@ -67,7 +63,10 @@ def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | No
         low, high = (-interval[1], -interval[0]) if turned else interval
         scale, unit = (getattr(nominal, p.scale), p.scale) if p.scale else (1.0, p.unit)
         size, signed = (amount_in(x * scale, low * scale, high * scale, unit) for x in (abs(value), value))
-        ends = f" (95 %: {range_of(p, low, high, nominal)})"
+        between = range_of(p, low, high, nominal)
+        if not p.nonlinear and max(10.0 * abs(value - p.null), p.width) < high - low:
+            return f"{p.description.rstrip('.')}: not determined (95 %: {between})"
+        ends = f" (95 %: {between}{', to first order; femfit calibrate finds the size' if added.effect.title else ''})"
     clause = p.words.replace("{size}", size).replace("{signed}", signed)
     return re.sub(r"\{([^{}]*\|[^{}]*)\}", chosen, clause) + ends
 

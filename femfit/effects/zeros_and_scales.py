@@ -102,9 +102,9 @@ FORCE_OFFSET = effect_of(
     ),
     needs=("force_N",),
     experiment="Take everything off the force sensor, and read it.",
-    reference="JCGM 100:2008 (GUM), section 3.2.4",
+    reference="JCGM 100:2008 (GUM), section 3.2.4; OIML R 60 (2000): a cell comes back to its zero to 1 part in 6000",
     readings=in_channel("force_N", lambda force, d, i, conditions, p: force + p["offset"] * conditions.nominal.force_N),
-    read=(1e-3, 10.0),
+    read=(2e-4, 10.0),
 )
 
 

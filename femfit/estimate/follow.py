@@ -64,9 +64,9 @@ class OneFilter:
 
     @property
     def claimed_m(self) -> float:
-        """The deviation of the distance that it claims, in the median of the record's second half."""
+        """The deviation of the distance that it claims, root mean square over the record's second half."""
         settled = self.replayed.deviation[len(self.replayed.deviation) // 2 :, 0]
-        return float(np.nanmedian(settled)) if np.isfinite(settled).any() else float("nan")
+        return float(np.sqrt(np.nanmean(settled**2))) if np.isfinite(settled).any() else float("nan")
 
     @property
     def mean_square(self) -> float:

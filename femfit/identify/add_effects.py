@@ -13,12 +13,12 @@ from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.add_result import AddResult, filter_fall, fit_facts, suspicious_values
+from femfit.identify.add_result import AddResult, fit_facts, run_facts, suspicious_values
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.left_out import checked_refit, unseen_error
-from femfit.identify.misfit import beyond_noise
+from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import TEMPERATURES, Observations
@@ -107,7 +107,6 @@ def add_effects(
     recorded: dict[str, Any] = {str(name): round(float(mean), 1) for name, mean in means.items()}
     running = replace(model, **recorded | {name: t for name, t in temperatures.items() if t is not None})
     after = with_effects(running, (*staying, *stay))
-    facts = fit_facts(whitening, refitted, fit.effects, fit.jacobian[:, ~fit.active])
     return AddResult(
         model=after,
         added=fit.effects,
@@ -115,9 +114,8 @@ def add_effects(
         left_out=unseen_error(whitening, fit),
         suspicious=suspicious_values(observations, fit),
         findings=(*observations.findings, *held, *guessed_noises(whitening.noise)),
-        beyond_noise=beyond_noise(observations, whitening.noise, facts["fall"].rms_after),
-        filter=filter_fall(model, after, measured),
-        **facts,
+        **run_facts(model, after, measured),
+        **fit_facts(whitening, refitted, fit.effects, fit.jacobian[:, ~fit.active]),
     )
 
 
@@ -129,17 +127,22 @@ def _with_remainder(
     say: Callable[[str], None],
 ) -> AddResult:
     """What effects leave, learnt; they are fitted before it and once more beside it, since it bends what they fit."""
-    model, beside = with_effects(model, _catalogued(model.effects)), None
+    model, beside, first = with_effects(model, _catalogued(model.effects)), None, None
     for _ in range(2):
         if catalogued:
             beside = add(model)
-            beside = replace(beside, added=_catalogued(beside.added))
-            model = with_effects(beside.model, _catalogued(beside.model.effects))
+            sure = tuple(sentence for sentence in beside.suspicious if not sentence.startswith(UNEXPLAINED))
+            beside = replace(beside, added=_catalogued(beside.added), suspicious=sure)
+            first, model = first or beside, with_effects(beside.model, _catalogued(beside.model.effects))
         result = add_remainder(model, measured, whitening_beside(placed(model, measured)), beside, catalogued, say)
         if not catalogued or not result.parts:
             break
         model = result.model
-    return result
+    if first is None:
+        return result
+    before = first.fall.rms_before  # of the model as it was given
+    fall = ErrorFall(tuple(replace(c, rms_before=before[c.channel]) for c in result.fall.channels))
+    return replace(result, fall=fall, lack_of_fit_before=first.lack_of_fit_before)
 
 
 def _catalogued(effects: Sequence[AddedEffect]) -> tuple[AddedEffect, ...]:

@@ -13,7 +13,7 @@ from femfit.effects.words import titled, titles_of
 from femfit.estimate.follow import followed
 from femfit.identify.constants import FILTER_WORSE, HARMS
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
-from femfit.identify.misfit import ErrorFall, error_fall
+from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, at_bounds, is_plausible
@@ -29,15 +29,12 @@ def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]
         (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
     ]
     ends = [(fit.effects[k], _clocked(p, observations)) for k, p in at_bounds(fit)]
-    absent = [added.effect.name for added in fit.effects if _may_be_absent(added)]
+    limits = {
+        a.effect.name: [(p.null, a.ci95.get(p.name, (p.null,))) for p in a.effect.amplitudes] for a in fit.effects
+    }
+    absent = [name for name, known in limits.items() if all(min(ci) <= null <= max(ci) for null, ci in known)]
     text = printed("suspicious", fit=fit, unusual=unusual, ends=ends, absent=absent, nominal=nominal, alone=_alone)
     return tuple(text.splitlines())
-
-
-def _may_be_absent(added: AddedEffect) -> bool:
-    """Whether no fitted amplitude differs from what it is without the effect."""
-    limits = [(p.null, *added.ci95[p.name]) for p in added.effect.amplitudes if p.name in added.ci95]
-    return all(low <= null <= high for null, low, high in limits)
 
 
 def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
@@ -77,7 +74,10 @@ class AddResult(Plotted, Result):
         Channels whose error after is more than 1.2 times what declared noise, or repeats, show, in times the noise.
     filter : dict of str to dict, or None
         Mean square of the innovations of the model's filter, which should be 1, over a record's beginning ``before``
-        and ``after``; None of a bench table, and where the model has no filter for the record.
+        and ``after``, None where it no longer runs through; None of a bench table, and where the model had no filter
+        for the record.
+    inductance_H : dict of str to float
+        Least inductance over the validity domain ``before`` and ``after``, of several circuits the least eigenvalue.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class AddResult(Plotted, Result):
     data = (
         *("added", "kept", "left_out", "floor", "floor_source", "readings", "runs"),
         *("suspicious", "lack_of_fit_before", "lack_of_fit_after", "findings", "accepted", "beyond_noise", "filter"),
-        *("error_fall=fall", "coil_temperature_C=model.coil_temperature_C"),
+        *("objections", "error_fall=fall", "coil_temperature_C=model.coil_temperature_C"),
         "magnet_temperature_C=model.magnet_temperature_C",
     )
 
@@ -110,19 +110,32 @@ class AddResult(Plotted, Result):
     observations: Observations
     findings: tuple[Finding, ...] = ()
     beyond_noise: Mapping[str, float] = field(default_factory=dict)
-    filter: Mapping[str, Mapping[str, float]] | None = None
+    filter: Mapping[str, Mapping[str, float | None]] | None = None
+    inductance_H: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def accepted(self) -> bool:
-        """Whether the error on runs left out falls somewhere, or rises nowhere, and the filter is not worse."""
-        helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
-        return (helps or not self.risen) and not self.filter_worse
+        """Whether nothing speaks against the new model."""
+        return not self.objections
 
     @property
-    def filter_worse(self) -> bool:
-        """Whether the mean square of the filter's innovations is farther from 1 than before by more than a factor."""
-        before, after = np.abs(np.log([*self.filter["mean_square"].values()])) if self.filter else (0.0, 0.0)
-        return bool(after > before + np.log(FILTER_WORSE))
+    def objections(self) -> tuple[str, ...]:
+        """What speaks against the new model: :attr:`worse`, and what keeps it from running that did not before.
+
+        ``inductance``: it is not positive everywhere; ``lost``: the filter does not run through; ``filter``: the mean
+        square of its innovations is farther from 1 by more than a factor.
+        """
+        before, after = self.filter["mean_square"].values() if self.filter else (1.0, 1.0)
+        farther = before and after and abs(np.log(after)) > abs(np.log(before)) + np.log(FILTER_WORSE)
+        turned = self.inductance_H.get("after", 1.0) <= 0.0 < self.inductance_H["before"]
+        tests = {**self.worse, "inductance": turned, "lost": after is None, "filter": farther}
+        return tuple(code for code, fails in tests.items() if fails)
+
+    @property
+    def worse(self) -> dict[str, bool]:
+        """Whether the error on runs left out has ``risen`` in some channel and falls in none."""
+        helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
+        return {"risen": bool(self.risen) and not helps}
 
     @property
     def risen(self) -> tuple[str, ...]:
@@ -134,15 +147,15 @@ class AddResult(Plotted, Result):
         return titled(printed("add", r=self), titles_of(self.observations.nominal.drawn))
 
 
-def filter_fall(
-    before: ActuatorModel, after: ActuatorModel, measured: Measurement
-) -> Mapping[str, Mapping[str, float]] | None:
-    """The mean square of innovations of both models' filters; None where there is no record or no filter for it."""
-    if not isinstance(measured, TimeSeries):
-        return None
-    filters = {name: followed(model, measured) for name, model in (("before", before), ("after", after))}
-    squares = {name: one_filter.mean_square for name, one_filter in filters.items() if one_filter is not None}
-    return {"mean_square": squares} if len(squares) == len(filters) else None
+def run_facts(before: ActuatorModel, after: ActuatorModel, measured: Measurement) -> dict[str, Any]:
+    """The fields of a result that say how the models run: inductances, and of a record the filters."""
+    models = {"before": before, "after": after}
+    facts: dict[str, Any] = {"inductance_H": {name: model.smallest_inductance_H for name, model in models.items()}}
+    first, last = (followed(m, measured) if isinstance(measured, TimeSeries) else None for m in models.values())
+    if first is not None:
+        ran = last if last and (last.lost_at_s is None or first.lost_at_s is not None) else None
+        facts["filter"] = {"mean_square": {"before": first.mean_square, "after": ran and ran.mean_square}}
+    return facts
 
 
 def fit_facts(
@@ -157,9 +170,9 @@ def fit_facts(
     """
     observations, noise = whitening.observations, whitening.noise
     first, last = observations.predict(before), observations.predict(after)
-    patterns = pattern_space(whitening)
+    patterns, fall = pattern_space(whitening), error_fall(observations, first, last, noise.known)
     return {
-        "fall": error_fall(observations, first, last, noise.known),
+        "fall": fall,
         "floor": noise.known,
         "floor_source": noise.source,
         "lack_of_fit_before": patterns.test(whitening.full(observations.value - first)),
@@ -167,4 +180,5 @@ def fit_facts(
         "readings": len(observations.value),
         "runs": len(np.unique(observations.column("run"))),
         "observations": observations,
+        "beyond_noise": beyond_noise(observations, noise, fall.rms_after),
     }

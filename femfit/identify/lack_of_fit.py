@@ -82,9 +82,7 @@ class PatternSpace:
 
 def _beside(residual: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray, FloatArray]:
     """A residual without its part along fitted columns, and their orthonormal basis."""
-    if fitted is None or not fitted.shape[1]:
-        return residual, np.zeros((len(residual), 0))
-    basis = orthonormal_basis(fitted)
+    basis = orthonormal_basis(np.zeros((len(residual), 0)) if fitted is None else fitted)
     return residual - basis @ (basis.T @ residual), basis
 
 

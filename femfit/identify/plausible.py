@@ -33,7 +33,7 @@ from femfit.identify.constants import (
     WRONG_FACTOR,
 )
 from femfit.identify.settings import currents_in
-from femfit.identify.words import finding
+from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
 from femfit.model.magnetics import CoenergySpline
@@ -262,14 +262,6 @@ def nothing_in_domain(model: ActuatorModel, source: str, distance: FloatArray, c
     """Say where the model holds, where readings outside of it are, and what their units may be."""
     box, names = model.without_effects.validity, current_columns(model.current_names)
     columns = current.reshape(len(distance), -1).T
-    ranges = [
-        f"{low:g} to {high:g} A of {name} (here {values.min():g} to {values.max():g} A)"
-        for name, (low, high), values in zip(names, box.column_limits_A.tolist(), columns, strict=True)
-    ]
+    currents = zip(names, box.column_limits_A.tolist(), columns, strict=True)
     suspected = suspect_settings(model, distance, current, names)
-    remedy = " ".join(map(str, suspected)) or "Check the columns and units, or sweep and fit a wider range."
-    return (
-        f"{source} must have readings within the model's validity domain, {box.distance_min_m:g} to "
-        f"{box.distance_max_m:g} m (here {distance.min():g} to {distance.max():g} m) and {' and '.join(ranges)}; none "
-        f"was found. {remedy}"
-    )
+    return sentence("refusals", "outside", source, box, distance, currents, suspected)

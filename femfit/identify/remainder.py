@@ -25,7 +25,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
-from femfit.identify.add_result import AddResult, filter_fall, fit_facts
+from femfit.identify.add_result import AddResult, fit_facts, run_facts
 from femfit.identify.bench import placed
 from femfit.identify.constants import (
     CURVE_CELLS,
@@ -255,9 +255,14 @@ class RemainderResult(AddResult):
     beside: AddResult | None = None
 
     @property
-    def accepted(self) -> bool:
-        """Whether it helps on runs left out, and the filter is not worse."""
-        return bool(self.parts) and self.fall_unseen > HELPS and not self.filter_worse
+    def worse(self) -> dict[str, bool]:
+        """Whether the error does not fall on runs left out, as ``unseen``, or that of a channel has ``risen``.
+
+        Where nothing is learnt: whether the effects beside it are not accepted, or none are there.
+        """
+        if not self.parts:
+            return {"nothing": self.beside is None or not self.beside.accepted}
+        return {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)}
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -321,11 +326,11 @@ def add_remainder(
         added=effects,
         kept=tuple(present.effect.name for present in model.effects),
         left_out=rms,
-        suspicious=(),
+        suspicious=beside.suspicious if beside else (),
         findings=(*observations.findings, *guessed_noises(noise)),
         parts=learnt.kinds,
         fall_unseen=before - chi2,
         beside=beside,
-        filter=filter_fall(model, after, measured) if effects else None,
+        **(run_facts(model, after, measured) if effects else {}),
         **fit_facts(whitening, (), effects, learnt.decided),
     )

@@ -37,7 +37,7 @@ from femfit.identify.constants import (
     WHOLE,
 )
 from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
-from femfit.identify.words import finding
+from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
 from femfit.tables.header import parts_of
@@ -62,9 +62,9 @@ def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> 
 
 
 def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """The table with no current in any of several circuits where it has ``current_A`` alone, of 0 A."""
+    """A table of impedances without current in any of several circuits where it has ``current_A`` alone, of 0 A."""
     names = current_columns(model.current_names)
-    if len(names) == 1 or "current_A" not in table.given:
+    if len(names) == 1 or not {"current_A", "frequency_Hz"} <= set(table.given):
         return table
     currents = table.rows.reindex(columns=names)
     unbiased = currents.isna().all(axis=1) & (table.rows["current_A"] == 0.0)
@@ -84,15 +84,7 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     table, names = without_bias(model, table), current_columns(model.current_names)
     lacking = [name for name in names if name not in table.given]
     if lacking and (model.circuits or len(names) > 1):
-        unused = [str(finding) for finding in table.findings if finding.code == "unused-column"]
-        remedy = "Rename a column, or say what it is with --column HEADER=current_A."
-        if len(names) > 1:
-            remedy = "Add a column of zeros for one that carries none."
-        raise TableError(
-            f"A bench table beside model {model.name!r} must have a current of each circuit with numbers in it; "
-            f"{table.source} lacks {', '.join(lacking)} (it has {', '.join(table.given)}). "
-            f"{' '.join([*unused, remedy])}"
-        )
+        raise TableError(sentence("refusals", "no_current", model, table, lacking, len(names) > 1))
     if len(names) == 1:
         return table
     circuits = model.without_effects.circuit_names
@@ -100,13 +92,7 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     impedances = {*inductances, *map(resistance_column, inductances)}
     foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
     if foreign:
-        raise TableError(
-            f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
-            f"{table.source} has {', '.join(foreign)}. Name each column after its circuit, all others open "
-            f"({inductances[0]}), or after two: the voltage of one over the current of the other "
-            f"({inductances[1]}), or the one with the other shorted ({inductances[2]}). For example --column "
-            f"HEADER={inductances[0]}."
-        )
+        raise TableError(sentence("refusals", "foreign_impedance", model, table, circuits, foreign, inductances))
     columns = {name: table.rows[name].to_numpy() for name in names}
     return replace(table, rows=table.rows.assign(current_A=columns[leading_current(model, columns)]))
 

@@ -69,8 +69,8 @@ class Advice(Result):
     # The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be
     suggestions: tuple[Suggestion, ...] = ()
     never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows is sure to separate
-    # Per effect the measurement that isolates it: for records, to which no readings can be added on trial, and where
-    # one name alone is left and is not certain
+    # Per effect the measurement that isolates it, the most separating first: for records, to which no readings can be
+    # added on trial, and where one name alone is left and is not certain
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
     further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
@@ -133,25 +133,24 @@ def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, s
         sure = diagnosis.confident and not diagnosis.excluded
         unsure = [] if sure else [effect.name for effect in diagnosis.missing]
         note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
-        return Advice(names, isolating=_isolating(unsure, nominal), note=note)
+        return Advice(names, isolating=_isolating([unsure], nominal), note=note)
     if not isinstance(measured, BenchTable) or nominal.circuits:
-        return Advice(names, isolating=_isolating([name for fit in every for name in fit.names], nominal))
+        return Advice(names, isolating=_isolating([fit.names for fit in every], nominal))
     explanations, unlisted = every[:COMPARED], max(0, len(every) - COMPARED)
     say("Trying measurements")
     noise = diagnosis.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations)
     apart = {pair[:2] for suggestion in suggestions for pair in suggestion.separates}
-    never = tuple(pair for a, b in combinations(explanations, 2) if (pair := _pair(a, b)) not in apart)
+    never = tuple(pair for pair in combinations(names[:COMPARED], 2) if pair not in apart)
     return Advice(names[:COMPARED], tuple(suggestions), never, further=unlisted)
 
 
-def _pair(a: Refit, b: Refit) -> tuple[str, str]:
-    return " + ".join(a.names), " + ".join(b.names)
-
-
-def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str], ...]:
+def _isolating(explanations: Sequence[Sequence[str]], nominal: Nominal) -> tuple[tuple[str, str], ...]:
+    """Experiments on effects of explanations, first on that which most pairs of these disagree about."""
     effects = device_effects(nominal.circuits, nominal.drawn)
-    return tuple((name, effects[name].experiment) for name in names if name in effects)
+    every = [name for names in explanations for name in names if name in effects]
+    order = sorted(dict.fromkeys(every), key=lambda name: every.count(name) * (every.count(name) - len(explanations)))
+    return tuple((name, effects[name].experiment) for name in order)
 
 
 def suggest_measurements(
@@ -171,7 +170,8 @@ def suggest_measurements(
             distances = [distance if distance >= NEEDED_DISTANCE else None for distance in apart]
         else:
             distances = _joint_distances(model, table, noise, experiment, pairs)
-        both = list(zip([_pair(a, b) for a, b in pairs], distances, strict=True))
+        names = [" + ".join(fit.names) for fit in explanations]
+        both = list(zip(combinations(names, 2), distances, strict=True))
         separates = tuple((*pair, round(distance, 1)) for pair, distance in both if distance is not None)
         remains = tuple(pair for pair, distance in both if distance is None)
         if separates:

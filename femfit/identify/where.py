@@ -14,6 +14,7 @@ from femfit.core.numerics import FloatArray, first_best
 from femfit.identify.constants import (
     BEYOND_NOISE,
     COVARIATE_SHARE,
+    LEAST_READINGS,
     LEFT_BY_SHARE,
     ROUNDED,
     SAME_SHARE,
@@ -115,8 +116,6 @@ def _covariates(
 
 def _excess(columns: FloatArray, residual: FloatArray) -> float:
     """Squared length of the whitened residual along whitened columns, less what noise gives."""
-    if not columns.shape[1]:
-        return 0.0
     basis = orthonormal_basis(columns)
     along = basis.T @ residual
     return float(along @ along - basis.shape[1])
@@ -143,9 +142,10 @@ def describe_misfit(observations: Observations, channel: str, covariates: Sequen
     worst = int(np.argmax(np.abs(structured)))
     facts: dict[str, Any] = {"channel": channel, "magnitude": observations.magnitude.get(channel)}
     facts |= {"size": float(structured[worst]), "share": None, "place": None}
-    if _is_share(misfit, base, share):
+    many = len(misfit) >= LEAST_READINGS  # fewer do not say what it is elsewhere
+    if many and _is_share(misfit, base, share):
         facts["share"] = share
-    elif not covariates and 2.0 * structured.mean() ** 2 > np.mean(structured**2):
+    elif many and not covariates and 2.0 * structured.mean() ** 2 > np.mean(structured**2):
         facts["size"] = float(misfit.mean())
     else:
         names = *observations.settings, *(name for name in _FURTHER if name in covariates)

@@ -431,15 +431,17 @@ class ActuatorModel(Plotted):
             law fitted to forces alone.
         """
         self.require_motion()
-        if not self.require_circuits():
-            return
-        inductance = self.magnetics.inductance(*self.validity.grid(9, 9, several=3))
-        smallest = float((inductance if len(self.circuits) == 1 else np.linalg.eigvalsh(inductance)).min())
-        if not smallest > 0.0:
+        if self.require_circuits() and not self.smallest_inductance_H > 0.0:
             raise MissingPartError(
                 f"Model {self.name!r} must have an inductance > 0 for its current to be computed; it goes down to "
-                f"{smallest:g} H. Fit it to a table with flux linkage, or give femfit fit --inductance-H."
+                f"{self.smallest_inductance_H:g} H. Fit a table with flux linkage, or give femfit fit --inductance-H."
             )
+
+    @property
+    def smallest_inductance_H(self) -> float:  # noqa: N802  the unit
+        """Least eigenvalue of the inductances over the validity domain; infinite without a winding."""
+        inductance = self.magnetics.inductance(*self.validity.grid(9, 9, several=3))
+        return float(np.linalg.eigvalsh(inductance).min(initial=np.inf))
 
     def _required(self, part: Part | None, name: str, keys: str) -> Part:
         if part is None:

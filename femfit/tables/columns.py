@@ -190,7 +190,7 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     bad = np.flatnonzero(np.isnan(values) & ~empty)
     if not len(bad):
         return values * column.factor, []
-    below = f" below {LARGEST:g}" if looks_numeric(cells[bad[0]]) else ""
+    below = f" below {LARGEST:g}, as of an overload" if looks_numeric(cells[bad[0]]) else ""
     facts = {"header": quoted(column.header), "cells": len(bad), "below": below, "cell": quoted(cells[bad[0]])}
     return values * column.factor, [finding("cells words", size=float(len(bad)), column=column.name, **facts)]
 

@@ -29,8 +29,8 @@ EMPTY = frozenset(("", "-", "--", "nan", "-nan", "na", "n/a", "#n/a", "null", "n
 """What programs write into a cell without a number."""
 
 _THOUSANDS = ("'", "’", "\u00a0", "\u202f", "\u2009")
-LARGEST = 1e100
-"""A number beyond it is no measured quantity, and its square would overflow."""
+LARGEST = 1e37
+"""No measured quantity is as large; instruments write 9.9E+37 for an overload, and 9.91E+37 for no number (SCPI-99)."""
 
 _LONGEST = 400
 """Digits of a cell; a longer one is not a number that anybody measured."""

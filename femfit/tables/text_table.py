@@ -148,8 +148,8 @@ def find_layout(lines: list[Line], source: str, delimiter: str | None = None) ->
     widths = Counter(len(cells) for cells in rows if _is_data(cells))
     if not widths:
         raise TableError(
-            f"{source} holds no rows of at least two numbers (read with {_DELIMITER_NAMES.get(delimiter, delimiter)}); "
-            "it needs one row a reading below one line of column names. Check the file and its delimiter."
+            f"{source} holds no rows of at least two numbers; it needs one row a reading below one line of column "
+            "names. Check the file and its delimiter."
         )
     return lines, _find_header(lines, widths.most_common(1)[0][0], delimiter)
 

@@ -64,6 +64,24 @@ def test_a_weak_magnet_a_larger_gap_and_a_saturating_core_are_said_as_an_enginee
     ]
 
 
+def test_what_is_nothing_beside_a_wide_interval_is_not_determined(nominal):
+    assert said("hall_drift", nominal, {"ramp_V": (-36.0, 36.0)}, ramp_V=-0.01) == [
+        "Drift over 1000 readings (or seconds) of the campaign: not determined (95 %: -36 to 36 V)"
+    ]
+    (narrow,) = said("hall_drift", nominal, {"ramp_V": (-0.002, 0.002)}, ramp_V=-1e-5)  # known to be next to none
+    assert "drifts by 0.0 mV in" in narrow  # and not by -0
+    (clear,) = said("hall_drift", nominal, {"ramp_V": (-1.0, 9.0)}, ramp_V=4.0)
+    assert "drifts by 4" in clear
+
+
+def test_the_interval_of_a_number_of_the_drawing_is_said_to_be_of_first_order(nominal):
+    turns = effect_by_name("turns")
+    drawn = replace(turns, title="the winding's turns")
+    first, known = (AddedEffect(e, {"turns_error": 0.04}, {"turns_error": (0.03, 0.05)}) for e in (drawn, turns))
+    assert describe(first, nominal)[0].endswith("(95 %: 3.0 to 5.0 %, to first order; femfit calibrate finds the size)")
+    assert describe(known, nominal)[0].endswith("(95 %: 3.0 to 5.0 %)")
+
+
 def test_the_smallest_visible_size_is_said_of_the_shape_that_shows_best(nominal):
     effect = effect_by_name("core_saturation")
     small = smallest_visible(effect, {"mmf_loss_3": 0.3, "mmf_loss_6": 0.01, "mmf_loss_32": float("inf")}, nominal)

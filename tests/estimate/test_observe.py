@@ -7,6 +7,7 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import FilterError, MissingPartError, TableError
+from femfit.core.text import amount
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate import run_filter
@@ -71,7 +72,8 @@ def test_a_filter_that_is_told_too_little_noise_is_not_and_one_that_is_told_too_
     assert not one.trusted
     assert one.cautious
     error = (one.replayed.mean - log[0])[500:, 0]
-    assert np.sqrt(np.mean(error**2)) < np.median(one.replayed.deviation[500:, 0])  # an upper bound
+    assert np.sqrt(np.mean(error**2)) < np.median(one.replayed.deviation[500:, 0])
+    assert "bound" not in one.sentence
 
 
 def test_self_sensing_finds_the_distance_from_voltage_and_current(log):
@@ -82,6 +84,8 @@ def test_self_sensing_finds_the_distance_from_voltage_and_current(log):
     assert check.column == "distance_m"
     error = (one.replayed.mean - log[0])[:, 0]
     assert error[500:].std() < 2.0 * np.median(one.replayed.deviation[500:, 0])
+    assert f"rms; the recorded one lies {amount(check.rms, 'm')} rms from it" in one.sentence
+    assert one.claimed_m == pytest.approx(np.sqrt(np.mean(one.replayed.deviation[2000:, 0] ** 2)))
     assert check.rms == pytest.approx(np.hypot(np.sqrt(np.mean(error**2)), TRUE["laser"]), rel=0.05)
 
 

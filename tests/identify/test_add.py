@@ -88,8 +88,10 @@ def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
     no_hall = replace(table, given=tuple(name for name in table.given if name != "hall_V"))
     with pytest.raises(TableError, match="hall_V"):
         add_effects(levitation_model, no_hall, ["hall_offset"])
-    with pytest.raises(UsageError, match="gremlins"):
+    with pytest.raises(UsageError, match=r"^Effect must be one of .*gremlins"):
         add_effects(levitation_model, table, ["gremlins"])
+    with pytest.raises(UsageError, match=r"^Did you mean remanence\? Effect must be one of"):
+        add_effects(levitation_model, table, ["remanense"])
     once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
     scattered = once.iloc[:: len(once) // 12].reset_index(drop=True)  # no neighbours on a line to guess the noise from
     with pytest.raises(TableError, match="twice"):
@@ -159,7 +161,9 @@ def test_an_effect_that_is_absent_or_too_large_is_called_suspicious(levitation_m
     assert any("hall_offset" in sentence for sentence in result.suspicious)
 
 
-@pytest.mark.parametrize(("before", "after", "accepted"), [(0.68, 11.2, False), (11.2, 0.9, True), (1.3, 0.5, True)])
+@pytest.mark.parametrize(
+    ("before", "after", "accepted"), [(0.68, 11.2, False), (11.2, 0.9, True), (1.3, 0.5, True), (1.3, None, False)]
+)
 def test_an_effect_with_which_the_filter_is_lost_is_not_accepted(both, before, after, accepted):
     result = replace(both[1], filter={"mean_square": {"before": before, "after": after}})
     assert result.accepted is accepted

@@ -12,11 +12,12 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
+from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.misfit import measured_curves
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.where import where_it_fails
+from femfit.identify.where import describe_misfit, where_it_fails
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ValidityBox
@@ -40,6 +41,13 @@ def test_a_channel_that_never_varies_has_no_noise_and_says_so(levitation_model, 
     assert by_channel(comparison)["force_N"].noise_floor is None
     assert [one.column for one in comparison.findings if one.code == "never-varies"] == ["force_N"]
     assert by_channel(comparison)["hall_V"].noise_floor == pytest.approx(NOISE["hall_V"], rel=0.2)
+
+
+def test_a_command_that_repeats_itself_is_no_dead_sensor(levitation_model):
+    found = gather(bench_observations(levitation_model, campaign(levitation_model, 11)), [])
+    noise = replace(found.noise, never_varying=("voltage_balance_V", "force_N"))
+    remarks = campaign_remarks(replace(found, whitening=replace(found.whitening, noise=noise)))
+    assert [one.column for one in remarks if one.code == "never-varies"] == ["force_N"]
 
 
 def test_rms_and_maximum_are_those_of_recorded_minus_predicted(levitation_model):
@@ -224,6 +232,15 @@ def test_a_misfit_that_halves_over_the_range_is_not_said_to_be_everywhere(levita
     sentence = compare(levitation_model, tmp_path / "bench.csv").where.sentence
     assert "everywhere" not in sentence
     assert " low, most at 1" in sentence
+
+
+def test_one_reading_does_not_say_what_a_misfit_is_everywhere(levitation_model):
+    observations = bench_observations(levitation_model, campaign(levitation_model, 3))
+    low = observations.with_values(observations.base * np.where(observations.of("force_N"), 0.94, 1.0))
+    first = low.of("force_N") & (np.cumsum(low.of("force_N")) == 1)
+    few = low.select(first | low.of("hall_V"))
+    for some, there in ((low, " 6 % low everywhere"), (few, " low, most at 15 mm and 0 A")):
+        assert there in describe_misfit(some, "force_N", (), some.residual)
 
 
 @pytest.fixture

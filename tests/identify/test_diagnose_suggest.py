@@ -14,7 +14,7 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.plan import examine_plan
 from femfit.identify.signatures import why_untestable
-from femfit.identify.suggest import joined, suggest, suggest_measurements
+from femfit.identify.suggest import Advice, _isolating, joined, suggest, suggest_measurements
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of
@@ -123,6 +123,26 @@ def test_a_pull_and_a_sensors_offset_are_never_said_to_be_separated_by_readings_
     ]
     assert pairs
     assert all(one.experiment.calibration is not None for one, _ in pairs)
+
+
+def test_an_offset_of_the_force_sensor_and_a_pull_are_separated_by_an_empty_sensor(solenoid):
+    table, diagnosis = measured(solenoid, 3, {"force_offset": {"offset": 0.004}})
+    assert {fit.names[0] for fit in diagnosis.explanations} >= {"force_offset", "constant_force"}
+    advice = suggest(solenoid, table, diagnosis)
+    assert {"force_offset", "constant_force"} not in [set(pair) for pair in advice.never]
+    empty = next(one for one in advice.suggestions if one.text == "Take everything off the force sensor, and read it.")
+    assert {"force_offset", "constant_force"} in [{a, b} for a, b, _ in empty.separates]
+
+
+def test_of_a_record_each_measurement_is_said_once_the_most_separating_first(levitation_model):
+    rivals = ["coulomb_friction", "viscous_friction", "spring_stiffness", "spring_preload"]
+    isolating = _isolating([("mass_error", rival) for rival in rivals], nominal_of(levitation_model))
+    assert [name for name, _ in isolating] == [*rivals, "mass_error"]
+    first, second, *rest = str(Advice(("mass_error + coulomb_friction", "..."), isolating=isolating)).splitlines()
+    assert first == f"Next: {all_effects()['coulomb_friction'].experiment}"
+    assert second == "  This shows coulomb_friction by itself."
+    assert sum("Weigh" in line for line in rest) == 1
+    assert all(line.startswith(("Or: ", "  This shows ", "The data leave ")) for line in rest)
 
 
 def test_a_gaussmeter_does_not_separate_a_weak_grade_from_a_magnet_that_lost_as_much(levitation_model):

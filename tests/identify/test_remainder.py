@@ -2,6 +2,8 @@
 
 import functools
 import runpy
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.add_effects import add_effects
+from femfit.identify.add_result import run_facts, suspicious_values
 from femfit.identify.remainder import COENERGY, NAME, given, likeliest_root
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.carried import Carried, FieldTerm, bounded_basis
@@ -82,6 +85,89 @@ def test_clean_readings_teach_nothing(levitation_model):
     assert not result.accepted
     assert result.model.effects == ()
     assert result.to_dict()["remainder"]["parts"] == []
+
+
+def force_turned(readings, rows):
+    """The force sensor counts a pull as negative."""
+    return {**readings, "force_N": -readings["force_N"]}
+
+
+def test_a_channel_whose_error_rises_on_runs_left_out_is_named_and_what_is_left_of_it_is_no_noise(levitation_model):
+    table = campaign(levitation_model, 5, change=force_turned, distances=12, currents=4)
+    result = add_effects(levitation_model, table, NAME)
+    assert result.fall_unseen > 9.0  # over all channels the weighted error falls
+    assert result.risen == ("flux_linkage_Wb",)
+    assert result.objections == ("risen",)
+    assert not result.accepted
+    assert "Not accepted" in str(result)
+    assert "rises in flux linkage." in str(result)
+    assert result.lack_of_fit_after.p_value > 0.01  # mounts of any distance could have made it
+    assert result.beyond_noise["flux_linkage_Wb"] > 50.0
+    assert "what is left is noise" not in str(result)
+
+
+def test_what_keeps_a_model_from_running_is_said(learnt):
+    turned = replace(learnt("energy"), inductance_H={"before": 0.1, "after": -0.06})
+    assert turned.objections == ("inductance",)
+    assert "the inductance goes down to -60 mH" in str(turned)
+    forces_alone = replace(turned, inductance_H={"before": 0.0, "after": 0.0})
+    assert forces_alone.accepted
+    lost = replace(turned, inductance_H={}, filter={"mean_square": {"before": 1.23, "after": None}})
+    assert lost.objections == ("lost",)
+    assert "1.23 -> lost" in str(lost)
+
+
+def test_a_co_energy_that_bends_down_with_the_current_has_no_inductance_and_no_filter(levitation_model, clean_record):
+    rest, plain = levitation_model.smallest_inductance_H, DistanceCoordinate(1.0, kind="distance")
+    grid = levitation_model.inductance(*levitation_model.validity.grid(9, 9))
+    assert rest == pytest.approx(grid.min())
+    assert rest > 0.0
+    # A hill over the currents from -1 to 1 A
+    knots = np.repeat([-1.0, 1.0], 5)
+    bent = -rest * np.linspace(-1.0, 1.0, 5)[None, :] ** 2
+    spline = TensorSpline(np.array([0.0, 1.0]), knots, 0, 4, bent)
+    bending = replace(levitation_model, magnetics=CoenergySpline(plain, spline))
+    assert bending.smallest_inductance_H < 0.0
+    facts = run_facts(levitation_model, bending, clean_record)
+    assert facts["inductance_H"] == {"before": rest, "after": bending.smallest_inductance_H}
+    squares = facts["filter"]["mean_square"]
+    assert squares["before"] == pytest.approx(1.0, abs=0.3)
+    assert squares["after"] is None
+
+
+def test_an_unusual_share_of_what_was_learnt_is_said_with_its_size(learnt):
+    result = learnt("energy")
+    (added,) = result.added
+    large = replace(added, parameters={"share": 1.4}, ci95={"share": (1.3, 1.5)})
+    fit = SimpleNamespace(effects=[large], converged=True, active=[], free=[])
+    (sentence,) = suspicious_values(result.observations, fit)
+    assert "(140 %). That is unusual: 0 to 100 % is usual." in sentence
+
+
+def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model):
+    clean = campaign(levitation_model, 6, [hidden("hall_offset", offset_V=0.02)])
+    result = add_effects(levitation_model, clean, [NAME, "hall_offset"])
+    assert not result.parts
+    first, *_, last = str(result).splitlines()
+    assert first.startswith("Added hall_offset: the test finds nothing in what is left")
+    assert last.startswith("Nothing was learnt beside it")
+    assert result.accepted  # so that what is said to be added is written
+
+
+def test_the_error_with_effects_and_what_is_learnt_falls_from_that_of_the_model_as_given(levitation_model):
+    table = campaign(
+        levitation_model,
+        8,
+        change=lambda readings, rows: stray_energy(readings | {"hall_V": readings["hall_V"] + 0.02}, rows),
+        distances=12,
+        currents=4,
+    )
+    result = add_effects(levitation_model, table, [NAME, "hall_offset"])
+    given = {one.channel: one for one in result.fall.channels}["hall_V"]
+    assert given.rms_before == pytest.approx(np.hypot(0.02, NOISE["hall_V"]), rel=0.05)
+    assert given.rms_after < 1.3 * NOISE["hall_V"]
+    assert str(result).count("Added") == 1
+    assert "usual" not in str(result)
 
 
 @pytest.mark.nightly

@@ -66,6 +66,15 @@ def bench(model, path, *, gap=0.0, gain=(1.0, 1.0), force_gain=1.0, resistance=(
     return path
 
 
+def test_one_current_of_a_grid_of_both_is_not_taken_for_none_in_the_other(bearing, tmp_path):
+    rows = pd.read_csv(bench(bearing, tmp_path / "bench.csv"))
+    rows.drop(columns="current_lower_A").rename(columns={"current_upper_A": "current_A"}).to_csv(
+        tmp_path / "one.csv", index=False
+    )
+    with pytest.raises(TableError, match=r"lacks current_\w+_A, current_\w+_A .*--column HEADER=current_\w+_A"):
+        compare(bearing, tmp_path / "one.csv")
+
+
 def test_what_is_found_is_added_kept_and_shown(bearing, tmp_path):
     file = bench(bearing, tmp_path / "bench.csv", gain=(1.04, 1.0), resistance=(1.0, 1.05))
     found = diagnose(bearing, file)

@@ -74,6 +74,11 @@ def test_what_a_whole_column_is_wrong_by_is_said(levitation_model, table, column
     assert findings[0].size == pytest.approx(size, rel=0.05)
 
 
+def test_a_channel_of_zeros_has_no_signal_and_is_no_factor_of_the_models(levitation_model, table):
+    (finding,) = suspect_units(levitation_model, with_columns(table, force_N=0.0))
+    assert str(finding) == "force_N has no signal at any setting. Connect the sensor, or leave the column out."
+
+
 def test_a_sound_table_and_one_of_voltages_alone_are_suspected_of_nothing(levitation_model, table):
     assert suspect_units(levitation_model, table) == []
     voltages = replace(table, given=("run", "current_A", "distance_m", "voltage_V"))

@@ -16,6 +16,7 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.fit.build import fit_model
 from femfit.identify.bench import bench_observations, placed
+from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.plan import possible_experiments
 from femfit.identify.signatures import why_untestable
@@ -26,7 +27,7 @@ from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
-from femfit.model.with_effects import nominal_of
+from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.measurement import CHANNELS
 from femfit.tables.sweep_table import SweepTable
 from support.campaign import campaign, hidden, without
@@ -220,6 +221,10 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
     assert (found.verdict, found.missing[0].name) == ("named", "spring_in_force")
     assert found.missing[0].parameters["share"] == pytest.approx(1.0, abs=0.05)
     assert "drawn-spring" in {one.code for one in found.findings}
+    with_it = compare(with_effects(drawn, [hidden("spring_in_force", share=1.0)]), table)
+    without_it = compare(drawn, campaign(drawn, 43, **SIZE))
+    for sound in (with_it, without_it):  # nothing to say of a spring that the readings do not show
+        assert "drawn-spring" not in {one.code for one in sound.findings}
     assert "drawing has a spring" in why_untestable(effect_by_name("spring"), bench_observations(drawn, table))
 
 

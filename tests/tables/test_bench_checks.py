@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit.core.errors import TableError
 from femfit.tables.measurement_checks import branch_from_order, without_outliers
 from femfit.tables.measurement_file import read_bench_table
 
@@ -197,6 +198,19 @@ def test_a_clock_that_was_reset_is_told_and_a_sorted_file_put_back(tmp_path):
     assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
 
 
+@pytest.mark.parametrize("column", ["current_A", "force_N"])
+@pytest.mark.parametrize("code", ["9.9E37", "+9.91E+37", "-9.9e+37", "1e37"])
+def test_an_instruments_code_of_an_overload_counts_as_a_missing_number(tmp_path, column, code):
+    lines = [{"distance_m": f"{0.01 * (1 + k % 5)}", "current_A": f"{k}", "force_N": f"{1 + k}"} for k in range(20)]
+    lines[3][column] = lines[11][column] = code
+    text = [",".join(lines[0]), *(",".join(line.values()) for line in lines)]
+    (tmp_path / "bench.csv").write_text("\n".join(text))
+    table = read_bench_table(tmp_path / "bench.csv")
+    assert np.flatnonzero(table.rows[column].isna()).tolist() == [3, 11]
+    (said,) = [one for one in table.findings if one.code == "cells" and one.column == column]
+    assert f"In {column} 2 cells hold no number below 1e+37, as of an overload" in str(said)
+
+
 @pytest.mark.parametrize("value", [1e308, -1e200, 1e90])
 def test_a_cell_with_an_absurd_number_costs_none_of_its_neighbours(tmp_path, value):
     rows = bench(1, step=1e-9)
@@ -238,3 +252,11 @@ def test_a_cycle_rises_to_its_turning_point_and_falls_after_it(rows, expected):
 )
 def test_currents_that_were_not_cycled_tell_no_branch(rows):
     assert branch_from_order(rows) == (None, [])
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_a_table_of_names_alone_is_said_to_have_no_rows_and_no_delimiter_that_it_has_not(tmp_path, delimiter):
+    (tmp_path / "bench.csv").write_text(delimiter.join(["distance_m", "current_A", "force_N"]) + "\n")
+    with pytest.raises(TableError, match="holds no rows of at least two numbers;") as refused:
+        read_bench_table(tmp_path / "bench.csv")
+    assert "semicolons" not in str(refused.value)

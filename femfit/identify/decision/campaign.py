@@ -8,7 +8,7 @@ References
 J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988), chapter 12: noncentral chi-square.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -226,12 +226,16 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     observations = as_readings_show(observations)
     noise = estimate_noise(observations)
     if noise is None:
-        constant = never_varying(observations)
-        return finding("never-varies", constant[0], name=constant[0]) if constant else finding("no-noise")
+        return next(_dead(never_varying(observations)), finding("no-noise"))
     whitening = Whitening.granting(observations, noise)
     columns, untestable = testable_columns(observations, effects)
     campaign = Campaign(whitening, Start.at_null(columns, whitening), untestable)
     return campaign if campaign.patterns.groups else finding("too-few-readings")
+
+
+def _dead(constant: Iterable[str]) -> Iterator[Finding]:
+    """Of channels that never vary, sensors; a command repeats itself."""
+    return (finding("never-varies", name, name=name) for name in constant if not name.startswith("voltage_balance"))
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
@@ -246,8 +250,7 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
             facts: dict[str, Any] = {"declared": observations.declared_noise[name], "source": observations.noise_source}
             facts |= {"sigma": float(noise.sigma[c]), "repeats": round(noise.repeats[c])}
             replaced.append(finding("declared-noise", name, name=name, **facts))
-    constant = [finding("never-varies", name, name=name) for name in noise.never_varying]
-    return [*few, *constant, *replaced, *guessed_noises(noise)]
+    return [*few, *_dead(noise.never_varying), *replaced, *guessed_noises(noise)]
 
 
 def stage_errors(campaign: Campaign) -> list[Finding]:
