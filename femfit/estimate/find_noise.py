@@ -20,14 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import (
-    FORGOTTEN,
-    FORGOTTEN_SHARE,
-    LEAST_JUDGED,
-    NOISE_PIECE,
-    NOISE_SAMPLES,
-    UNKNOWN,
-)
+from femfit.estimate.constants import FORGOTTEN, FORGOTTEN_SHARE, LEAST_JUDGED, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
 from femfit.estimate.filter import Filter
 from femfit.estimate.noise import FilterNoise, motion_rate, operating_distance
 from femfit.estimate.prepare import Prepared

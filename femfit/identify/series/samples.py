@@ -7,6 +7,7 @@ than the driver one command of several is seen: any change comes anywhere, and t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,16 +17,14 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns, voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
-from femfit.estimate.record import white_noise
-from femfit.estimate.record_checks import given_voltage
-from femfit.estimate.rests import Rest, Track, find_rests
+from femfit.estimate.record_checks import check_record
+from femfit.estimate.rests import Rest
 from femfit.identify.constants import EVEN, ON_STOP
 from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
 from femfit.identify.settings import currents_in, leading_current
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensors_of
-from femfit.model.with_effects import true_setting_of
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import POSITION_IN_VOLTS
 
@@ -95,23 +94,17 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         raise TableError(nothing_in_domain(model, series.source, distance[recorded], current[recorded]))
     outside = int((recorded & ~usable).sum())
     if outside:
-        findings.append(finding("outside-domain", words="samples_outside_domain", samples=outside))
-    time, segment = rows["time_s"].to_numpy(), rows["segment"].to_numpy()
-    *noise_A, noise_m = (
-        series.declared_noise.get(name, white_noise(columns[name], segment)) for name in (*currents, "distance_m")
-    )
-    distance, current = true_setting_of(model, distance, current.reshape(len(rows), -1))
-    track = Track(time, segment, distance, current, noise_m, noise_A)
-    rests = find_rests(model, track)
-    findings += rests.findings
+        facts: dict[str, Any] = {"samples": outside, "recorded": int(recorded.sum())}
+        findings.append(finding("outside-domain", words="samples_outside_domain", **facts))
+    checked = check_record(model, series)
+    rests = checked.rests
+    findings += checked.findings
     recorded_m = columns["distance_m"].copy()
     for rest in rests.rests:
-        here = slice(rest.first, rest.last + 1)
-        columns["distance_m"][here] = np.where(usable[here], recorded_m[here][usable[here]].mean(), recorded_m[here])
-    for k, command in enumerate(commands):
-        command_V = given_voltage(model, track, columns[command], k)
-        findings += command_V.findings
-        columns[command] = np.where(command_V.unsure, np.nan, command_V.voltage_V)
+        here = rest.first + np.flatnonzero(usable[rest.first : rest.last + 1])
+        columns["distance_m"][here] = recorded_m[here].sum() / max(len(here), 1)  # all of it may be out of the domain
+    for command, drive in zip(commands, checked.given, strict=True):
+        columns[command] = np.where(drive.unsure, np.nan, drive.voltage_V)
     columns["current_A"] = columns[leading_current(model, columns)]
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])
@@ -119,9 +112,9 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
             findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
             columns["hall_V"][ended] = np.nan
     return Samples(
-        time=time,
+        time=checked.track.time_s,
         run=rows["run"].to_numpy(),
-        segment=segment,
+        segment=checked.track.segment,
         columns=columns,
         currents=currents,
         commands=commands,
@@ -129,7 +122,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         free=~rests.contact,
         touches=rests.contact & ~rests.held,
         recorded_m=recorded_m,
-        stop_m=_stops(model, rests.rests, len(time)),
+        stop_m=_stops(model, rests.rests, len(rows)),
         findings=tuple(findings),
     )
 
