@@ -134,6 +134,28 @@ def test_a_stiffer_suspension_is_found_with_its_size_and_is_no_other_preload():
     assert low < 0.0 < high
 
 
+@pytest.fixture(scope="module")
+def sticking():
+    """A body that dry friction holds for some milliseconds wherever it turns, driven slowly up and down."""
+    springs, friction_N = (Spring(600.0, 0.0, 3e-3),), 0.03
+    drawn = solenoid(Mechanics(0.025, 0.0, springs=springs, viscous_N_s_per_m=0.5, coulomb_N=friction_N))
+    time = 1e-3 * np.arange(1000)
+    volts = 7.0 + 3.0 * (2.0 / np.pi) * np.arcsin(np.sin(4.0 * np.pi * time))
+    return drawn, logged([switched(time, volts, 1.0, model=drawn, start_m=2.8e-3)], noise=(5e-4, 2e-6))
+
+
+def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size(sticking):
+    drawn, record = sticking
+    compared = ff.compare(drawn, record)
+    assert compared.verdict == "agrees", str(compared)
+    assert "stands" in {told.code for told in compared.findings}
+    smooth = replace(drawn, motion=replace(drawn.motion, coulomb_N=0.0))
+    result = diagnose(smooth, record)
+    assert [cause.name for cause in result.missing] == ["coulomb_friction"], str(result)
+    weight = nominal_of(smooth).weight_N
+    assert result.missing[0].parameters["level"] * weight == pytest.approx(drawn.motion.coulomb_N, rel=0.1)
+
+
 @pytest.mark.nightly
 def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
     samples = closed_loop(model, [hidden("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5)

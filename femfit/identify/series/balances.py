@@ -232,8 +232,7 @@ def _inertia(
     share = base.mass_kg / changed_by(effects, "mass", base.mass_kg)
     lacking = base.mass_kg * (weights.curvature @ (distance - motion.distance_m))
     if share != 1.0:
-        velocity = np.asarray(motion.at.velocity_m_s)
-        beside = base.beside_weight(distance) + base.friction(velocity, motion.at.nominal.sample_time_s)
+        beside = base.beside_weight(distance) + base.friction(np.asarray(motion.at.velocity_m_s))
         lacking = lacking + (1.0 - share) * (weights.mean @ (beside + np.zeros_like(distance)))
     return share, np.asarray(lacking)
 

@@ -74,7 +74,9 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     noise = sensor_noise(base, samples, sampled, series.declared_noise)
     views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
     record = Recorded(base, nominal, samples, sampled, noise)
-    every = measure_balances(record, views[0].windows), measure_sensors(record, views[1].windows)
+    every = [*measure_balances(record, views[0])], [*measure_sensors(record, views[1].windows)]
+    told = (finding for of_view in every for channel in of_view for finding in channel.findings)
+    series = replace(series, findings=(*series.findings, *told))
     measured = [[channel for channel in of_view if channel.valid.any()] for of_view in every]
     if not any(measured):
         raise TableError(
