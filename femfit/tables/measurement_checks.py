@@ -83,9 +83,11 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
 def without_copies(rows: pd.DataFrame, columns: tuple[str, ...]) -> tuple[pd.DataFrame, list[Finding]]:
     """Keep rows once, where the same row stands twice: a file joined with itself would make the noise look smaller.
 
-    Without numbers of run and order rows may be equal by chance, and are kept.
+    Without numbers of run and order rows may be equal by chance, and are kept; of a record, whole segments are copies.
     """
-    copies = rows.duplicated(subset=list(columns)).to_numpy() & ({"run", "order"} <= set(columns))
+    copies = rows.duplicated(subset=list(columns))
+    record, numbered = "segment" in rows, {"run", "order"} <= set(columns)
+    copies = copies.groupby(rows["segment"]).transform("all") if record else copies & numbered
     count = int(copies.sum())
     findings = [finding("copies", size=float(count), rows=count)] if count else []
     return rows[~copies].reset_index(drop=True), findings
