@@ -29,15 +29,15 @@ def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]
         (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
     ]
     ends = [(fit.effects[k], _clocked(p, observations)) for k, p in at_bounds(fit)]
-    absent = [added.effect.name for added in fit.effects if _may_be_absent(added)]
+    differs = {  # effects of which a fitted amplitude is not what it is without them
+        added.effect.name
+        for added in fit.effects
+        for p in added.effect.amplitudes
+        if p.name in added.ci95 and not added.ci95[p.name][0] <= p.null <= added.ci95[p.name][1]
+    }
+    absent = [name for name in fit.names if name not in differs]
     text = printed("suspicious", fit=fit, unusual=unusual, ends=ends, absent=absent, nominal=nominal, alone=_alone)
     return tuple(text.splitlines())
-
-
-def _may_be_absent(added: AddedEffect) -> bool:
-    """Whether no fitted amplitude differs from what it is without the effect."""
-    limits = [(p.null, *added.ci95[p.name]) for p in added.effect.amplitudes if p.name in added.ci95]
-    return all(low <= null <= high for null, low, high in limits)
 
 
 def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
