@@ -344,11 +344,11 @@ def test_an_edge_still_shows_an_inductance_that_the_model_lacks(held_rig, at_sam
 def test_a_command_that_changes_from_sample_to_sample_is_held_between_them(held_rig, at_samples):
     samples = take_samples(held_rig, at_samples)
     volts, held = samples.columns["voltage_V"], held_from(samples, 0)
-    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s)
+    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     np.testing.assert_allclose(error, np.append(np.diff(volts), 0.0) ** 2 / 3.0)
     volts += 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
-    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s)
+    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     assert not error.any()
 
@@ -363,6 +363,20 @@ def test_commands_that_a_slow_record_does_not_show_count_as_its_noise(held_rig, 
         return 1.6 + 0.4 * np.sin(2.0 * np.pi * time / 0.37) + scatter[place]
 
     left = misfit(fast, record(held_rig, command, held_rig.sample_time_s))
+    assert 0.85 < np.sqrt(np.mean(left**2)) < 1.15
+
+
+@pytest.mark.parametrize("scatter_V", [0.0, 0.15])
+def test_a_driver_that_is_slower_than_drawn_holds_its_command_between_the_samples(held_rig, scatter_V):
+    """At 0.2 ms, say, of a driver that is drawn with 0.1 ms."""
+    drawn = replace(held_rig, sample_time_s=0.5 * held_rig.sample_time_s)
+    scatter = scatter_V * np.random.default_rng(1).standard_normal(9000)
+
+    def command(time):
+        place = np.floor(time / held_rig.sample_time_s + 1e-6).astype(int)
+        return 1.6 + 0.4 * np.sin(place / 60.0) + scatter[place]
+
+    left = misfit(drawn, record(held_rig, command, held_rig.sample_time_s))
     assert 0.85 < np.sqrt(np.mean(left**2)) < 1.15
 
 

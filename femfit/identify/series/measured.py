@@ -293,15 +293,18 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, held)
     of_currents = record.of_currents(slope, field.inductance[:, k])
     of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
-    volts, variance = between_samples(samples, k, held, nominal.sample_time_s)
+    here, taken = np.flatnonzero(samples.usable), np.zeros(len(held))
+    resistive, step = ohms * each[here, k], np.diff(samples.time[here])
+    induced = np.divide(np.diff(field.flux[here, k]), step, out=np.zeros_like(step), where=step > 0.0)
+    taken[here[:-1]] = 0.5 * (resistive[1:] + resistive[:-1]) + induced
+    volts, variance = between_samples(samples, k, held, nominal.sample_time_s, taken)
     of_distance = record.of_distance(slope, field.force_i[:, k])
     further = driven.power(2) @ variance + (METHOD_ACCURACY * nominal.voltage_V) ** 2
     sigma = propagated(mean, *of_currents, of_distance, further=further)
-    here = np.flatnonzero(samples.usable)
     # Between samples currents settle towards the held commands, i'' = -L^-1 R i', by which a trapezoid over them is
     # h^2 i'' / 12 short
-    step = np.median(np.diff(samples.time[here])) if len(here) > 1 else 0.0
+    usual = np.median(step) if len(step) else 0.0
     rate = np.linalg.pinv(np.median(field.inductance[here], axis=0))[k] * base.resistances_ohm
-    settling = ohms * step**2 / 12.0 * (each @ rate)
+    settling = ohms * usual**2 / 12.0 * (each @ rate)
     fixed = ohms * (mean @ each[:, k]) + slope @ settling
     return MeasuredChannel(name, driven @ volts, sigma, valid, slope, "flux", k, fixed)

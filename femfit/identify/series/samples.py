@@ -2,7 +2,8 @@
 
 A controller gives its command at a sample and holds it to the next, and changes it at most samples. A command that
 mostly is what it was a sample before is switched, and its edges come anywhere between two samples. In a record slower
-than the driver one command of several is seen: any change comes anywhere, and the unseen scatter as the seen ones do.
+than the driver of the drawing one command of several may be seen: any change comes anywhere then, and the unseen
+scatter as the seen ones do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,7 @@ from femfit.core.sweep_columns import current_columns, voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
 from femfit.estimate.record_checks import check_record
 from femfit.estimate.rests import Rest
-from femfit.identify.constants import EVEN, ON_STOP
+from femfit.identify.constants import ANYWHERE, EVEN, ON_STOP
 from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
 from femfit.identify.settings import currents_in, leading_current
 from femfit.identify.words import finding
@@ -152,11 +153,15 @@ def held_from(samples: Samples, k: int) -> BoolArray:
     return np.asarray(result & np.isfinite(samples.columns[samples.commands[k]]))
 
 
-def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: float) -> tuple[FloatArray, FloatArray]:
+def between_samples(
+    samples: Samples, k: int, held: BoolArray, driver_step: float, taken: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Mean of a command from each sample to the next one, and its mean squared error.
 
     An edge by dU that is even between two samples leaves dU^2 / 3 of a command that is taken as held, as it is where
-    the edge is at a sample, and dU^2 / 12 of one that runs straight.
+    the edge is at a sample, and dU^2 / 12 of one that runs straight. In a record slower than the driver the voltage
+    that the winding takes says which of the two commands that are not switched are: by least squares it goes on by the
+    part of dU for which the next command has acted, half of it where edges come anywhere and none at the samples.
 
     Parameters
     ----------
@@ -164,6 +169,8 @@ def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: floa
         From which samples the command is known to the next one.
     driver_step : float
         Time in s from one command of the driver to its next.
+    taken : array, shape (N,)
+        Mean voltage from each sample to the next one that the model makes of currents and motion.
     """
     volts = samples.columns[samples.commands[k]]
     here, step = np.flatnonzero(samples.usable), np.diff(samples.time)
@@ -172,7 +179,8 @@ def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: floa
         return mean, rise
     rise[here[:-1]] = np.where(held[here[:-1]], np.nan_to_num(np.diff(volts[here])), 0.0)
     scatter = float(np.median(np.abs(rise[held]))) / NORMAL_MEDIAN
-    if float(np.median(step[np.flatnonzero(held)])) > EVEN * driver_step:
+    slow = float(np.median(step[np.flatnonzero(held)])) > EVEN * driver_step
+    if slow and (scatter == 0.0 or rise @ (taken - mean) > ANYWHERE * (rise @ rise)):
         jump = np.where(np.abs(rise) > SPIKE * scatter, rise, 0.0)
         return mean + 0.5 * rise, jump**2 / 12.0 + 0.5 * scatter**2
     return mean, rise**2 / 3.0 if scatter == 0.0 else np.zeros_like(mean)
