@@ -21,12 +21,20 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.series.balances import EddiesAlong, induced_along, pull_of, states_along
+from femfit.identify.series.balances import (
+    EddiesAlong,
+    RememberedPoints,
+    induced_along,
+    model_readings,
+    model_rests,
+    pull_of,
+    states_along,
+)
 from femfit.identify.series.measured import SensorNoise, propagated
 from femfit.identify.series.observations import series_observations
 from femfit.identify.series.samples import between_samples, held_from, take_samples
-from femfit.identify.series.views import local_polynomials
-from femfit.identify.series.weights import Windows, window_weights
+from femfit.identify.series.views import local_polynomials, sensor_view
+from femfit.identify.series.weights import Windows, lay_windows, window_weights
 from femfit.identify.signatures import why_untestable
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyMagnetics
@@ -182,6 +190,19 @@ def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, loop
     short = replace(record, rows=record.rows.iloc[:20])
     with pytest.raises(TableError, match="gap"):
         series_observations(model, short)
+
+
+def test_rests_are_read_without_a_field_as_they_are_beside_other_sensors():
+    model, record = solenoid(), logged([switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)])
+    samples = take_samples(model, record)
+    view = sensor_view(samples, lay_windows(model, samples), nominal_of(model))
+    points = RememberedPoints(model)
+    effects = [hidden("stop_position", near=0.01, far=-0.02), hidden("distance_offset", offset_m=1e-5)]
+    alone = model_rests(points, view.motion, view.weights, effects)
+    assert not points.known  # no field was worked out
+    np.testing.assert_array_equal(
+        alone["rest_distance_m"], model_readings(points, view.motion, view.weights, effects)["rest_distance_m"]
+    )
 
 
 EVEN = np.linspace(0.0, 1.0, 201)
