@@ -116,15 +116,15 @@ class Mechanics(Record):
         slopes = (_piece(spring, distance)[3] for spring in self.springs)
         return sum(slopes, np.zeros(np.shape(distance)))
 
-    def friction(self, velocity: Expression, sample_time_s: float) -> Expression:
-        """Friction's force along growing distance in N, for equations that are solved in steps.
+    def friction(self, velocity: Expression, sample_time_s: float = 0.0) -> Expression:
+        """Friction's force along growing distance in N, for equations that are solved in steps where a step is given.
 
-        Dry friction is F tanh(v / v_0): v_0 is the speed that it takes from the body within one sample, so that it
-        stops a body and does not throw it back.
+        Dry friction is then F tanh(v / v_0): v_0 is the speed that it takes from the body within one sample, so that it
+        stops a body and does not throw it back. Of velocities that were measured it is F sign(v).
         """
-        force = -self.viscous_N_s_per_m * velocity
+        creep, force = self.coulomb_N * sample_time_s / self.mass_kg, -self.viscous_N_s_per_m * velocity
         if self.coulomb_N:
-            force = force - self.coulomb_N * np.tanh(velocity / (self.coulomb_N * sample_time_s / self.mass_kg))
+            force = force - self.coulomb_N * (np.tanh(velocity / creep) if creep else np.sign(velocity))
         return force
 
     def acceleration(

@@ -134,7 +134,12 @@ FINEST_PART = 4
 
 FLOWS, AGAINST = 0.1, 0.5
 """Conventional: parts of the largest command or current from which one flows, and of the heat in the winding that the
-mean power must be negative by before its polarity is suspected: a body that is driven from outside gives less back."""
+mean power must be negative by before its polarity is suspected, or less by before it is taken for the current: a body
+that is driven from outside gives less back."""
+
+LOUD = 1.5
+"""Derived: times the standard deviation of all readings above which a declared noise is not theirs: that of a hundred
+readings of white noise alone is uncertain by 7 %, and a slow noise may last as long as the record."""
 
 SLOWEST_STEP, FASTEST_STEP = 100.0, 1e-6
 """Conventional: times of the model's slowest own time above which a step cannot be filtered, and of its fastest below

@@ -20,14 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import (
-    FORGOTTEN,
-    FORGOTTEN_SHARE,
-    LEAST_JUDGED,
-    NOISE_PIECE,
-    NOISE_SAMPLES,
-    UNKNOWN,
-)
+from femfit.estimate.constants import FORGOTTEN, FORGOTTEN_SHARE, LEAST_JUDGED, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
 from femfit.estimate.filter import Filter
 from femfit.estimate.noise import FilterNoise, motion_rate, operating_distance
 from femfit.estimate.prepare import Prepared
@@ -133,14 +126,15 @@ STEP = 0.1
 def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed, noise: FilterNoise) -> FoundNoise | None:
     """Maximise the likelihood of the innovations over acceleration, voltage and the sensors' noises.
 
-    None where the filter runs through no stretch that is long enough to judge; ``noise`` is what it was given.
+    None where the filter runs through no stretch that is long enough to judge, or nowhere near the readings; ``noise``
+    is what it was given.
     """
     process, model = filter_.process, prepared.model
-    windows = _windows(process, prepared, replayed)
-    if windows is None:
+    windows, (sources, fixed) = _windows(process, prepared, replayed), _sources(process, noise)
+    likeliest = None if windows is None else _newton(windows, sources, fixed)
+    if windows is None or likeliest is None:
         return None
-    sources, fixed = _sources(process, noise)
-    logs, curvature = _newton(windows, sources, fixed)
+    logs, curvature = likeliest
     spread = np.linalg.pinv(curvature)
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0)) + np.where(np.diag(curvature) < 1e-3, np.inf, 0.0)
     estimates = []
@@ -213,6 +207,7 @@ def _sources(process: FilterProcess, noise: FilterNoise) -> tuple[list[Source], 
     return sources, covariance - acceleration - voltage
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _likelihood(windows: Stretches, sources: Sequence[Source], fixed: FloatArray, logs: FloatArray) -> FloatArray:
     """Minus the logarithm of the likelihood for each row of logarithms of the noises' factors; shape (rows,)."""
     factor = np.exp(2.0 * logs)
@@ -243,8 +238,8 @@ def _likelihood(windows: Stretches, sources: Sequence[Source], fixed: FloatArray
     return total
 
 
-def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The most likely logarithms, and the curvature there."""
+def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """The most likely logarithms, and the curvature there; None where a likelihood is beyond all numbers."""
     count = len(sources)
     logs, unit = np.zeros(count), STEP * np.eye(count)
     pairs = [(a, b) for a in range(count) for b in range(a)]
@@ -252,6 +247,8 @@ def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) ->
     for _ in range(NEWTON_STEPS):
         probes = np.concatenate([[logs], logs + unit, logs - unit, *([logs + unit[a] + unit[b]] for a, b in pairs)])
         values = _likelihood(windows, sources, fixed, probes)
+        if not np.isfinite(values).all():
+            return None
         here, up, down, both = np.split(values, [1, 1 + count, 1 + 2 * count])
         slope = (up - down) / (2.0 * STEP)
         curvature[range(count), range(count)] = (up - 2.0 * here + down) / STEP**2

@@ -109,14 +109,9 @@ def nearest_currents(
     for row in np.flatnonzero(np.abs(force - model.magnetics.force(distance, nearest)) > balanced):
         starts = np.vstack([nearest[row], corners])
         distances, wanted = np.full((2, len(starts)), [distance[row : row + 1], force[row : row + 1]])
-        ends = _descended(
-            model,
-            distances,
-            wanted,
-            bias,
-            limits,
-            _balanced(model.magnetics.at_distances(distances), wanted, starts, model.resistances_ohm, limits),
-        )
+        pull = model.magnetics.at_distances(distances)
+        balancing = _balanced(pull, wanted, starts, model.resistances_ohm, limits)
+        ends = _descended(model, distances, wanted, bias, limits, balancing)
         short = np.maximum(np.abs(wanted - model.magnetics.force(distances, ends)), balanced[row])
         heat = np.sum(model.resistances_ohm * (ends - bias) ** 2, axis=1)
         nearest[row] = ends[np.lexsort((heat, short))[0]]

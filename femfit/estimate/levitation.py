@@ -27,13 +27,7 @@ from femfit.estimate.constants import (
     FARTHEST,
     NEAREST,
 )
-from femfit.estimate.noise import (
-    FilterNoise,
-    default_noise,
-    first_deviations,
-    operating_distance,
-    process_covariance,
-)
+from femfit.estimate.noise import FilterNoise, default_noise, first_deviations, operating_distance, process_covariance
 from femfit.estimate.process import FilterProcess, Output
 from femfit.estimate.process_graph import process_graph
 from femfit.model.actuator_model import ActuatorModel

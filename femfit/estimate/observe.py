@@ -16,7 +16,6 @@ from femfit.estimate.find_noise import FoundNoise, find_noise
 from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.prepare import Prepared, prepare
-from femfit.estimate.record_checks import suspect_record
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -140,6 +139,9 @@ def observe(
     noise = noise_of(prepared, noise)
     runs = [follow(prepared, name, biases, noise) for name in names]
     shown = find_noise(runs[0].built, prepared, runs[0].replayed, noise) if find else None
+    error = prepared.model.sample_step.error  # of steps that do not follow what happens within a sample
+    share = f"{100.0 * error:.2g} %" if np.isfinite(error) else "all"
+    coarse = [finding("coarse-sample", share=share, size=error)] if not error <= COARSE else []
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
         source=series.source,
@@ -148,10 +150,9 @@ def observe(
         recorded=prepared.recorded,
         filters=tuple(runs),
         findings=(
-            *suspect_record(prepared.model, series),
             *prepared.findings,
             *_told_by_estimate(prepared, runs[0]),
-            *_coarse_sample(prepared.model),
+            *coarse,
             *([NO_NOISE_FOUND] if find and shown is None else []),
         ),
         noise=shown,
@@ -189,11 +190,3 @@ def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
         )
         findings.append(finding("outside-domain", outside=int(outside.sum()), samples=f"{samples}", ranges=ranges))
     return findings
-
-
-def _coarse_sample(model: ActuatorModel) -> list[Finding]:
-    """Whether the steps of a filter follow what happens within a sample."""
-    error = model.sample_step.error
-    if error <= COARSE:
-        return []
-    return [finding("coarse-sample", share=f"{100.0 * error:.2g} %" if np.isfinite(error) else "all", size=error)]

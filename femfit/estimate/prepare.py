@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.core.text import amount, counted
@@ -15,7 +15,6 @@ from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.estimate.constants import BLOCK, STANDS_STILL, STILL
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.record import (
-    bridged,
     converter_step,
     on_grid,
     sensor_readings,
@@ -23,13 +22,11 @@ from femfit.estimate.record import (
     white_noise,
     with_distance,
 )
-from femfit.estimate.record_checks import given_voltage, require_possible_step
-from femfit.estimate.rests import Track, find_rests
+from femfit.estimate.record_checks import check_record, require_possible_step
 from femfit.estimate.run_filter import Log
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import OtherSensor
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
-from femfit.model.with_effects import true_setting_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 
@@ -73,37 +70,26 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     model = with_recorded_sensors(model, series)
     names = _chosen(model, series, sensors, drawn)
     readings = tuple(reading_of(model, name) for name in names)
-    time, recorded = rows["time_s"].to_numpy(), {}
-    for name in series.given:
-        if name not in {"run", "time_s"}:
-            recorded[name] = rows[name].to_numpy(copy=True)
-    segment, unknown = rows["segment"].to_numpy(), np.full(len(time), np.nan)
-    begins, step = stretches_and_step(time, segment, model.sample_time_s)
+    time, channels = rows["time_s"].to_numpy(), [name for name in series.given if name not in {"run", "time_s"}]
+    recorded = {name: rows[name].to_numpy(copy=True) for name in channels}
+    begins, step = stretches_and_step(time, rows["segment"].to_numpy(), model.sample_time_s)
     require_possible_step(model, step, series.source)
-    placed = with_distance(model, series)
-    distance = placed.rows["distance_m"].to_numpy() if "distance_m" in placed.given else unknown
-    columns = circuit_currents(model.circuit_names)
-    each = np.stack([recorded.get(name, unknown) for name in columns], axis=1) if columns else np.zeros((len(time), 0))
-    noise_m = _sample_noise(series, "distance_m", distance, added)
-    noise_A = [_sample_noise(series, name, each[:, k], added) for k, name in enumerate(columns)]
-    distance, current = (bridged(setting, added) for setting in true_setting_of(model, distance, each))
-    track = Track(time, segment, distance, current.reshape(len(time), -1), noise_m, noise_A)
-    rests = find_rests(model, track)
-    feeds = [given_voltage(model, track, recorded[command], k) for k, command in enumerate(commands)]
-    volts = np.stack([feed.voltage_V for feed in feeds], axis=1) if feeds else np.zeros((len(time), 0))
+    checked = check_record(model, with_distance(model, series), added)
+    rests, noise_m = checked.rests, checked.track.noise_m
+    volts = np.array([drive.voltage_V for drive in checked.given]).reshape(len(commands), len(time)).T
     inputs, held_findings = _inputs(volts, begins)
-    findings += [*rests.findings, *(told for feed in feeds for told in feed.findings), *held_findings]
-    channels = [sensor_readings(series, reading, begins, step) for reading in readings]
-    noises = [_noise(series, values, reading) for (values, _), reading in zip(channels, readings, strict=True)]
-    findings += [told for _, of_channel in [*channels, *noises] for told in of_channel]
+    findings += [*checked.findings, *held_findings]
+    read = [sensor_readings(series, reading, begins, step) for reading in readings]
+    noises = [_noise(series, values, reading) for (values, _), reading in zip(read, readings, strict=True)]
+    findings += [told for _, of_channel in [*read, *noises] for told in of_channel]
     # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
     held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
     log = Log(
         inputs=inputs,
-        readings=np.stack([values for values, _ in channels], axis=1),
+        readings=np.stack([values for values, _ in read], axis=1),
         begins=begins,
-        guesses=_guesses(model, distance, track.current_A[:, : len(columns)]),
+        guesses=_guesses(model, checked.track.distance_m, checked.track.current_A[:, : len(commands)]),
         held=replace(rests, rests=held_rests).held,
     )
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
@@ -157,15 +143,6 @@ def _chosen(
             f"{_left_out(series)}".rstrip()
         )
     return wanted
-
-
-def _sample_noise(series: TimeSeries, name: str, values: FloatArray, added: BoolArray) -> float:
-    """Of a channel, as declared or from neighbouring samples; NaN where neither says it."""
-    declared, segment = series.declared_noise.get(name), series.rows["segment"].to_numpy()
-    if declared:
-        return float(declared)
-    spread = white_noise(values, segment)  # of rows that follow each other, or else of those that were written
-    return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
 
 
 def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:

@@ -1,7 +1,10 @@
 """Columns of a record that contradict the model, a step that it cannot follow, and the voltage that a driver gave.
 
 A passive winding turns what it takes up into heat and motion: the mean of U i is no less than that of R i^2 unless
-something drives the body. Where it is clearly negative, voltage and current are counted opposite ways.
+something drives the body. Where it is clearly negative, voltage and current are counted opposite ways. Where it is
+clearly less, and about the heat that there is with the two columns swapped, they are.
+
+White noise makes readings scatter by no less than itself: noise that was declared larger is in another unit.
 
 A driver gives what its supply can. With a freewheel diode the winding sees its drop while the driver is off and a
 current flows, and nothing once it has stopped.
@@ -16,14 +19,16 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
-from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.core.sweep_columns import circuit_currents, current_columns, voltage_columns
 from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import AGAINST, FALLING, FASTEST_STEP, FLOWS, OFF, SLOWEST_STEP
-from femfit.estimate.rests import Track
+from femfit.estimate.constants import AGAINST, FALLING, FASTEST_STEP, FLOWS, LEAST_DIFFERENCES, LOUD, OFF, SLOWEST_STEP
+from femfit.estimate.record import bridged, white_noise
+from femfit.estimate.rests import Rests, Track, find_rests
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.with_effects import true_setting_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
-from femfit.tables.units import LEAST_READINGS, suspected_by_range
+from femfit.tables.units import LEAST_READINGS, column_unit, suspected_by_range
 
 
 def suspect_settings(
@@ -46,22 +51,66 @@ def suspect_settings(
     return [suspicion for suspicion in suspicions if suspicion is not None]
 
 
+@dataclass(frozen=True, eq=False)
+class CheckedRecord:
+    """Where the body of a record was and rested, what its drivers gave, one entry a circuit, and what is said of it."""
+
+    track: Track
+    rests: Rests
+    given: tuple["Given", ...]
+    findings: tuple[Finding, ...]
+
+
+def check_record(model: ActuatorModel, series: TimeSeries, added: BoolArray | None = None) -> CheckedRecord:
+    """Check a record against a model: its columns, its rests and its commands.
+
+    Parameters
+    ----------
+    added : array of bool, shape (samples,), or None
+        Rows that were not written, over which the settings are interpolated.
+    """
+    rows, time, segment = series.rows, series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
+    added = np.zeros(len(rows), dtype=bool) if added is None else added
+    names = (*current_columns(model.current_names), "distance_m")
+    settings = rows.reindex(columns=names).to_numpy(dtype=np.float64)
+    if not model.has_winding:
+        settings[:, 0] = 0.0
+    *noise_A, noise_m = (
+        float(series.declared_noise.get(name, 0.0)) or _sample_noise(values, segment, added)
+        for name, values in zip(names, settings.T, strict=True)
+    )
+    distance, current = (bridged(true, added) for true in true_setting_of(model, settings[:, -1], settings[:, :-1]))
+    track = Track(time, segment, distance, current, noise_m, noise_A)
+    rests = find_rests(model, track)
+    commands = rows.reindex(columns=voltage_columns(model.circuit_names)).to_numpy(dtype=np.float64)
+    given = tuple(given_voltage(model, track, volts, k) for k, volts in enumerate(commands.T))
+    told = (finding for drive in given for finding in drive.findings)
+    return CheckedRecord(track, rests, given, (*suspect_record(model, series), *rests.findings, *told))
+
+
+def _sample_noise(values: FloatArray, segment: IntArray, added: BoolArray) -> float:
+    """Of a channel, from neighbouring samples, or else from those that were written; NaN where neither says it."""
+    spread = white_noise(values, segment)
+    return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
+
+
 def suspect_record(model: ActuatorModel, series: TimeSeries) -> list[Finding]:
     """Find columns of a record whose unit, sign or polarity is another than the model's; each is named once."""
     rows, names = series.rows, circuit_currents(model.circuit_names)
     suspected = {finding.column for finding in series.findings if finding.code == "suspected-unit"}
-    empty = np.full(len(rows), np.nan)
-    distance = rows["distance_m"].to_numpy() if "distance_m" in series.given else empty
-    columns = [rows[name].to_numpy() if name in series.given else empty for name in names]
-    currents = np.stack(columns, axis=1) if columns else np.zeros((len(rows), 0))
-    findings = [
-        finding for finding in suspect_settings(model, distance, currents, names) if finding.column not in suspected
-    ]
+    settings = rows.reindex(columns=("distance_m", *names)).to_numpy(dtype=np.float64)
+    by_range = suspect_settings(model, settings[:, 0], settings[:, 1:], names)
+    findings = [finding for finding in by_range if finding.column not in suspected]
     suspected |= {finding.column for finding in findings}
     for k, command in enumerate(voltage_columns(model.circuit_names)):
-        polarity = _polarity(model, k, command, rows[command].to_numpy(), columns[k])
+        polarity = _polarity(model, k, command, rows[command].to_numpy(), names[k], settings[:, 1 + k])
         if polarity is not None and not suspected & {command, names[k]}:
             findings.append(polarity)
+    for name in series.declared_noise.keys() & rows.keys():
+        noise, scatter, unit = series.declared_noise[name], float(rows[name].std()), column_unit(name)[1]
+        if noise > LOUD * scatter and rows[name].count() >= LEAST_DIFFERENCES:
+            facts = {"noise": amount(noise, unit), "scatter": amount(scatter, unit)}
+            findings.append(finding("suspected-noise", column=name, **facts))
     return findings
 
 
@@ -89,9 +138,9 @@ def require_possible_step(model: ActuatorModel, step_s: float, source: str) -> N
 
 
 def _polarity(
-    model: ActuatorModel, circuit: int, command: str, volts: FloatArray, current: FloatArray
+    model: ActuatorModel, circuit: int, command: str, volts: FloatArray, name: str, current: FloatArray
 ) -> Finding | None:
-    """A command that its supply gives only the other way round, or that takes power out of the winding."""
+    """A command that its supply gives only the other way round, that takes power out of the winding or is a current."""
     fed, commands = model.circuits[circuit], volts[np.isfinite(volts)]
     low, high = fed.voltage_min_V, fed.voltage_max_V
     turned, most = np.sign(high + low), max(abs(low), abs(high))
@@ -104,14 +153,19 @@ def _polarity(
     mean = np.append(0.5 * (current[1:] + current[:-1]), np.nan)  # the command is held over the step
     here = np.isfinite(mean) & np.isfinite(volts)
     bounds = np.abs(model.validity.current_limits_A[circuit : circuit + 1])
-    if here.sum() < LEAST_READINGS or not bounds.size or np.sqrt(np.mean(mean[here] ** 2)) < FLOWS * bounds.max():
+    if here.sum() < LEAST_READINGS or not bounds.size:
         return None
-    power, heat = float(np.mean(volts[here] * mean[here])), float(np.mean(mean[here] ** 2)) * fed.resistance_ohm
-    if power > -AGAINST * heat:
+    volts, mean = volts[here], mean[here]
+    power, square, swapped = float(np.mean(volts * mean)), float(np.mean(mean**2)), float(np.mean(volts**2))
+    if square < (FLOWS * bounds.max()) ** 2 and power**2 < AGAINST**2 * square * swapped:  # nor follows the voltage
         return None
-    name = circuit_currents(model.circuit_names)[circuit]
-    facts = {"power": amount(-power, "W"), "heat": amount(heat, "W")}
-    return finding("suspected-sign power", column=command, current=name, **facts)
+    heat, swapped = square * fed.resistance_ohm, swapped * fed.resistance_ohm
+    facts = {"heat": amount(heat, "W"), "swapped": amount(swapped, "W")}
+    if power <= -AGAINST * heat:
+        return finding("suspected-sign power", column=command, current=name, power=amount(-power, "W"), **facts)
+    if heat > (1.0 + AGAINST) * power and abs(swapped - power) < AGAINST * power:
+        return finding("suspected-columns", column=command, current=name, power=amount(power, "W"), **facts)
+    return None
 
 
 def _own_times(model: ActuatorModel) -> tuple[float, ...]:
@@ -165,8 +219,6 @@ def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circu
     if not beyond.any():
         return Given(voltage, unsure, ())
     reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
-    if int(beyond.sum()) == 1:
-        reach = amount(float(voltage[beyond][0]), "V")
     of = f" to {fed.name}" if len(model.circuits) > 1 else ""
     commands = f"{counted(int(beyond.sum()), 'command')}{of} of {len(voltage)} ({reach})"
     told = finding("clamped", commands=commands, limits=amount_range(fed.voltage_min_V, fed.voltage_max_V, "V"))

@@ -268,6 +268,9 @@ EXACT_DEGREE = 5
 EVEN = 1.5
 """Assumed: a step of the clock longer than this many times the usual one hides commands of the driver."""
 
+ANYWHERE = 0.25
+"""Derived: part of a command's change that acts before its sample, halfway from edges at samples to edges anywhere."""
+
 # The smoothed motion of a record within a window
 
 NODES = 12

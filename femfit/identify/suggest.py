@@ -28,13 +28,7 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import TEMPERATURES
-from femfit.identify.plan import (
-    Experiment,
-    noise_for,
-    pair_clauses,
-    possible_experiments,
-    separation,
-)
+from femfit.identify.plan import Experiment, noise_for, pair_clauses, possible_experiments, separation
 from femfit.identify.plausible import plausible_table
 from femfit.identify.refit import Refit, Start, starting_point
 from femfit.identify.settings import currents_in, with_currents

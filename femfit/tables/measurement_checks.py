@@ -88,11 +88,13 @@ def without_copies(rows: pd.DataFrame, columns: tuple[str, ...]) -> tuple[pd.Dat
     """Keep rows once, where the same row stands twice: a file joined with itself would make the noise look smaller.
 
     Without numbers of run and order rows may be equal by chance, and are kept; but not where all of a table follows
-    itself once more.
+    itself once more. Of a record whole segments are copies.
     """
     given = rows[list(columns)].reset_index(drop=True)
     copies = given.duplicated().to_numpy()
-    if not {"run", "order"} <= set(columns):
+    if "segment" in rows:
+        copies = pd.Series(copies).groupby(rows["segment"].to_numpy()).transform("all").to_numpy()
+    elif not {"run", "order"} <= set(columns):
         as_first = (given == given.iloc[0]) | (given.isna() & given.iloc[0].isna())
         length = int(np.r_[np.flatnonzero(as_first.all(axis=1)), len(given)][1])
         again, rest = given[length:].reset_index(drop=True), given[: len(given) - length]

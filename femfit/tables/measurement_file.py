@@ -197,8 +197,9 @@ def _time_series(raw: RawTable, path: Path, words: Words) -> TimeSeries:
     rows = rows.iloc[order].reset_index(drop=True)
     untimed = [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
     rows["segment"], clock = check_clock(rows, str(path))
+    rows, copies = without_copies(rows, filled)
     rows, readings, clipped = check_readings(rows)
-    remarks = (*table.findings, *untimed, *clock, *readings, *suspected_by_size(rows))
+    remarks = (*table.findings, *untimed, *clock, *copies, *readings, *suspected_by_size(rows))
     return TimeSeries(
         rows=rows,
         given=tuple(name for name in filled if name in clipped or rows[name].notna().any()),

@@ -20,9 +20,6 @@ _PAUSE = 5.0
 _LEAST_STUCK, _MUCH_LONGER = 50, 20
 """Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
 
-NORMAL_MEDIAN = 0.6745
-"""Derived: median of the magnitude of a normal number of deviation one."""
-
 _MOST_IMPOSSIBLE = 0.02
 """Assumed: largest part of a channel that can be impossible by single faults, as of a bench table's outliers."""
 
@@ -37,9 +34,8 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
     forward = step[same & (step > 0.0)]
     if not len(forward):
         raise TableError(
-            f"The time_s of {source} rises nowhere within a run: {counted(len(rows), 'sample')} from "
-            f"{time.min():.6g} s to "
-            f"{time.max():.6g} s. Repair the clock, or leave out the column time_s if the rows are readings at rest."
+            f"The time_s of {source} rises nowhere within a run: {counted(len(rows), 'sample')} from {time.min():.6g} "
+            f"s to {time.max():.6g} s. Repair the clock, or leave the column time_s out if these are readings at rest."
         )
     if (step[same] == 0.0).mean() > _SHARE:
         raise TableError(
@@ -68,8 +64,7 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], set
         readable = np.isfinite(values)
         if not readable.any():
             continue
-        if not readable.all():
-            count = int((~readable).sum())
+        if count := int((~readable).sum()):
             findings.append(finding("cells missing", size=count, column=name, cells=count))
         ended, (length, stretch) = _clipped(values), equal_stretches(values)
         usual = float(np.quantile(length, 0.95)) if len(length) > 1 else 0.0  # nothing moves it at all

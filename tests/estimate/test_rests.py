@@ -257,6 +257,35 @@ def test_a_column_of_the_other_sign_is_named(record, name):
     assert suspected(one_sided(), turned(record, name)) == [("suspected-sign", name)]
 
 
+SWAPPED = {"voltage_V": "current_A", "current_A": "voltage_V"}
+
+
+def test_a_voltage_and_a_current_that_were_swapped_are_named_by_the_heat(record):
+    turned_round = replace(record, rows=record.rows.rename(columns=SWAPPED))
+    assert ("suspected-columns", "voltage_V") in suspected(damped(), turned_round)
+
+
+def test_a_noise_that_was_declared_in_another_unit_is_named(record):
+    for noise, codes in ((2e-3, []), (2.0, [("suspected-noise", "current_A")])):
+        assert suspected(damped(), replace(record, declared_noise={"current_A": noise})) == codes
+
+
+def test_a_comparison_of_a_record_says_first_which_columns_contradict_the_model(free):
+    right = logged([free])
+    for record in (turned(right, "current_A"), replace(right, declared_noise={"current_A": 5.0})):
+        assert str(ff.compare(solenoid(), record)).startswith("Check first: ")
+    assert not str(ff.compare(solenoid(), right)).startswith("Check first: ")
+
+
+def test_a_record_of_which_most_lies_outside_of_the_validity_domain_is_warned_of(free):
+    record = logged([free])
+    rows = record.rows.copy()
+    for part, severity in ((0.1, "info"), (0.6, "warning")):
+        rows.loc[: int(part * len(rows)), "distance_m"] = 8e-3
+        told = {told.code: told for told in ff.compare(solenoid(), replace(record, rows=rows)).findings}
+        assert told["outside-domain"].severity == severity
+
+
 @pytest.mark.parametrize(("factor", "words"), [(1e6, "too long"), (1e-6, "too short")])
 def test_a_step_that_no_filter_can_take_is_refused_by_the_unit_of_time(record, factor, words):
     slow = replace(record, rows=record.rows.assign(time_s=factor * record.rows["time_s"]))

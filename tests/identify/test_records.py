@@ -21,12 +21,20 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.series.balances import EddiesAlong, induced_along, pull_of, states_along
+from femfit.identify.series.balances import (
+    EddiesAlong,
+    RememberedPoints,
+    induced_along,
+    model_readings,
+    model_rests,
+    pull_of,
+    states_along,
+)
 from femfit.identify.series.measured import SensorNoise, propagated
 from femfit.identify.series.observations import series_observations
 from femfit.identify.series.samples import between_samples, held_from, take_samples
-from femfit.identify.series.views import local_polynomials
-from femfit.identify.series.weights import Windows, window_weights
+from femfit.identify.series.views import local_polynomials, sensor_view
+from femfit.identify.series.weights import Windows, lay_windows, window_weights
 from femfit.identify.signatures import why_untestable
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyMagnetics
@@ -134,6 +142,28 @@ def test_a_stiffer_suspension_is_found_with_its_size_and_is_no_other_preload():
     assert low < 0.0 < high
 
 
+@pytest.fixture(scope="module")
+def sticking():
+    """A body that dry friction holds for some milliseconds wherever it turns, driven slowly up and down."""
+    springs, friction_N = (Spring(600.0, 0.0, 3e-3),), 0.03
+    drawn = solenoid(Mechanics(0.025, 0.0, springs=springs, viscous_N_s_per_m=0.5, coulomb_N=friction_N))
+    time = 1e-3 * np.arange(1000)
+    volts = 7.0 + 3.0 * (2.0 / np.pi) * np.arcsin(np.sin(4.0 * np.pi * time))
+    return drawn, logged([switched(time, volts, 1.0, model=drawn, start_m=2.8e-3)], noise=(5e-4, 2e-6))
+
+
+def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size(sticking):
+    drawn, record = sticking
+    compared = ff.compare(drawn, record)
+    assert compared.verdict == "agrees", str(compared)
+    assert "stands" in {told.code for told in compared.findings}
+    smooth = replace(drawn, motion=replace(drawn.motion, coulomb_N=0.0))
+    result = diagnose(smooth, record)
+    assert [cause.name for cause in result.missing] == ["coulomb_friction"], str(result)
+    weight = nominal_of(smooth).weight_N
+    assert result.missing[0].parameters["level"] * weight == pytest.approx(drawn.motion.coulomb_N, rel=0.1)
+
+
 @pytest.mark.nightly
 def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
     samples = closed_loop(model, [hidden("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5)
@@ -160,6 +190,19 @@ def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, loop
     short = replace(record, rows=record.rows.iloc[:20])
     with pytest.raises(TableError, match="gap"):
         series_observations(model, short)
+
+
+def test_rests_are_read_without_a_field_as_they_are_beside_other_sensors():
+    model, record = solenoid(), logged([switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)])
+    samples = take_samples(model, record)
+    view = sensor_view(samples, lay_windows(model, samples), nominal_of(model))
+    points = RememberedPoints(model)
+    effects = [hidden("stop_position", near=0.01, far=-0.02), hidden("distance_offset", offset_m=1e-5)]
+    alone = model_rests(points, view.motion, view.weights, effects)
+    assert not points.known  # no field was worked out
+    np.testing.assert_array_equal(
+        alone["rest_distance_m"], model_readings(points, view.motion, view.weights, effects)["rest_distance_m"]
+    )
 
 
 EVEN = np.linspace(0.0, 1.0, 201)
@@ -322,11 +365,11 @@ def test_an_edge_still_shows_an_inductance_that_the_model_lacks(held_rig, at_sam
 def test_a_command_that_changes_from_sample_to_sample_is_held_between_them(held_rig, at_samples):
     samples = take_samples(held_rig, at_samples)
     volts, held = samples.columns["voltage_V"], held_from(samples, 0)
-    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s)
+    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     np.testing.assert_allclose(error, np.append(np.diff(volts), 0.0) ** 2 / 3.0)
     volts += 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
-    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s)
+    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     assert not error.any()
 
@@ -341,6 +384,20 @@ def test_commands_that_a_slow_record_does_not_show_count_as_its_noise(held_rig, 
         return 1.6 + 0.4 * np.sin(2.0 * np.pi * time / 0.37) + scatter[place]
 
     left = misfit(fast, record(held_rig, command, held_rig.sample_time_s))
+    assert 0.85 < np.sqrt(np.mean(left**2)) < 1.15
+
+
+@pytest.mark.parametrize("scatter_V", [0.0, 0.15])
+def test_a_driver_that_is_slower_than_drawn_holds_its_command_between_the_samples(held_rig, scatter_V):
+    """At 0.2 ms, say, of a driver that is drawn with 0.1 ms."""
+    drawn = replace(held_rig, sample_time_s=0.5 * held_rig.sample_time_s)
+    scatter = scatter_V * np.random.default_rng(1).standard_normal(9000)
+
+    def command(time):
+        place = np.floor(time / held_rig.sample_time_s + 1e-6).astype(int)
+        return 1.6 + 0.4 * np.sin(place / 60.0) + scatter[place]
+
+    left = misfit(drawn, record(held_rig, command, held_rig.sample_time_s))
     assert 0.85 < np.sqrt(np.mean(left**2)) < 1.15
 
 

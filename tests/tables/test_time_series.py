@@ -174,3 +174,14 @@ def test_what_does_not_belong_together_is_refused(tmp_path):
         joined_measurements([table, bench(tmp_path / "copy.csv", noise="1e-3")])
     with pytest.raises(TableError, match="measurement"):
         joined_measurements([])
+
+
+def test_a_record_that_was_pasted_twice_counts_once(tmp_path):
+    once, twice = record(), pd.concat([record(), record()])
+    for table in (twice, twice.assign(run=7)):
+        result = series(tmp_path, table)
+        assert len(result.rows) == len(once)
+        assert f"{len(once):,}" in finding(result, "copies")
+    another = record()
+    another["current_A"] += 1e-3
+    assert len(series(tmp_path, pd.concat([once, another])).rows) == 2 * len(once)

@@ -16,15 +16,7 @@ from femfit.core.numerics import ROUNDING as NUMERIC
 from femfit.core.numerics import ranked
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import (
-    EXPLAINED,
-    IN_CLASS,
-    NOTHING_MISSING,
-    NOTICED,
-    OWN_MISFIT,
-    RIVALS,
-    TIED,
-)
+from femfit.identify.decision.constants import EXPLAINED, IN_CLASS, NOTHING_MISSING, NOTICED, OWN_MISFIT, RIVALS, TIED
 from femfit.identify.decision.diagnosis import Verdict
 from femfit.identify.decision.evidence import odds_of_unknown
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing

@@ -184,13 +184,21 @@ def model_readings(
     if base.sensor is not None:
         field = point.induced_T + hall_seen(point.seen, Point(base, point.distance, point.currents, point.at, effects))
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
-    if base.motion is not None:
-        near, far = base.motion.ends
-        d = motion.distance_m
-        stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
-        readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (point.distance - d)
     readings = changed_by(effects, "readings", readings, point.distance, _first(point.currents), point.at)
-    return {name: weights.mean @ reading for name, reading in readings.items()}
+    rests = model_rests(points, motion, weights, effects) if base.motion is not None else {}
+    return {name: weights.mean @ reading for name, reading in readings.items()} | rests
+
+
+def model_rests(
+    points: "RememberedPoints", motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
+) -> dict[str, FloatArray]:
+    """The same of ``rest_distance_m`` alone, for which no field is worked out."""
+    base, d = points.base, motion.distance_m
+    near, far = base.require_motion().ends
+    stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
+    true, i = true_setting(effects, d, base.validity.with_axis(motion.current_A), motion.at)
+    readings = {REST: np.where(np.isfinite(stop), stop, 0.0) - (true - d)}
+    return {REST: weights.mean @ changed_by(effects, "readings", readings, true, _first(i), motion.at)[REST]}
 
 
 def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
@@ -232,8 +240,7 @@ def _inertia(
     share = base.mass_kg / changed_by(effects, "mass", base.mass_kg)
     lacking = base.mass_kg * (weights.curvature @ (distance - motion.distance_m))
     if share != 1.0:
-        velocity = np.asarray(motion.at.velocity_m_s)
-        beside = base.beside_weight(distance) + base.friction(velocity, motion.at.nominal.sample_time_s)
+        beside = base.beside_weight(distance) + base.friction(np.asarray(motion.at.velocity_m_s))
         lacking = lacking + (1.0 - share) * (weights.mean @ (beside + np.zeros_like(distance)))
     return share, np.asarray(lacking)
 

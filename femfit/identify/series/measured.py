@@ -18,15 +18,18 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.results import Finding
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
 from femfit.effects.friction import REST
-from femfit.estimate.constants import NORMAL_MEDIAN
+from femfit.estimate.constants import DECISIVE, NORMAL_MEDIAN
 from femfit.estimate.record import converter_step, white_noise
 from femfit.identify.constants import LEAST_REPEATS, LEAST_VARIANCE, METHOD_ACCURACY
 from femfit.identify.series.balances import FORCE_BALANCE, EddiesAlong, induced_along, pull_of, voltage_balances
 from femfit.identify.series.samples import Samples, between_samples, held_from
+from femfit.identify.series.views import View
 from femfit.identify.series.weights import Weights, Windows, held_weights, window_weights
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 
 
@@ -190,6 +193,7 @@ class MeasuredChannel:
     part: Literal["force", "flux", "hall"]
     circuit: int | None = None  # Place of the circuit, of a flux linkage
     fixed: FloatArray | float = 0.0  # What depends on no field
+    findings: tuple[Finding, ...] = ()
 
     def predict(self, field: SampleField) -> FloatArray:
         """The model's side in each window."""
@@ -221,12 +225,12 @@ class Recorded:
         return [(carried(weights, along), self.noise[name]) for name, along in currents]
 
 
-def measure_balances(record: Recorded, windows: Windows) -> Iterator[MeasuredChannel]:
+def measure_balances(record: Recorded, view: View) -> Iterator[MeasuredChannel]:
     """Both sides of every balance that the model allows."""
     if record.base.motion is not None:
-        yield _force_balance(record, record.base.motion, windows)
+        yield _force_balance(record, record.base.motion, view)
     for k, name in enumerate(voltage_balances(record.base)):
-        yield _voltage_balance(record, name, k, windows)
+        yield _voltage_balance(record, name, k, view.windows)
 
 
 def measure_sensors(record: Recorded, windows: Windows) -> Iterator[MeasuredChannel]:
@@ -253,18 +257,32 @@ def measure_sensors(record: Recorded, windows: Windows) -> Iterator[MeasuredChan
     yield MeasuredChannel(REST, measured, sigma, weights.valid, none, "force", fixed=stop)
 
 
-def _force_balance(record: Recorded, motion: Mechanics, windows: Windows) -> MeasuredChannel:
+def _force_balance(record: Recorded, motion: Mechanics, view: View) -> MeasuredChannel:
+    """Of windows whose friction is known: dry friction of a body that stands or turns is any force up to its size.
+
+    Its size is what is drawn and what the misfit surely goes by with the direction of the motion.
+    """
     samples, field, nominal = record.samples, record.field, record.nominal
-    state = record.weights(windows, samples.free)
+    state = record.weights(view.windows, samples.free)
     distance = np.nan_to_num(samples.columns["distance_m"])
     stiffness = field.force_d - motion.static_gradient(distance)
     of_distance = motion.mass_kg * state.curvature + carried(state.mean, stiffness), record.noise["distance_m"]
     sensors = of_distance, *record.of_currents(state.mean, field.force_i)
     sigma = propagated(state.mean, *sensors, further=(METHOD_ACCURACY * nominal.force_N) ** 2)
-    friction = motion.friction(state.slope @ distance, nominal.sample_time_s)
-    load = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + friction
+    velocity = state.slope @ distance
+    load = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + motion.friction(velocity)
     measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance) + load
-    return MeasuredChannel(FORCE_BALANCE, measured, sigma, state.valid, state.mean, "force")
+    along = np.sign(velocity)[:, None] * np.reshape(view.motion.at.velocity_m_s, (len(velocity), -1))
+    slides = along.min(axis=1) > DECISIVE * propagated(state.mean, (state.slope, record.noise["distance_m"]))
+    sliding, dry = state.valid & slides, motion.coulomb_N
+    way, misfit = np.sign(velocity[sliding]), (measured - state.mean @ field.force)[sliding]
+    if len(way) >= LEAST_REPEATS and abs(way.sum()) < len(way):  # it slides both ways
+        fitted, spread = np.polyfit(way, misfit, 1, cov=True)
+        dry += max(0.0, float(fitted[0] - DECISIVE * np.sqrt(spread[0, 0])))
+    valid = state.valid & (slides | (dry <= sigma))
+    unsure = int((state.valid & ~valid).sum())
+    told = (finding("stands", force=dry, windows=unsure, size=float(unsure)),) if unsure else ()
+    return MeasuredChannel(FORCE_BALANCE, measured, sigma, valid, state.mean, "force", findings=told)
 
 
 def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> MeasuredChannel:
@@ -275,15 +293,18 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, held)
     of_currents = record.of_currents(slope, field.inductance[:, k])
     of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
-    volts, variance = between_samples(samples, k, held, nominal.sample_time_s)
+    here, taken = np.flatnonzero(samples.usable), np.zeros(len(held))
+    resistive, step = ohms * each[here, k], np.diff(samples.time[here])
+    induced = np.divide(np.diff(field.flux[here, k]), step, out=np.zeros_like(step), where=step > 0.0)
+    taken[here[:-1]] = 0.5 * (resistive[1:] + resistive[:-1]) + induced
+    volts, variance = between_samples(samples, k, held, nominal.sample_time_s, taken)
     of_distance = record.of_distance(slope, field.force_i[:, k])
     further = driven.power(2) @ variance + (METHOD_ACCURACY * nominal.voltage_V) ** 2
     sigma = propagated(mean, *of_currents, of_distance, further=further)
-    here = np.flatnonzero(samples.usable)
     # Between samples currents settle towards the held commands, i'' = -L^-1 R i', by which a trapezoid over them is
     # h^2 i'' / 12 short
-    step = np.median(np.diff(samples.time[here])) if len(here) > 1 else 0.0
+    usual = np.median(step) if len(step) else 0.0
     rate = np.linalg.pinv(np.median(field.inductance[here], axis=0))[k] * base.resistances_ohm
-    settling = ohms * step**2 / 12.0 * (each @ rate)
+    settling = ohms * usual**2 / 12.0 * (each @ rate)
     fixed = ohms * (mean @ each[:, k]) + slope @ settling
     return MeasuredChannel(name, driven @ volts, sigma, valid, slope, "flux", k, fixed)

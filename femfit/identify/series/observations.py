@@ -33,6 +33,7 @@ from femfit.identify.series.balances import (
     Side,
     model_balances,
     model_readings,
+    model_rests,
     voltage_balances,
 )
 from femfit.identify.series.measured import (
@@ -74,7 +75,9 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     noise = sensor_noise(base, samples, sampled, series.declared_noise)
     views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
     record = Recorded(base, nominal, samples, sampled, noise)
-    every = measure_balances(record, views[0].windows), measure_sensors(record, views[1].windows)
+    every = [*measure_balances(record, views[0])], [*measure_sensors(record, views[1].windows)]
+    told = (finding for of_view in every for channel in of_view for finding in channel.findings)
+    series = replace(series, findings=(*series.findings, *told))
     measured = [[channel for channel in of_view if channel.valid.any()] for of_view in every]
     if not any(measured):
         raise TableError(
@@ -102,7 +105,8 @@ def _assembled(
     names, stacked = tuple(rows), Stacking(rows, scale)
     number = stacked.channel
     offset = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
-    sides = zip(views, (model_balances, model_readings), measured, strict=True)
+    of_sensors = model_rests if [channel.name for channel in measured[1]] == [REST] else model_readings
+    sides = zip(views, (model_balances, of_sensors), measured, strict=True)
     recorded = [(view, side) for view, side, of_view in sides if of_view]
     prediction = _SeriesPrediction(model, recorded, record, channels, stacked)
     change, present = prediction.change, model.effects

@@ -2,11 +2,13 @@
 
 A controller gives its command at a sample and holds it to the next, and changes it at most samples. A command that
 mostly is what it was a sample before is switched, and its edges come anywhere between two samples. In a record slower
-than the driver one command of several is seen: any change comes anywhere, and the unseen scatter as the seen ones do.
+than the driver of the drawing one command of several may be seen: any change comes anywhere then, and the unseen
+scatter as the seen ones do.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,16 +18,14 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns, voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
-from femfit.estimate.record import white_noise
-from femfit.estimate.record_checks import given_voltage
-from femfit.estimate.rests import Rest, Track, find_rests
-from femfit.identify.constants import EVEN, ON_STOP
+from femfit.estimate.record_checks import check_record
+from femfit.estimate.rests import Rest
+from femfit.identify.constants import ANYWHERE, EVEN, ON_STOP
 from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
 from femfit.identify.settings import currents_in, leading_current
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensors_of
-from femfit.model.with_effects import true_setting_of
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import POSITION_IN_VOLTS
 
@@ -95,23 +95,17 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         raise TableError(nothing_in_domain(model, series.source, distance[recorded], current[recorded]))
     outside = int((recorded & ~usable).sum())
     if outside:
-        findings.append(finding("outside-domain", words="samples_outside_domain", samples=outside))
-    time, segment = rows["time_s"].to_numpy(), rows["segment"].to_numpy()
-    *noise_A, noise_m = (
-        series.declared_noise.get(name, white_noise(columns[name], segment)) for name in (*currents, "distance_m")
-    )
-    distance, current = true_setting_of(model, distance, current.reshape(len(rows), -1))
-    track = Track(time, segment, distance, current, noise_m, noise_A)
-    rests = find_rests(model, track)
-    findings += rests.findings
+        facts: dict[str, Any] = {"samples": outside, "recorded": int(recorded.sum())}
+        findings.append(finding("outside-domain", words="samples_outside_domain", **facts))
+    checked = check_record(model, series)
+    rests = checked.rests
+    findings += checked.findings
     recorded_m = columns["distance_m"].copy()
     for rest in rests.rests:
-        here = slice(rest.first, rest.last + 1)
-        columns["distance_m"][here] = np.where(usable[here], recorded_m[here][usable[here]].mean(), recorded_m[here])
-    for k, command in enumerate(commands):
-        command_V = given_voltage(model, track, columns[command], k)
-        findings += command_V.findings
-        columns[command] = np.where(command_V.unsure, np.nan, command_V.voltage_V)
+        here = rest.first + np.flatnonzero(usable[rest.first : rest.last + 1])
+        columns["distance_m"][here] = recorded_m[here].sum() / max(len(here), 1)  # all of it may be out of the domain
+    for command, drive in zip(commands, checked.given, strict=True):
+        columns[command] = np.where(drive.unsure, np.nan, drive.voltage_V)
     columns["current_A"] = columns[leading_current(model, columns)]
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])
@@ -119,9 +113,9 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
             findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
             columns["hall_V"][ended] = np.nan
     return Samples(
-        time=time,
+        time=checked.track.time_s,
         run=rows["run"].to_numpy(),
-        segment=segment,
+        segment=checked.track.segment,
         columns=columns,
         currents=currents,
         commands=commands,
@@ -129,7 +123,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         free=~rests.contact,
         touches=rests.contact & ~rests.held,
         recorded_m=recorded_m,
-        stop_m=_stops(model, rests.rests, len(time)),
+        stop_m=_stops(model, rests.rests, len(rows)),
         findings=tuple(findings),
     )
 
@@ -159,11 +153,15 @@ def held_from(samples: Samples, k: int) -> BoolArray:
     return np.asarray(result & np.isfinite(samples.columns[samples.commands[k]]))
 
 
-def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: float) -> tuple[FloatArray, FloatArray]:
+def between_samples(
+    samples: Samples, k: int, held: BoolArray, driver_step: float, taken: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Mean of a command from each sample to the next one, and its mean squared error.
 
     An edge by dU that is even between two samples leaves dU^2 / 3 of a command that is taken as held, as it is where
-    the edge is at a sample, and dU^2 / 12 of one that runs straight.
+    the edge is at a sample, and dU^2 / 12 of one that runs straight. In a record slower than the driver the voltage
+    that the winding takes says which of the two commands that are not switched are: by least squares it goes on by the
+    part of dU for which the next command has acted, half of it where edges come anywhere and none at the samples.
 
     Parameters
     ----------
@@ -171,6 +169,8 @@ def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: floa
         From which samples the command is known to the next one.
     driver_step : float
         Time in s from one command of the driver to its next.
+    taken : array, shape (N,)
+        Mean voltage from each sample to the next one that the model makes of currents and motion.
     """
     volts = samples.columns[samples.commands[k]]
     here, step = np.flatnonzero(samples.usable), np.diff(samples.time)
@@ -179,7 +179,8 @@ def between_samples(samples: Samples, k: int, held: BoolArray, driver_step: floa
         return mean, rise
     rise[here[:-1]] = np.where(held[here[:-1]], np.nan_to_num(np.diff(volts[here])), 0.0)
     scatter = float(np.median(np.abs(rise[held]))) / NORMAL_MEDIAN
-    if float(np.median(step[np.flatnonzero(held)])) > EVEN * driver_step:
+    slow = float(np.median(step[np.flatnonzero(held)])) > EVEN * driver_step
+    if slow and (scatter == 0.0 or rise @ (taken - mean) > ANYWHERE * (rise @ rise)):
         jump = np.where(np.abs(rise) > SPIKE * scatter, rise, 0.0)
         return mean + 0.5 * rise, jump**2 / 12.0 + 0.5 * scatter**2
     return mean, rise**2 / 3.0 if scatter == 0.0 else np.zeros_like(mean)
