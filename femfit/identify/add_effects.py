@@ -26,6 +26,7 @@ from femfit.identify.refit import Start, starting_point
 from femfit.identify.remainder import NAME as UNEXPLAINED
 from femfit.identify.remainder import add_remainder
 from femfit.identify.signatures import why_untestable
+from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
@@ -83,10 +84,7 @@ def add_effects(
     temperatures: dict[str, Any] = dict(zip(TEMPERATURES, (coil_temperature_C, magnet_temperature_C), strict=True))
     for name, temperature in temperatures.items():
         if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
-            raise UsageError(
-                f"The {name.split('_')[0]}'s temperature must be above absolute zero, {ABSOLUTE_ZERO_C:g} °C; instead "
-                f"received {temperature:g} °C. Leave it out for what was recorded."
-            )
+            raise UsageError(sentence("refusals", "too_cold", name.split("_")[0], temperature, ABSOLUTE_ZERO_C))
     model, measured, names = model_of(model), measurement_of(data), _names(effects)
     if runs is None and isinstance(effects, Diagnosis):
         runs = {effect.name: effect.runs for effect in effects.missing if effect.runs}
@@ -154,15 +152,11 @@ def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
     if isinstance(effects, Diagnosis):
         if not effects.missing:
             remedy = f" Add {UNEXPLAINED} to learn what it leaves." if effects.verdict == UNEXPLAINED else ""
-            raise TableError(
-                f"The diagnosis names no effect, so there is nothing to add. Give the names of effects.{remedy}"
-            )
+            raise TableError(sentence("refusals", "nothing_named", remedy))
         return [effect.name for effect in effects.missing]
     names = [effects] if isinstance(effects, str) else list(effects) if isinstance(effects, Iterable) else []
     if not names:
-        raise TableError(
-            "No effect is given, so there is nothing to add. Give names that list_effects has, or a diagnosis."
-        )
+        raise TableError(sentence("refusals", "no_effect"))
     return names
 
 
@@ -173,10 +167,7 @@ def in_their_runs(starts: Sequence[Start], whitening: Whitening, runs: Mapping[s
     for effect in starts:
         first, last = runs.get(effect.name, (1, observations.runs))
         if not 1 <= first <= last <= observations.runs:
-            raise UsageError(
-                f"{effect.name} must act from a run to a later one of 1 to {observations.runs}; instead received "
-                f"{first} to {last}."
-            )
+            raise UsageError(sentence("refusals", "no_such_runs", effect.name, observations.runs, first, last))
         if (first, last) != (1, observations.runs):
             columns = effect.columns.in_runs((first - 1, last - 1), observations.column("run").astype(int))
             effect = replace(effect, columns=columns, whitened=whitening.full(columns.columns))  # noqa: PLW2901

@@ -16,7 +16,7 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns
-from femfit.core.text import amount, rounded
+from femfit.core.text import rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.estimate.record_checks import suspect_settings
@@ -251,11 +251,7 @@ def require_known_settings(model: ActuatorModel, measured: Measurement) -> None:
     for name, width in zip(("distance_m", *current_columns(model.current_names)), ranges, strict=True):
         error = measured.declared_noise.get(name, 0.0)
         if error > width > 0.0:
-            raise TableError(
-                f"The declared error of {name} must be below the model's whole range of it, {amount(width, name)}; "
-                f"instead received {amount(error, name)}. Give it in SI, or with its unit in the key, as distance_um "
-                "and current_mA."
-            )
+            raise TableError(sentence("refusals", "whole_range", name, width, error))
 
 
 def nothing_in_domain(model: ActuatorModel, source: str, distance: FloatArray, current: FloatArray) -> str:

@@ -22,6 +22,7 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.identify.constants import AS_GOOD, MOST_EVALUATIONS, NEXT_TO_BOUND, SEEN_SHARE
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.signatures import EffectColumns, effect_columns, why_untestable
+from femfit.identify.words import sentence
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +74,7 @@ def starting_point(whitening: Whitening, effects: Sequence[Effect]) -> list[Star
             raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
         variants = Start.at_null(effect_columns(effect, whitening.observations), whitening)
         if not variants:
-            raise TableError(
-                f"Effect {effect.name} changes no reading at these settings, so it cannot be fitted to them. "
-                f"{effect.experiment}"
-            )
+            raise TableError(sentence("refusals", "unseen", effect))
         tries = [fitted_together(target, [*chosen, variant]) for variant in variants]
         chosen = tries[first_best([fall for _, fall in tries])][0]
     return chosen

@@ -44,7 +44,7 @@ from femfit.identify.left_out import cross_validated
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.observations import Observations
-from femfit.identify.words import plain, printed
+from femfit.identify.words import plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis
@@ -293,10 +293,7 @@ def add_remainder(
         Effects of the model that are fitted to the same readings: what they can explain is left to them.
     """
     if len(model.without_effects.validity.current_limits_A) > 1:
-        raise MissingPartError(
-            f"A remainder is learnt of a device with one circuit; model {model.name!r} has {len(model.circuits)}. Add "
-            "effects by their names."
-        )
+        raise MissingPartError(sentence("refusals", "several_circuits", model))
     progress("Learning the remainder")
     observations = whitening.observations
     staying = [present for present in model.effects if present.effect.name not in named]

@@ -106,10 +106,7 @@ def suggest(
     True
     """
     if not isinstance(diagnosis, Diagnosis | None):
-        raise TableError(
-            f"What was found in the data must be a Diagnosis; instead received {type(diagnosis).__name__}. Give what "
-            "diagnose returns, or leave it out."
-        )
+        raise TableError(sentence("refusals", "no_diagnosis", type(diagnosis).__name__))
     say = progress or (lambda _: None)
     model = model_of(model)
     measured = measurement_of(data)

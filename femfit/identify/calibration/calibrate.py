@@ -37,6 +37,7 @@ from femfit.identify.decision.diagnosis import Diagnosis, said_of
 from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.left_out import unseen_error
 from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
+from femfit.identify.words import sentence
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
 
@@ -130,10 +131,7 @@ def _diagnosed(diagnosis: Diagnosis, suspects: Sequence[NumberFacts]) -> Choice:
     why = [*choice.remarks.values(), titled(said_of(diagnosis, "verdict"), titles)]
     if choice.beside:
         why.append(f"That is {' and '.join(choice.beside)} and no number; femfit add puts it into the model.")
-    raise TableError(
-        "No number of the drawing is named, so there is nothing to calibrate, and nothing is written. "
-        f"{' '.join(why)} To fit numbers all the same, each within its tolerance, ask for them, or for all (--numbers)."
-    )
+    raise TableError(sentence("refusals", "no_number", why))
 
 
 @dataclass(frozen=True)

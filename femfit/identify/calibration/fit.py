@@ -31,6 +31,7 @@ from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.refit import Refit, refit, starting_point
 from femfit.identify.signatures import columns_at, testable_columns
+from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
@@ -66,10 +67,7 @@ def swept(drawing: Drawing, directory: Path, measured: Measurement, workers: int
     table = run_sweep(actuator, directory, workers=workers, signatures=drawing.numbers)
     model = fit_model(table).model
     if not model.drawn:
-        raise TableError(
-            "The model of this drawing takes up no numbers of it: it has several circuits and no frequencies, or its "
-            "sweep is too small for a co-energy. Sweep more distances and currents."
-        )
+        raise TableError(sentence("refusals", "no_drawn_numbers"))
     return Redrawn(drawing, table, model, whitening_beside(placed(model, measured)), sweeps)
 
 
@@ -166,9 +164,7 @@ def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
     for number in choice.numbers:
         effect = redrawn.effect_of(number)
         if effect is None:
-            raise TableError(
-                f"{number.subject} changes nothing at the points of the sweep, so it cannot be calibrated."
-            )
+            raise TableError(sentence("refusals", "unseen_number", number.subject))
         effects.append(effect)
     effects += [effect_by_name(name) for name in choice.beside]
     # At the drawing: of numbers that cannot be told apart the best without their tolerances may be anywhere

@@ -48,7 +48,7 @@ from femfit.identify.series.measured import (
 from femfit.identify.series.samples import take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows
-from femfit.identify.words import finding
+from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
 from femfit.model.with_effects import nominal_of
@@ -66,10 +66,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     samples = take_samples(model, series)
     windows = lay_windows(base, samples)
     if not len(windows.centre_s):
-        raise TableError(
-            f"{series.source} must have stretches of at least {1e3 * windows.length_s:.3g} ms without a gap in "
-            "distance and current, in the model's validity domain; none was found. Record faster, or more steadily."
-        )
+        raise TableError(sentence("refusals", "no_stretch", series.source, windows.length_s))
     nominal = nominal_of(model)
     sampled = sample_field(base, samples)
     noise = sensor_noise(base, samples, sampled, series.declared_noise)
@@ -80,11 +77,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     series = replace(series, findings=(*series.findings, *told))
     measured = [[channel for channel in of_view if channel.valid.any()] for of_view in every]
     if not any(measured):
-        raise TableError(
-            f"{series.source} must hold what a balance needs: distances of a moving body of known mass, the commanded "
-            "voltage of a known circuit, or readings of a sensor that the model has; it holds "
-            f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
-        )
+        raise TableError(sentence("refusals", "no_balance", series))
     return _with_scatter(_assembled(model, series, record, views, measured))
 
 

@@ -23,7 +23,7 @@ from femfit.estimate.rests import Rest
 from femfit.identify.constants import ANYWHERE, EVEN, ON_STOP
 from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
 from femfit.identify.settings import currents_in, leading_current
-from femfit.identify.words import finding
+from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensors_of
 from femfit.tables.measurement import TimeSeries
@@ -77,11 +77,8 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     missing = [name for name in needed if name not in series.given]
     if missing:
         volts = any(reading_of(model, name).column == "position_V" for name in sensors_of(model))
-        raise TableError(
-            f"A time series must record {' and '.join(needed)} for its balances; {series.source} lacks "
-            f"{' and '.join(missing)}. Record it, or estimate the distance by a filter and give it as distance_m."
-            + (f" {POSITION_IN_VOLTS}" if volts and "distance_m" in missing else "")
-        )
+        further = POSITION_IN_VOLTS if volts and "distance_m" in missing else ""
+        raise TableError(sentence("refusals", "no_path", needed, series.source, missing, further))
     rows = series.rows
     findings: list[Finding] = []
     columns = {name: rows[name].to_numpy(copy=True) for name in rows.columns if name not in ("run", "time_s")}
