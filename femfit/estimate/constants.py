@@ -137,6 +137,9 @@ FLOWS, AGAINST = 0.1, 0.5
 mean power must be negative by before its polarity is suspected, or less by before it is taken for the current: a body
 that is driven from outside gives less back."""
 
+SWAPPED = 3.0
+"""Assumed: heat of the drawn resistance over the mean power from which columns are swapped; less is a resistance."""
+
 LOUD = 1.5
 """Derived: times the standard deviation of all readings above which a declared noise is not theirs: that of a hundred
 readings of white noise alone is uncertain by 7 %, and a slow noise may last as long as the record."""

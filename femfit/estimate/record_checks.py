@@ -21,8 +21,18 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, current_columns, voltage_columns
 from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import AGAINST, FALLING, FASTEST_STEP, FLOWS, LEAST_DIFFERENCES, LOUD, OFF, SLOWEST_STEP
-from femfit.estimate.record import bridged, white_noise
+from femfit.estimate.constants import (
+    AGAINST,
+    FALLING,
+    FASTEST_STEP,
+    FLOWS,
+    LEAST_DIFFERENCES,
+    LOUD,
+    OFF,
+    SLOWEST_STEP,
+    SWAPPED,
+)
+from femfit.estimate.record import bridged, converter_step, white_noise
 from femfit.estimate.rests import Rests, Track, find_rests
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import true_setting_of
@@ -108,7 +118,8 @@ def suspect_record(model: ActuatorModel, series: TimeSeries) -> list[Finding]:
             findings.append(polarity)
     for name in series.declared_noise.keys() & rows.keys():
         noise, scatter, unit = series.declared_noise[name], float(rows[name].std()), column_unit(name)[1]
-        if noise > LOUD * scatter and rows[name].count() >= LEAST_DIFFERENCES:
+        loud = noise > LOUD * max(scatter, converter_step(rows[name].to_numpy())) > 0.0  # one level may hide any noise
+        if loud and rows[name].count() >= LEAST_DIFFERENCES:
             facts = {"noise": amount(noise, unit), "scatter": amount(scatter, unit)}
             findings.append(finding("suspected-noise", column=name, **facts))
     return findings
@@ -163,7 +174,7 @@ def _polarity(
     facts = {"heat": amount(heat, "W"), "swapped": amount(swapped, "W")}
     if power <= -AGAINST * heat:
         return finding("suspected-sign power", column=command, current=name, power=amount(-power, "W"), **facts)
-    if heat > (1.0 + AGAINST) * power and abs(swapped - power) < AGAINST * power:
+    if heat > SWAPPED * power and abs(swapped - power) < AGAINST * power:
         return finding("suspected-columns", column=command, current=name, power=amount(power, "W"), **facts)
     return None
 

@@ -128,7 +128,7 @@ class AddResult(Plotted, Result):
         before, after = self.filter["mean_square"].values() if self.filter else (1.0, 1.0)
         farther = before and after and abs(np.log(after)) > abs(np.log(before)) + np.log(FILTER_WORSE)
         turned = self.inductance_H.get("after", 1.0) <= 0.0 < self.inductance_H["before"]
-        tests = {**self.worse, "inductance": turned, "lost": after is None, "filter": farther}
+        tests = {"inductance": turned, "lost": after is None, "filter": farther} | self.worse
         return tuple(code for code, fails in tests.items() if fails)
 
     @property

@@ -197,9 +197,9 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
         If a bench table has so many rows that a comparison takes hours, or no reading that the model predicts.
     """
     data = measurement_of(data)
-    require_known_settings(model, data)
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
+    require_known_settings(model, data)
     data = plausible_table(model, without_bias(model, data))
     data = averaged(data, current_columns(model.current_names), partial(_residuals, model))
     if len(data.rows) > MOST_ROWS:

@@ -258,11 +258,13 @@ class RemainderResult(AddResult):
     def worse(self) -> dict[str, bool]:
         """Whether the error does not fall on runs left out, as ``unseen``, or that of a channel has ``risen``.
 
-        Where nothing is learnt: whether the effects beside it are not accepted, or none are there.
+        Where nothing is learnt: whether the effects beside it are not accepted, or none are there. What keeps a model
+        with these alone from running counts as well.
         """
         if not self.parts:
             return {"nothing": self.beside is None or not self.beside.accepted}
-        return {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)}
+        begun = {code: True for code in self.beside.objections if code in {"inductance", "lost"}} if self.beside else {}
+        return {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)} | begun
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""

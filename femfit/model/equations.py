@@ -354,9 +354,7 @@ class Equations:
             direction = SX.sym("r", w.numel())  # dL/dt of currents with these rates, (m, m)
             change = ca.jacobian(ca.jtimes(first.linkage, w, direction), w)
             change = ca.substitute(change, direction, eliminated(inductance, driving)) - speed * slope_by_currents
-            # Less where a current would grow more than e-fold within a step: of a negative inductance beyond
-            growth = -ca.diag(change) / (ca.diag(inductance) / h + resistances)
-            against += change / ca.fmax(1.0, ca.mmax(growth))
+            against += _slowed(change, ca.diag(inductance) / h + resistances)
         if responses is None:
             ends, means, ways = decayed(inductance, against, both, h)
         else:
@@ -518,6 +516,11 @@ def _braking(acceleration: SX, velocity: SX, step: SX) -> SX:
     way = ca.if_else(stops, -velocity, gain)
     moves = ca.fabs(way) > LEAST_SPEED_M_S
     return ca.if_else(moves, (ahead - acceleration) / ca.if_else(moves, way, 1.0), slope)
+
+
+def _slowed(change: SX, room: SX) -> SX:
+    """dL/dt, made less where a current would grow more than e-fold within a step: of a negative inductance beyond."""
+    return change / ca.fmax(1.0, ca.mmax(-ca.diag(change) / room))
 
 
 def _imposed(inductance: SX, driving: SX, places: list[int], rates: SX) -> tuple[SX, SX]:

@@ -1,8 +1,8 @@
 """Single readings that contradict all their neighbours: a slipped digit, a spike, a loose contact.
 
 Each reading is predicted by a robust local plane through its nearest readings of the same run, in distance, current,
-branch and time, without itself. What is set aside is alone: its neighbours agree with each other, and most repeats of
-its setting do not deviate with it. A physical effect is seen by more than one reading and is kept. At the border of
+branch and time, without itself. What is set aside is alone: its neighbours agree with each other, and fewer than a
+quarter of its repeats deviate with it. A physical effect is seen by more than one reading and is kept. At the border of
 the range the plane extrapolates, and a smooth curve may leave it by any amount: there a reading is set aside only if a
 repeat of its setting does not deviate with it, or if it slipped against the prediction by a sign or a factor of two.
 
@@ -26,6 +26,9 @@ _SIGMA = 8.0
 _ALIKE = 0.5
 """Conventional: part of a reading's deviation from which a repeat of its setting deviates as well."""
 
+_COMPANY = 0.25
+"""Assumed: part of the repeats of a setting, and one at least, that deviate with a reading which is not alone."""
+
 _MOST = 0.1
 """Assumed: largest part of a channel that can be outliers; more are its nature."""
 
@@ -38,8 +41,8 @@ _REPEATS_APART = 1e-6
 _PLANES = 2
 """Conventional: planes that are fitted to a reading's neighbours, each without what the one before leaves outside."""
 
-_RANGES = 2
-"""Derived: the settings that a reading can lie between: distance and current, not the branch."""
+_AXES, _RANGES = 3, 2
+"""Derived: distance, current and branch, and those of them that a reading can lie between."""
 
 _SLIP = 2.0
 """Conventional: a slipped digit or decimal point changes a reading at least so much, seen against all neighbours."""
@@ -79,7 +82,7 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatA
     if len(judged) < 2 * _LEAST:
         return np.zeros(0, dtype=np.intp)
     deviation = np.zeros(len(value))
-    offset = place[near[judged]] - place[judged][:, None, :]
+    offset = (place[near[judged]] - place[judged][:, None, :])[..., :_AXES]
     deviation[judged] = value[judged] - _planes(value[near[judged]], offset)[:, 0]
     scale = np.full(len(value), np.inf)
     around = deviation[near[judged]]
@@ -101,18 +104,18 @@ def _is_alone(
     scale: FloatArray,
 ) -> bool:
     """Whether the neighbours agree once the reading is left out, and can judge it, and no repeat deviates with it."""
-    plane = _planes(value[neighbours][None], (place[neighbours] - place[k])[None])[0]
-    rest = value[neighbours] - plane[0] - (place[neighbours] - place[k]) @ plane[1:]
+    offset = (place[neighbours] - place[k])[:, :_AXES]
+    plane = _planes(value[neighbours][None], offset[None])[0]
+    rest = value[neighbours] - plane[0] - offset @ plane[1:]
     if abs(value[k] - plane[0]) < _SIGMA * max(float(1.4826 * np.median(np.abs(rest))), float(scale[k])):
         return False
     distance = np.abs(place - place[k]).max(axis=1)
     repeats = np.flatnonzero((distance < 1e-3) & (np.arange(len(value)) != k))
-    # What a device does at a setting most repeats show: they read alike, and not what the neighbours say
+    # What a device does at a setting, repeats show: they read alike, and not what the neighbours say
     off = (value[repeats] - plane[0]) / (value[k] - plane[0])
-    if len(repeats) and 2 * np.count_nonzero(off > _ALIKE) >= len(repeats):
+    if len(repeats) and np.count_nonzero(off > _ALIKE) >= max(1.0, _COMPANY * len(repeats)):
         return False
-    between = (place[neighbours] - place[k])[:, :_RANGES]
-    return _surrounded(between) or len(repeats) > 0 or _slipped(k, neighbours, value, predicted)
+    return _surrounded(offset[:, :_RANGES]) or len(repeats) > 0 or _slipped(k, neighbours, value, predicted)
 
 
 def _surrounded(offset: FloatArray) -> bool:

@@ -277,6 +277,25 @@ def test_a_declared_error_of_the_current_by_which_readings_would_scatter_more_is
     assert "declared-setting" not in [finding.code for finding in less.findings]
 
 
+@pytest.mark.parametrize("by", ["distance_m", "current_A"], ids=["distance by distance", "each row a stop"])
+def test_a_declared_error_of_the_distance_hides_no_gain_that_is_far_smaller(levitation_model, by):
+    table = campaign(levitation_model, 9, mount_m=0.0, rho=0.0, distances=10, currents=7, runs=1)
+    rows = table.rows.assign(force_N=1.03 * table.rows["force_N"])
+    rows = rows.sort_values([by, "order"], kind="stable", ignore_index=True).assign(order=np.arange(len(rows)))
+    result = compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE | {"distance_m": 2e-3}))
+    assert result.verdict == "fails"
+    (told,) = [finding for finding in result.findings if finding.code == "declared-setting"]
+    assert told.column == "distance_m"
+    assert "2.0 mm by which" not in str(result)
+
+
+def test_a_channel_that_was_read_in_one_of_many_runs_is_no_trouble(levitation_model):
+    table = campaign(levitation_model, 8, mount_m=0.0, rho=0.0, distances=10, currents=12, runs=1)
+    run = 1.0 + np.arange(len(table.rows)) * 60 // len(table.rows)
+    rows = table.rows.assign(run=run, hall_V=table.rows["hall_V"].where(run == 5.0))
+    assert compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE)).verdict == "agrees"
+
+
 def test_a_declared_error_as_large_as_the_whole_range_is_refused(levitation_model):
     for name, error in (("distance_m", 20.0), ("current_A", 5.0)):
         table = replace(campaign(levitation_model, 5), declared_noise={name: error})

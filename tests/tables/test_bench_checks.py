@@ -7,6 +7,7 @@ import pytest
 from femfit.core.errors import TableError
 from femfit.tables.measurement_checks import branch_from_order, without_outliers
 from femfit.tables.measurement_file import read_bench_table
+from femfit.tables.outliers import isolated_outliers
 
 DISTANCES, CURRENTS = np.linspace(0.016, 0.044, 10), np.linspace(0.0, 1.4, 8)
 NOISE = 4e-4
@@ -260,3 +261,20 @@ def test_a_table_of_names_alone_is_said_to_have_no_rows_and_no_delimiter_that_it
     with pytest.raises(TableError, match="holds no rows of at least two numbers;") as refused:
         read_bench_table(tmp_path / "bench.csv")
     assert "semicolons" not in str(refused.value)
+
+
+def test_two_sweeps_of_a_coarse_display_are_no_copies(tmp_path):
+    d, i = np.repeat([2.0, 4.0, 6.0], 3), np.tile([1.0, 2.0, 3.0], 3)
+    once = pd.DataFrame({"distance_mm": d, "current_A": i, "force_N": np.round(2.0 * i**2 / d, 1)})
+    pd.concat([once, once]).to_csv(tmp_path / "coarse.csv", index=False)
+    assert len(read_bench_table(tmp_path / "coarse.csv").rows) == 18
+
+
+def test_what_two_runs_of_four_show_at_a_setting_is_no_outlier():
+    grid = np.stack(np.meshgrid(np.linspace(0, 1, 8), np.linspace(0, 1, 6), indexing="ij"), axis=-1).reshape(-1, 2)
+    place = np.column_stack([np.tile(grid, (4, 1)), np.zeros(192)])
+    value, run = np.random.default_rng(3).normal(size=192), np.repeat(np.arange(4), 48)
+    value[[2 * 48 + 20, 3 * 48 + 20]] += 30.0
+    assert not isolated_outliers(value, place, run, np.ones(192)).any()
+    value[3 * 48 + 20] -= 30.0
+    assert np.flatnonzero(isolated_outliers(value, place, run, np.ones(192))).tolist() == [2 * 48 + 20]

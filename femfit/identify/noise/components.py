@@ -19,13 +19,13 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
     FINEST,
     FIXED,
+    LEAST_READINGS,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
     MOST_MOUNTS,
@@ -39,7 +39,7 @@ from femfit.identify.constants import (
 )
 from femfit.identify.noise.design import ChannelDesign, channel_design, made_by_settings, rho_of
 from femfit.identify.noise.likelihood import Contrasts, Likelihood, Priors
-from femfit.identify.noise.whitening import NoiseModel, Whitening, random_effects
+from femfit.identify.noise.whitening import NoiseModel, Whitening, random_effects, stops
 from femfit.identify.observations import Observations
 from femfit.identify.settings import quantisation_step, setting_cells
 from femfit.identify.words import finding
@@ -118,7 +118,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     scatter, sizes, of_readings, likelihood, used, x = min(ends, key=_Settled.cost)
     deviations, means = random_effects(observations).deviations(sizes), sizes.copy()
     means[used] = [np.sqrt(likelihood.mean_variance(x, k)) for k in range(len(used))]
-    largest = [float(np.abs(observations.value[observations.channel == c]).max()) for c in range(len(names))]
+    largest = [float(np.abs(observations.value[observations.channel == c]).max(initial=0.0)) for c in range(len(names))]
     sigma = UNKNOWN_CHANNEL * np.array([value or 1.0 for value in largest])
     rho, repeats, degrees = *np.zeros((2, len(names))), np.full(len(names), 1.0 / EXACT)  # of none where unknown
     for c, of_channel in scatter.items():
@@ -145,21 +145,28 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
 def as_readings_show(observations: Observations) -> Observations:
     """Readings without those declared errors of settings by which a channel would scatter more than it does.
 
-    An error of each row is in the scatter about any smooth pattern.
+    An error of each row is in the scatter about any smooth pattern; one of each stop of the stage in the misfit itself.
     """
-    columns, findings = observations.setting_columns.copy(), list[Finding]()
-    beside = int(random_effects(observations).differences[-1] > 0.0)  # of stops, which are found
+    columns, declared, findings = observations.setting_columns.copy(), dict(observations.declared_noise), []
+    of_stops = random_effects(observations).differences[-1] > 0.0
+    missed, count = observations.mean_square(observations.residual), len(np.unique(stops(observations)))
     for (k, name), (c, channel) in product(enumerate(observations.settings), enumerate(observations.channels)):
+        here = observations.channel == c
+        made = float(np.mean(columns[here, k] ** 2)) if k < columns.shape[1] and here.any() else 0.0
+        if not made or name not in declared:
+            continue
         design = channel_design(observations, c)
-        made = float(np.mean(columns[observations.channel == c, k] ** 2)) if beside <= k < columns.shape[1] else 0.0
-        free, declared = design.contrasts(0, 0).free, observations.declared_noise.get(name, 0.0)
-        if made and free >= LEAST_REPEATS and stats.f.cdf(design.variance / made, free, PRIOR_WEIGHT) < CONTRADICTED:
-            columns[:, k] = 0.0
-            most = declared * float(np.sqrt(design.variance / made))
-            findings.append(finding("declared-setting", name, name=name, declared=declared, channel=channel, most=most))
+        variance, free = design.variance, design.contrasts(0, 0).free
+        if of_stops and k == 0:
+            variance, free = float(missed[c]), count
+        if free >= LEAST_READINGS and stats.f.cdf(variance / made, free, PRIOR_WEIGHT) < CONTRADICTED:
+            columns[:, k], error = 0.0, declared.pop(name)
+            facts = {"declared": error, "channel": channel, "most": error * float(np.sqrt(variance / made))}
+            findings.append(finding("declared-setting", name, name=name, **facts))
     if not findings:
         return observations
-    return replace(observations, setting_columns=columns, findings=(*observations.findings, *findings))
+    known = {"setting_columns": columns, "declared_noise": declared, "findings": (*observations.findings, *findings)}
+    return replace(observations, **known)
 
 
 def beside_effects(whitening: Whitening, effects: Sequence[AddedEffect]) -> Whitening:
@@ -194,6 +201,8 @@ def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | No
     """What repeats, a declaration and smooth patterns say of a channel's readings; None where nothing does."""
     declared, source = observations.declared_noise.get(observations.channels[c], np.nan), observations.noise_source
     values = observations.value[observations.channel == c]
+    if not len(values):  # none in the mounts that say the noise
+        return None
     step = quantisation_step(values) / np.sqrt(12.0)
     least = max(step, FINEST * float(np.abs(values).max(initial=0.0)))
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
