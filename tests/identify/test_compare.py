@@ -10,7 +10,7 @@ from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.bench import bench_observations
+from femfit.identify.bench import bench_observations, placed
 from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
@@ -166,7 +166,7 @@ def test_the_sidecar_declares_the_uncertainty_of_the_distance(levitation_model, 
     table = campaign(levitation_model, 33, distances=6, currents=5)
     table.rows.drop(columns="mount").to_csv(tmp_path / "bench.csv", index=False)
     (tmp_path / "bench.toml").write_text("[noise]\ndistance_mm = 0.6\n")
-    observations = compare(levitation_model, tmp_path / "bench.csv").observations
+    observations = placed(levitation_model, tmp_path / "bench.csv")
     assert "unused-setting" not in {one.code for one in observations.findings}
     np.testing.assert_allclose(observations.setting_columns[:, 0], 6e-4 * observations.distance_slope)
 

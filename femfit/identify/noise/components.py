@@ -19,6 +19,7 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import (
     CONTRADICTED,
@@ -147,7 +148,8 @@ def as_readings_show(observations: Observations) -> Observations:
 
     An error of each row is in the scatter about any smooth pattern; one of each stop of the stage in the misfit itself.
     """
-    columns, declared, findings = observations.setting_columns.copy(), dict(observations.declared_noise), []
+    columns, declared = observations.setting_columns.copy(), dict(observations.declared_noise)
+    findings = list[Finding]()
     of_stops = random_effects(observations).differences[-1] > 0.0
     missed, count = observations.mean_square(observations.residual), len(np.unique(stops(observations)))
     for (k, name), (c, channel) in product(enumerate(observations.settings), enumerate(observations.channels)):
@@ -161,12 +163,12 @@ def as_readings_show(observations: Observations) -> Observations:
             variance, free = float(missed[c]), count
         if free >= LEAST_READINGS and stats.f.cdf(variance / made, free, PRIOR_WEIGHT) < CONTRADICTED:
             columns[:, k], error = 0.0, declared.pop(name)
-            facts = {"declared": error, "channel": channel, "most": error * float(np.sqrt(variance / made))}
-            findings.append(finding("declared-setting", name, name=name, **facts))
+            most = error * float(np.sqrt(variance / made))
+            findings.append(finding("declared-setting", name, name=name, declared=error, channel=channel, most=most))
     if not findings:
         return observations
-    known = {"setting_columns": columns, "declared_noise": declared, "findings": (*observations.findings, *findings)}
-    return replace(observations, **known)
+    every = (*observations.findings, *findings)
+    return replace(observations, setting_columns=columns, declared_noise=declared, findings=every)
 
 
 def beside_effects(whitening: Whitening, effects: Sequence[AddedEffect]) -> Whitening:
