@@ -108,7 +108,7 @@ def central_differences(
 
 
 def root_beside_one(products: FloatArray) -> FloatArray:
-    """L of L L' = 1 + A'A, shape (k, k), of products A'A whose rounding may be more than the 1."""
+    """L of L L' = 1 + A'A, shape (k, k), with 1e-12 of the products' diagonal more: their rounding may exceed the 1."""
     return np.asarray(np.linalg.cholesky(products + np.diag(1.0 + 1e-12 * np.diag(products))))
 
 

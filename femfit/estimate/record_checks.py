@@ -118,8 +118,8 @@ def suspect_record(model: ActuatorModel, series: TimeSeries) -> list[Finding]:
             findings.append(polarity)
     for name in series.declared_noise.keys() & rows.keys():
         noise, scatter, unit = series.declared_noise[name], float(rows[name].std()), column_unit(name)[1]
-        loud = noise > LOUD * max(scatter, converter_step(rows[name].to_numpy())) > 0.0  # one level may hide any noise
-        if loud and rows[name].count() >= LEAST_DIFFERENCES:
+        loud = noise > LOUD * scatter > 0.0 and rows[name].count() >= LEAST_DIFFERENCES
+        if loud and noise > LOUD * converter_step(rows[name].to_numpy()):  # one level may hide any noise
             facts = {"noise": amount(noise, unit), "scatter": amount(scatter, unit)}
             findings.append(finding("suspected-noise", column=name, **facts))
     return findings

@@ -78,7 +78,7 @@ def _unsettled(observations: Observations, fit: Refit) -> list[dict[str, float]]
     The new model runs with the end of such a change. A fit to its beginning says only its rate, and would put an end
     into the circuit that nobody has seen.
     """
-    clock = observations.column("time_s" if "time_s" in observations.covariates else "order")
+    clock = observations.column("time_s" if observations.in_motion else "order")
     longest = float(clock.max()) / SETTLED
     held: list[dict[str, float]] = [{} for _ in fit.effects]
     for k, p in fit.free:

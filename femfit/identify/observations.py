@@ -23,6 +23,9 @@ from femfit.model.readings import Parameter
 TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 """Covariates of what may be warm; NaN where it was not recorded."""
 
+VOLTAGE_BALANCE = "voltage_balance"
+"""How the channel of a circuit's voltage in a record begins; ``voltage_balance_V``, or ``voltage_balance_upper_V``."""
+
 Prediction = Callable[[Sequence[AddedEffect], Sequence[Parameter]], FloatArray]
 """(further effects, parameters of theirs) -> readings, then their slopes by each parameter; (M, 1 + parameters)."""
 
@@ -122,6 +125,11 @@ class Observations(WithoutCache):
     def of_impedances(self) -> bool:
         """Whether the readings were taken at frequencies."""
         return "frequency_Hz" in self.covariates
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether the readings are those of windows of a record over time."""
+        return "time_s" in self.covariates
 
     @property
     def leading_current(self) -> str:

@@ -19,7 +19,7 @@ from numpy.polynomial.legendre import legvander
 
 from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
-from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
+from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, Observations, once_for_settings
 
 _MOTION = ("velocity_m_s", "current_rate_A_s")
 """Covariates that only a time series has."""
@@ -100,7 +100,7 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
 def _surface(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
     result = _tensor(x, y, DEGREE)
-    finest = DEGREE if "time_s" in observations.covariates else FINE_DEGREE  # a record has no stage with a screw
+    finest = DEGREE if observations.in_motion else FINE_DEGREE  # a record has no stage with a screw
     for z, name in ((x, "distance_m"), (y, "current_A")):
         columns = _polynomials(z, finest)
         result += [(columns[:, k], k, frozenset({name})) for k in range(DEGREE + 1, columns.shape[1])]
@@ -145,8 +145,7 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
             result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))
     # A voltage balance is made of the very rates, noise and all: where a motion is repeated, they less a function of
     # distance, current and branch are that noise
-    of_balance = observations.channels[observations.channel[here[0]]].startswith("voltage_balance")
-    motion = () if of_balance else _MOTION
+    motion = () if observations.channels[observations.channel[here[0]]].startswith(VOLTAGE_BALANCE) else _MOTION
     clocks: list[FloatArray] = []
     for name in (*motion, "order", "elapsed"):
         if name not in observations.covariates or (name not in _MOTION and not observations.clocked):

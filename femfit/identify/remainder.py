@@ -263,7 +263,7 @@ class RemainderResult(AddResult):
         """
         if not self.parts:
             return {"nothing": self.beside is None or not self.beside.accepted}
-        begun = {code: True for code in self.beside.objections if code in {"inductance", "lost"}} if self.beside else {}
+        begun = {code: True for code in ("inductance", "lost") if self.beside and code in self.beside.objections}
         return {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)} | begun
 
     def to_dict(self) -> dict[str, Any]:

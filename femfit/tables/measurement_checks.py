@@ -97,10 +97,11 @@ def without_copies(rows: pd.DataFrame, columns: tuple[str, ...]) -> tuple[pd.Dat
     elif not {"run", "order"} <= set(columns):
         as_first = (given == given.iloc[0]) | (given.isna() & given.iloc[0].isna())
         length = int(np.r_[np.flatnonzero(as_first.all(axis=1)), len(given)][1])
-        again, rest = given[length:].reset_index(drop=True), given[: len(given) - length]
-        numbers = given.to_numpy(dtype=np.float64)[np.isfinite(given.to_numpy(dtype=np.float64))]
-        fine = any(float(f"{x:.3g}") != x for x in numbers.tolist())  # three digits may repeat by themselves
-        pasted = fine and _LEAST_STUCK <= length <= len(given) // 2 and again.equals(rest)
+        before = given[: len(given) - length]
+        pasted = _LEAST_STUCK <= length <= len(given) // 2 and given[length:].reset_index(drop=True).equals(before)
+        numbers = before.to_numpy(dtype=np.float64).ravel()
+        # Three digits may repeat by themselves
+        pasted = pasted and any(float(f"{x:.3g}") != x for x in numbers[np.isfinite(numbers)])
         copies = (np.arange(len(given)) >= length) & pasted
     count = int(copies.sum())
     findings = [finding("copies", size=float(count), rows=count)] if count else []

@@ -21,7 +21,7 @@ _LEAST_STUCK, _MUCH_LONGER = 50, 20
 """Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
 
 _MOST_IMPOSSIBLE = 0.02
-"""Assumed: largest part of a channel that can be impossible by single faults, as of a bench table's outliers."""
+"""Assumed: largest part of a channel that can be impossible by single faults."""
 
 _LEAST_CLIPPED, _PILED = 20, 5
 """Assumed: samples at the end of a range, and how many times those of the next hundredth of the range that must be."""

@@ -38,7 +38,7 @@ from femfit.identify.decision.constants import (
 from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
 from femfit.identify.noise.components import as_readings_show, beside_effects, estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening, stops
-from femfit.identify.observations import Observations, WithoutCache
+from femfit.identify.observations import VOLTAGE_BALANCE, Observations, WithoutCache
 from femfit.identify.patterns import products, scaled_to_one
 from femfit.identify.refit import Refit, Start
 from femfit.identify.signatures import testable_columns
@@ -235,7 +235,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
 
 def _dead(constant: Iterable[str]) -> Iterator[Finding]:
     """Of channels that never vary, sensors; a command repeats itself."""
-    return (finding("never-varies", name, name=name) for name in constant if not name.startswith("voltage_balance"))
+    return (finding("never-varies", name, name=name) for name in constant if not name.startswith(VOLTAGE_BALANCE))
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
@@ -254,7 +254,7 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
 
 
 def stage_errors(campaign: Campaign) -> list[Finding]:
-    """Say that errors of the stage would explain a misfit, where each stop has several settings and none is repeated.
+    """Say that errors of the stage would explain a misfit, where stops have some rows each and no error is known.
 
     Whatever shifts the stops may have is taken out of the misfit; what several currents show beside it is tested.
     """

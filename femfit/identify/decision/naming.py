@@ -91,8 +91,9 @@ def decide(campaign: Campaign) -> Decision:
             verdict = "form_insufficient" if after.p_value <= LEVEL_AFTER else verdict
     if verdict == "form_insufficient" and not _explains_most(campaign, chosen):
         verdict, chosen, after = "unexplained", None, None
-    if chosen and chosen.fit and not all(map(plausible, chosen.fit.effects)) and _is_noise(campaign):
-        verdict, chosen, after = "nothing_missing", None, None
+    missed = campaign.observations.mean_square(campaign.observations.residual) / campaign.noise.sigma**2
+    if chosen and chosen.fit and not all(map(plausible, chosen.fit.effects)) and np.all(missed <= WITHIN_NOISE**2):
+        verdict, chosen, after = "nothing_missing", None, None  # a size beyond its range explains noise by itself
     own_misfit = verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign)
     if own_misfit:
         verdict, chosen = "nothing_missing", None
@@ -111,12 +112,6 @@ def decide(campaign: Campaign) -> Decision:
         ties=tuple((name, *_exchanged(name, tie)) for name in chosen.names),
         left=tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
     )
-
-
-def _is_noise(campaign: Campaign) -> bool:
-    """Whether no channel is missed by more than its noise: a size beyond its range then explains noise by itself."""
-    observations = campaign.observations
-    return bool(np.all(observations.mean_square(observations.residual) <= WITHIN_NOISE**2 * campaign.noise.sigma**2))
 
 
 def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:

@@ -157,10 +157,10 @@ def as_readings_show(observations: Observations) -> Observations:
         made = float(np.mean(columns[here, k] ** 2)) if k < columns.shape[1] and here.any() else 0.0
         if not made or name not in declared:
             continue
-        design = channel_design(observations, c)
-        variance, free = design.variance, design.contrasts(0, 0).free
-        if of_stops and k == 0:
-            variance, free = float(missed[c]), count
+        variance, free = float(missed[c]), float(count)
+        if k or not of_stops:
+            design = channel_design(observations, c)
+            variance, free = design.variance, design.contrasts(0, 0).free
         if free >= LEAST_READINGS and stats.f.cdf(variance / made, free, PRIOR_WEIGHT) < CONTRADICTED:
             columns[:, k], error = 0.0, declared.pop(name)
             most = error * float(np.sqrt(variance / made))
@@ -206,7 +206,7 @@ def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | No
     if not len(values):  # none in the mounts that say the noise
         return None
     step = quantisation_step(values) / np.sqrt(12.0)
-    least = max(step, FINEST * float(np.abs(values).max(initial=0.0)))
+    least = max(step, FINEST * float(np.abs(values).max()))
     weight = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
     if constant and not np.isfinite(declared):  # coarser than its noise: rounding is left
         declared, source, weight = step or np.nan, "resolution", EXACT
@@ -222,8 +222,7 @@ def _scatter(observations: Observations, c: int, constant: bool) -> Scatter | No
         variance = max(design.variance - float(made.mean()), design.variance * np.sqrt(2.0 / free), least**2)
         design = channel_design(observations, c, float(np.sqrt(variance)))
     # Windows of a record that share a setting share no motion, and what their edges of a command are off by
-    in_motion = "time_s" in observations.covariates
-    repeats = 0.0 if constant or in_motion or design.repeats < LEAST_REPEATS else float(design.repeats)
+    repeats = 0.0 if constant or observations.in_motion or design.repeats < LEAST_REPEATS else float(design.repeats)
     if not known:
         varies = design.contrasts(0, 0).square > SAME_READING * float(np.sum(design.residual**2))
         return Scatter(design, np.nan, 0.0, "repeats" if repeats else GUESS, repeats) if varies else None

@@ -110,7 +110,7 @@ def chain_of(observations: Observations, here: IntArray) -> Chain:
     """
     channel, run, place = observations.channel[here], observations.column("run")[here], places(observations)[here]
     sorting = np.argsort(place)
-    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0) & ("time_s" not in observations.covariates)
+    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0) & (not observations.in_motion)
     later, before, gap = sorting[1:][same], np.arange(len(here)), np.ones(len(here))
     before[later] = sorting[:-1][same]
     gap[later] = np.diff(place[sorting])[same]
@@ -153,16 +153,13 @@ def random_effects(observations: Observations) -> RandomEffects:
     repeated = max(again, int("distance_m" in observations.declared_noise))
     told_apart = repeated > 0 and 2 * len(numbers) <= min(len(observations.covariates), 2 * MOST_STOPS)
     runs = [there if len(there) <= MOST_STOPS else there[:0] for there in runs]
-    each = mount[:, None] == mounts[: len(mounts) * put_back]
+    each = mount[:, None] == (mounts if put_back else mounts[:0])
     blocks = [each * slope, 0.5 * each * curvature]
     blocks += [(run[:, None] == there) & here[:, [c]] for c, there in enumerate(runs)]
     blocks += [(stop[:, None] == numbers) * slope] if told_apart else []
     widths, variances = [block.shape[1] for block in blocks], np.maximum(np.arange(len(blocks)) - 1, 0)
-    differences = [
-        len(mounts) - 1.0 if put_back else 0.0,
-        *(max(len(there) - 1.0, 0.0) for there in runs),
-        repeated * told_apart,
-    ]
+    between_runs = [max(len(there) - 1.0, 0.0) for there in runs]
+    differences = [len(mounts) - 1.0 if put_back else 0.0, *between_runs, repeated * told_apart]
     return RandomEffects(
         columns=np.concatenate(blocks, axis=1).astype(np.float64),
         group=np.repeat(variances, widths),

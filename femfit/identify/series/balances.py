@@ -34,7 +34,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import changed_by, circuit_of, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
-from femfit.identify.observations import TEMPERATURES
+from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import Point, at_rest
@@ -122,7 +122,7 @@ FORCE_BALANCE = "force_balance_N"
 
 def voltage_balances(model: ActuatorModel) -> list[str]:
     """Channels of the voltages, one a circuit: ``voltage_balance_V``, or ``voltage_balance_upper_V`` of several."""
-    return [name.replace("voltage", "voltage_balance", 1) for name in voltage_columns(model.circuit_names)]
+    return [name.replace("voltage", VOLTAGE_BALANCE, 1) for name in voltage_columns(model.circuit_names)]
 
 
 @dataclass(frozen=True, eq=False)
