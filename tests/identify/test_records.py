@@ -166,13 +166,15 @@ def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size
 
 @pytest.mark.nightly
 def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
-    samples = closed_loop(model, [hidden("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5)
-    result = diagnose(model, recorded(samples, seed=3, runs=range(1, 7), distance_m=3e-5))
-    assert result.missing[0].name == "mass_error"
-    assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.02)
-    # Weighed by the true mass, the noise of the distance would leave a fifth more
-    fall = {one.channel: one for one in result.error_fall.channels}
-    assert 0.74 < fall["force_balance_N"].after_over_noise < 1.08  # 30 windows: 13 %, two of them below one
+    samples, left = closed_loop(model, [hidden("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5), []
+    for seed in range(1, 8):
+        result = diagnose(model, recorded(samples, seed=seed, runs=range(1, 7), distance_m=3e-5))
+        assert result.missing[0].name == "mass_error"
+        assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.025)
+        fall = {one.channel: one for one in result.error_fall.channels}
+        left.append(fall["force_balance_N"].after_over_noise)
+    # Weighed by the true mass, the noise of the distance would leave a fifth more; of 7 x 30 windows chance makes 5 %
+    assert 0.9 < np.sqrt(np.mean(np.square(left))) < 1.1
 
 
 def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, loops):
