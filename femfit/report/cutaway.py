@@ -14,7 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
-from femfit.report.drawing import COLOURS, HALL_COLOUR, half_sections
+from femfit.report.drawing import COLOURS, HALL_COLOUR, drawn_parts
 from femfit.report.field_figures import colour_limit, flux_levels
 from femfit.report.field_sample import FieldSample
 from femfit.report.style import new_figure, style, words
@@ -56,10 +56,7 @@ def _draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     # VTK knows no square root of colours: it is given the root itself
     limit = float(np.sqrt(colour_limit(sample)))
     colours = {"cmap": "cividis", "clim": (0.0, limit), "scalars": "root_B", "show_scalar_bar": False}
-    parts = [
-        (MM * (np.asarray(corners) + np.array([0.0, shift])), kind)
-        for corners, shift, kind in half_sections(actuator, sample.distance_m)
-    ]
+    parts = [(MM * part.corners, part.kind) for part in drawn_parts(actuator, sample.distance_m)]
     for outline, kind in parts:  # turned about the axis through all but the cut; z points down in the picture
         closed = np.concatenate([outline, outline[:1]])
         line = pyvista.lines_from_points(np.stack([closed[:, 0], np.zeros(len(closed)), -closed[:, 1]], axis=1))

@@ -1,6 +1,6 @@
 """The parts of an actuator as all pictures show them, and its full section, drawn to scale with its dimensions."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,12 +8,11 @@ import numpy as np
 import shapely
 
 from femfit.core.numerics import FloatArray
+from femfit.device.electrics import HallElement
 from femfit.device.materials import BHCurve
-from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region, is_iron
-from femfit.field.layout import fixed_parts, moving_parts, part_corners
+from femfit.device.parts import Actuator, Coil, LinearMaterial, Material, NonlinearMaterial, Region, is_iron
+from femfit.field.layout import part_corners
 from femfit.report.style import INK, MUTED, Axes, Figure, new_figure, plain, significant, words
-
-Outline = tuple[tuple[float, float], ...]
 
 COLOURS = {
     "iron, fixed": "#8c96a1",
@@ -27,44 +26,58 @@ COLOURS = {
 HALL_COLOUR = "#009e73"
 
 
-def kind_of(material: Material, moving: bool) -> str:
-    """The kind of a region."""
-    if material.remanence_T:
-        return "magnet"
-    if is_iron(material):
-        return "iron, moving" if moving else "iron, fixed"
-    return "not magnetic"
+@dataclass(frozen=True, eq=False)
+class DrawnPart:
+    """A region or a winding as it stands at a distance."""
+
+    shape: Region | Coil
+    moves: bool
+    corners: FloatArray  # Of the half section (r, z) in m, shape (n, 2)
+
+    @property
+    def kind(self) -> str:
+        """Its key in :data:`COLOURS`."""
+        if isinstance(self.shape, Coil):
+            return "winding"
+        if self.shape.material.remanence_T:
+            return "magnet"
+        if is_iron(self.shape.material):
+            return "iron, moving" if self.moves else "iron, fixed"
+        return "not magnetic"
+
+    @property
+    def label(self) -> str:
+        """What a legend says of it."""
+        if isinstance(self.shape, Coil):
+            text = words("drawing", "moving_coil" if self.moves else "coil", turns=plain(self.shape.turns))
+            wire = self.shape.wire_diameter_m
+            return text if wire is None else f"{text}\n{words('drawing', 'wire', diameter=plain(MM * wire))}"
+        return f"{words('kinds', self.kind)}: {self.shape.material.name}\n({material_words(self.shape)})"
 
 
-def half_sections(actuator: Actuator, distance: float) -> list[tuple[Outline, float, str]]:
-    """Corners, shift along z and kind of each part: fixed ones, windings, moving ones."""
-    parts = [(part_corners(r), 0.0, kind_of(r.material, moving=False)) for r in actuator.fixed]
-    parts += [(coil.vertices_m, distance if coil.moves else 0.0, "winding") for coil in actuator.coils]
-    return parts + [(part_corners(r), distance, kind_of(r.material, moving=True)) for r in actuator.moving.regions]
+def drawn_parts(actuator: Actuator, distance: float) -> list[DrawnPart]:
+    """Every part with the moving ones at a distance in m: fixed ones, windings, moving ones."""
+    shapes: list[tuple[Region | Coil, bool]] = [(region, False) for region in actuator.fixed]
+    shapes += [(coil, coil.moves) for coil in actuator.coils]
+    shapes += [(region, True) for region in actuator.moving.regions]
+    return [DrawnPart(s, moves, np.add(part_corners(s), (0.0, moves * distance))) for s, moves in shapes]
 
 
-def full_section(vertices: Outline, shift: float = 0.0) -> tuple[FloatArray, ...]:
+def full_section(half: FloatArray) -> tuple[FloatArray, ...]:
     """Corners (x, z) of a part in the full section: one outline on the axis, a left and a right one of a ring."""
-    half = np.asarray(vertices, dtype=np.float64) + np.array([0.0, shift])
     both = shapely.union_all([shapely.Polygon(half), shapely.Polygon(half * np.array([-1.0, 1.0]))])
-    parts = getattr(both, "geoms", [both])
-    return tuple(np.asarray(part.exterior.coords)[:-1] for part in sorted(parts, key=lambda p: float(p.centroid.x)))
+    pieces = sorted(getattr(both, "geoms", [both]), key=lambda piece: float(piece.centroid.x))
+    return tuple(np.asarray(piece.exterior.coords)[:-1] for piece in pieces)
+
+
+def corners_of(parts: Iterable[DrawnPart]) -> FloatArray:
+    """Corners (r, z) of parts in m, shape (n, 2)."""
+    return np.concatenate([part.corners for part in parts])
 
 
 def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A quantity that is even in r, shape (m, n), on the full section."""
     return np.concatenate([-radius[:0:-1], radius]), np.concatenate([values[:, :0:-1], values], axis=1)
-
-
-def standing_corners(actuator: Actuator) -> FloatArray:
-    """Corners (r, z) of what stands still in m, shape (n, 2)."""
-    return np.concatenate([np.asarray(part_corners(fixed_part)) for fixed_part in fixed_parts(actuator)])
-
-
-def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
-    """Corners (r, z) of the moving part at a distance in m, shape (n, 2)."""
-    drawn = np.concatenate([np.asarray(part_corners(moving_part)) for moving_part in moving_parts(actuator)])
-    return np.asarray(drawn + np.array([0.0, distance]))
 
 
 KNEE_STEP, KNEE_FIELD = 1.1, 1.5
@@ -121,63 +134,47 @@ _BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 
 def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> Figure:
     """Draw an actuator in mm, with the moving part at a distance in m below the fixed one."""
-    corners = np.concatenate([standing_corners(actuator), moving_corners(actuator, distance)])
-    wide = float(2.0 * corners[:, 0].max())
-    figure = new_figure(float(np.clip(1.2 + 3.6 * np.ptp(corners[:, 1]) / wide, 3.4, 6.4)))
+    parts = drawn_parts(actuator, distance)
+    (_, low), (outer, high) = MM * corners_of(parts).min(axis=0), MM * corners_of(parts).max(axis=0)
+    figure = new_figure(float(np.clip(1.2 + 1.8 * (high - low) / outer, 3.4, 6.4)))
     axes = figure.subplots()
-    draw_parts(axes, actuator, distance)
-    low, high = MM * corners[:, 1].min(), MM * corners[:, 1].max()
+    _draw_parts(axes, parts, actuator.hall)
     over = 0.06 * (high - low)
     axes.plot([0.0, 0.0], [low - over, high + over], color=MUTED, linewidth=0.7, dashes=(9, 3, 2, 3))
-    _dimensions(axes, actuator, distance)
+    _dimensions(axes, parts, distance)
     axes.set(xlabel=words("drawing", "x"), ylabel=words("drawing", "z"), aspect="equal")
     axes.set_title(title, loc="left", fontweight="normal")
     left, right = axes.get_xlim()
     axes.set_xlim(left - 0.12 * (right - left), right + 0.18 * (right - left))  # room for the dimensions' labels
     axes.invert_yaxis()  # z points down in every picture, as the moving part hangs below
     axes.grid(visible=False)
-    parts = axes.get_legend_handles_labels()
-    figure.legend(*parts, loc="outside right upper", handlelength=1.2, labelspacing=0.8)
+    legend = axes.get_legend_handles_labels()
+    figure.legend(*legend, loc="outside right upper", handlelength=1.2, labelspacing=0.8)
     return figure
 
 
-def draw_parts(axes: Axes, actuator: Actuator, distance: float) -> None:
+def _draw_parts(axes: Axes, parts: Sequence[DrawnPart], hall: HallElement | None) -> None:
     """Draw the parts' full section with a legend, in mm."""
-    labels = [_region_label(region, moving=False) for region in actuator.fixed]
-    for coil in actuator.coils:
-        label = words("drawing", "moving_coil" if coil.moves else "coil", turns=plain(coil.turns))
-        if coil.wire_diameter_m is not None:
-            label += f"\n{words('drawing', 'wire', diameter=plain(MM * coil.wire_diameter_m))}"
-        labels.append(label)
-    labels += [_region_label(region, moving=True) for region in actuator.moving.regions]
     drawn: set[str] = set()
-    for (outline, kind), label in zip(outlines(actuator, distance), labels, strict=True):
-        for piece in outline:
-            text = "" if label in drawn else label
-            axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor=INK, linewidth=0.8, label=text)
-            drawn.add(label)
-    for region in actuator.fixed:
-        _magnetisation(axes, region, 0.0)
-    for region in actuator.moving.regions:
-        _magnetisation(axes, region, distance)
-    if actuator.hall is not None:
-        r, z = MM * actuator.hall.radius_m, MM * actuator.hall.height_m
+    for part in parts:
+        for piece in full_section(part.corners):
+            text = "" if part.label in drawn else part.label
+            axes.fill(*(MM * piece.T), facecolor=COLOURS[part.kind], edgecolor=INK, linewidth=0.8, label=text)
+            drawn.add(part.label)
+    for part in parts:
+        _magnetisation(axes, part)
+    if hall is not None:
         look: dict[str, Any] = {"color": HALL_COLOUR, "markeredgecolor": INK, "markersize": 6, "zorder": 5}
-        axes.plot(r, z, "D", label=words("drawing", "hall"), **look)
+        axes.plot(MM * hall.radius_m, MM * hall.height_m, "D", label=words("drawing", "hall"), **look)
 
 
-def draw_outlines(axes: Axes, actuator: Actuator, distance: float, *, edge: str, opacity: float = 0.0) -> None:
+def draw_outlines(axes: Axes, parts: Iterable[DrawnPart], *, edge: str, opacity: float = 0.0) -> None:
     """Draw the parts' outlines in the full section, as over a field, in mm."""
-    for outline, kind in outlines(actuator, distance):
-        for piece in outline:
+    for part in parts:
+        for piece in full_section(part.corners):
             if opacity:
-                axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor="none", alpha=opacity)
+                axes.fill(*(MM * piece.T), facecolor=COLOURS[part.kind], edgecolor="none", alpha=opacity)
             axes.fill(*(MM * piece.T), facecolor="none", edgecolor=edge, linewidth=0.8)
-
-
-def outlines(actuator: Actuator, distance: float) -> list[tuple[tuple[FloatArray, ...], str]]:
-    """Outlines in the full section and kind of each part: fixed ones, winding, moving ones."""
-    return [(full_section(corners, shift), kind) for corners, shift, kind in half_sections(actuator, distance)]
 
 
 def material_words(region: Region) -> str:
@@ -191,16 +188,12 @@ def material_words(region: Region) -> str:
     return words("drawing", "linear", permeability=permeability)
 
 
-def _region_label(region: Region, *, moving: bool) -> str:
-    kind = words("kinds", kind_of(region.material, moving))
-    return f"{kind}: {region.material.name}\n({material_words(region)})"
-
-
-def _magnetisation(axes: Axes, region: Region, shift: float) -> None:
-    if not isinstance(region.material, LinearMaterial) or not region.material.remanence_T:
+def _magnetisation(axes: Axes, part: DrawnPart) -> None:
+    material = part.shape.material if isinstance(part.shape, Region) else None
+    if not isinstance(material, LinearMaterial) or not material.remanence_T:
         return
-    radial, axial = np.sign(region.material.remanence_T) * np.asarray(region.material.direction)
-    for outline in full_section(part_corners(region), shift):
+    radial, axial = np.sign(material.remanence_T) * np.asarray(material.direction)
+    for outline in full_section(part.corners):
         low, high = outline.min(axis=0), outline.max(axis=0)
         middle, size = 0.5 * (low + high), 0.7 * (high - low)
         # On the left side of the section what points outwards points to the left; across the axis nothing is one way
@@ -217,9 +210,9 @@ def _magnetisation(axes: Axes, region: Region, shift: float) -> None:
         )
 
 
-def _dimensions(axes: Axes, actuator: Actuator, distance: float) -> None:
+def _dimensions(axes: Axes, parts: Sequence[DrawnPart], distance: float) -> None:
     """Diameters above and below, lengths of the fixed part on the left, of moving part and distance on the right."""
-    still, moving = MM * standing_corners(actuator), MM * moving_corners(actuator, distance)
+    still, moving = (MM * corners_of(part for part in parts if part.moves is moves) for moves in (False, True))
     (r_in, z_low), (r_out, z_high) = still.min(axis=0), still.max(axis=0)
     m_low, m_high, m_out = moving[:, 1].min(), moving[:, 1].max(), moving[:, 0].max()
     low, high, wide = min(z_low, m_low), max(z_high, m_high), max(r_out, m_out)

@@ -13,7 +13,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
-from femfit.report.drawing import COLOURS, actuator_figure, draw_outlines, half_sections, mirrored
+from femfit.report.drawing import COLOURS, actuator_figure, draw_outlines, drawn_parts, mirrored
 from femfit.report.field_sample import FieldSample, SolvedPoint, sample_of, write_vtu
 from femfit.report.style import BLUE, INK, MUTED, PAPER, Axes, Figure, new_figure, plain, quantity, words, write_picture
 
@@ -111,7 +111,7 @@ def field_figure(actuator: Actuator, sample: FieldSample, title: str = "") -> Fi
     image = axes.imshow(magnitude, extent=tuple(extent), **look)
     axes.set_ylim(extent[3], extent[2])
     draw_flux_lines(axes, sample, color="white", linewidth=0.55, alpha=0.8)
-    draw_outlines(axes, actuator, sample.distance_m, edge="white")
+    draw_outlines(axes, drawn_parts(actuator, sample.distance_m), edge="white")
     bar = figure.colorbar(image, ax=axes, format="{x:g}", extend="max", pad=0.02)
     bar.set_ticks([limit * share for share in (0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)])
     bar.set_label(words("field", "flux_density"))
@@ -166,8 +166,9 @@ def point_title(sample: FieldSample) -> str:
 
 
 def _light_parts(axes: Axes, actuator: Actuator, sample: FieldSample) -> None:
-    draw_outlines(axes, actuator, sample.distance_m, edge=INK, opacity=LIGHT)
-    kinds = {kind for _, _, kind in half_sections(actuator, sample.distance_m)}
+    parts = drawn_parts(actuator, sample.distance_m)
+    draw_outlines(axes, parts, edge=INK, opacity=LIGHT)
+    kinds = {part.kind for part in parts}
     handles = [
         axes.fill([], [], facecolor=COLOURS[kind], alpha=LIGHT, edgecolor=INK, label=words("kinds", kind))[0]
         for kind in COLOURS

@@ -15,7 +15,7 @@ from femfit.device.materials import BHCurve
 from femfit.device.parts import Actuator, LinearMaterial, Material
 from femfit.field.layout import polygon
 from femfit.field.tolerance import SolverSettings, settings_for
-from femfit.report.drawing import moving_corners, standing_corners
+from femfit.report.drawing import corners_of, drawn_parts
 
 COLUMNS = 260
 """Points along the radius; a picture of 2 x 260 columns shows no steps at the page's width."""
@@ -108,7 +108,7 @@ def sample_of(point: SolvedPoint) -> FieldSample:
 
 
 def _window(actuator: Actuator, distance: float) -> tuple[FloatArray, FloatArray]:
-    corners = np.concatenate([standing_corners(actuator), moving_corners(actuator, distance)])
+    corners = corners_of(drawn_parts(actuator, distance))
     size = float(corners[:, 0].max())
     right = (1.0 + MARGIN) * size
     low, high = corners[:, 1].min() - MARGIN * size, corners[:, 1].max() + MARGIN * size

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from femfit.device.load import actuator_from_toml, starter_text
-from femfit.report.drawing import actuator_figure, full_section, half_sections
+from femfit.report.drawing import actuator_figure, drawn_parts, full_section
 from support.actuators import rectangle
 
 STARTERS = sorted(path.stem for path in (files("femfit.device") / "examples").iterdir())
@@ -17,7 +17,7 @@ STARTERS = sorted(path.stem for path in (files("femfit.device") / "examples").it
 
 def test_a_half_section_across_the_axis_becomes_one_outline():
     tee = ((0.0, -0.02), (0.015, -0.02), (0.015, -0.015), (0.005, -0.015), (0.005, 0.0), (0.0, 0.0))
-    (outline,) = full_section(tee, shift=0.01)
+    (outline,) = full_section(np.add(tee, (0.0, 0.01)))
     assert shapely.Polygon(outline).area == pytest.approx(2.0 * shapely.Polygon(tee).area)
     np.testing.assert_allclose([outline.min(axis=0), outline.max(axis=0)], [[-0.015, -0.01], [0.015, 0.01]])
 
@@ -29,7 +29,7 @@ def test_a_half_section_across_the_axis_becomes_one_outline():
     height=st.floats(1e-3, 0.03),
 )
 def test_the_full_section_is_symmetric_and_twice_as_large(inner, width, low, height):
-    parts = [shapely.Polygon(p) for p in full_section(rectangle(inner, inner + width, low, low + height))]
+    parts = [shapely.Polygon(p) for p in full_section(np.array(rectangle(inner, inner + width, low, low + height)))]
     whole = shapely.union_all(parts)
     other = shapely.affinity.scale(whole, xfact=-1.0, yfact=1.0, origin=(0.0, 0.0))
     assert whole.area == pytest.approx(2.0 * width * height)
@@ -42,7 +42,7 @@ def test_every_starter_is_drawn_with_all_its_parts(name):
     distance = actuator.sweep.distances_m[0]
     figure = actuator_figure(actuator, distance)
     parts = len(actuator.fixed) + len(actuator.coils) + len(actuator.moving.regions)
-    assert len(half_sections(actuator, distance)) == parts
+    assert len(drawn_parts(actuator, distance)) == parts
     assert figure.axes[0].patches
 
 
