@@ -13,8 +13,7 @@ FILES = {
     "What a record shows, and what a filter makes of it": PACKAGE / "estimate" / "constants.py",
     "A table to a model": PACKAGE / "fit" / "constants.py",
     "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",
-    "Which rows and sensors of a bench table cannot be right": PACKAGE / "tables" / "measurement_checks.py",
-    "Which samples of a record cannot be right": PACKAGE / "tables" / "time_series_checks.py",
+    "Which rows, samples and sensors of a measurement cannot be right": PACKAGE / "tables" / "measurement_checks.py",
     "Which unit or sign a column seems to have": PACKAGE / "tables" / "units.py",
 }
 

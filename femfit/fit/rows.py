@@ -22,8 +22,7 @@ from femfit.fit.constants import (
     TRAPEZOID,
 )
 from femfit.model.validity import ActuatorKind
-from femfit.tables.foreign_grid import snap_axis
-from femfit.tables.sweep_table import SweepTable, column_numbers, current_names
+from femfit.tables.sweep_table import SweepTable, column_numbers, current_names, snap_axis
 from femfit.tables.units import suspected_by_size
 
 

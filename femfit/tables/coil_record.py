@@ -23,11 +23,10 @@ from femfit.core.files import path_of, read_settings
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, match_columns
-from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
-from femfit.tables.raw_table import check_width, decode, decoding, typed_numbers
+from femfit.tables.containers import is_container
+from femfit.tables.raw_table import EMPTY, check_width, decoding, find_decimal, looks_numeric, typed_numbers
 from femfit.tables.reading import Wants, Words, read_raw_table
-from femfit.tables.table_file import is_container
-from femfit.tables.text_table import find_layout, text_lines
+from femfit.tables.text_table import decode, find_layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +58,9 @@ COIL = Wants(
 )
 
 RAW = np.dtype("<f4")
-"""A number of a raw record."""
-
 _HEAD = 2**16
 """Bytes of a text record by which its layout is found."""
 
-_HIGHEST_RATE_HZ = 1e12
 _RAW_EXAMPLE = 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]'
 
 
@@ -91,24 +87,20 @@ class CoilRecord:
         before, count = -np.inf, 0
         with decoding(self.path, "a coil record"):
             for table in self.tables(rows):
-                values = {column.name: column.factor * self._numbers(table[column.header]) for column in self.used}
-                read = CoilBlock(
-                    values["time_s"], values["coil_voltage_V"], values.get("hall_T"), values.get("current_A")
-                )
-                for first in range(0, len(read), rows):
-                    block = read[first : first + rows]
-                    block = block[np.isfinite(block.time) & np.isfinite(block.voltage)]
-                    if len(block) == 0:
-                        continue
-                    back = np.flatnonzero(np.diff(block.time, prepend=before) <= 0.0)
-                    if len(back):
-                        raise TableError(
-                            f"{self.path} must have a rising time_s; it jumps back to {block.time[back[0]]:.9g} s "
-                            f"after {counted(int(count + back[0]), 'row')}. "
-                            "Split the record there, or repair the clock."
-                        )
-                    before, count = float(block.time[-1]), count + len(block)
-                    yield block
+                read = {column.name: column.factor * self._numbers(table[column.header]) for column in self.used}
+                block = CoilBlock(read["time_s"], read["coil_voltage_V"], read.get("hall_T"), read.get("current_A"))
+                block = block[np.isfinite(block.time) & np.isfinite(block.voltage)]
+                if len(block) == 0:
+                    continue
+                back = np.flatnonzero(np.diff(block.time, prepend=before) <= 0.0)
+                if len(back):
+                    raise TableError(
+                        f"{self.path} must have a rising time_s; it jumps back to {block.time[back[0]]:.9g} s "
+                        f"after {counted(int(count + back[0]), 'row')}. "
+                        "Split the record there, or repair the clock."
+                    )
+                before, count = float(block.time[-1]), count + len(block)
+                yield block
         if count == 0:
             raise TableError(f"{self.path} has no row with a time and a voltage.")
 
@@ -149,15 +141,14 @@ def open_coil_record(
             headers, samples, tables = _parquet_record(path)
         elif is_container(path):
             raw = read_raw_table(path, COIL.what, (COIL,), words)
-            headers, samples = list(raw.headers), len(raw.lines)
-            tables = lambda _: iter([pd.DataFrame(raw.numbers, columns=raw.headers)])  # noqa: E731
+            headers, samples, frame = list(raw.headers), len(raw.lines), pd.DataFrame(raw.numbers, columns=raw.headers)
+            tables = lambda rows: (frame[first : first + rows] for first in range(0, len(frame), rows))  # noqa: E731
         else:
             headers, samples, tables = _text_record(path)
     check_width(len(headers), str(path))
     used, findings = match_columns(headers, str(path), COIL.names, words.columns, words.units)
-    columns_used = tuple(used.values())
-    COIL.require([column.name for column in columns_used], headers, str(path), columns_used, findings)
-    return CoilRecord(path, columns_used, samples, tables)
+    COIL.require([column.name for column in used], headers, str(path), used, findings)
+    return CoilRecord(path, tuple(used), samples, tables)
 
 
 Record = tuple[list[str], int | None, Tables]
@@ -190,12 +181,8 @@ def _text_record(path: Path) -> Record:
         content = content[: content.rfind(b"\n") + 1]
         content += b"\x00" * (len(content) % 2 and b"\x00" in content[:64])  # the other half of a UTF-16 line end
     text, encoding = decode(content, str(path))
-    lines = text_lines(text)
-    if not lines:
-        raise TableError(f"{path} is empty; it needs a line of column names and rows of numbers.")
-    lines, layout = find_layout(lines, str(path))
-    readings = (line.cells for line in lines if line.number >= layout.first and not line.comment)
-    marked = (cell for cells in readings for cell in cells if "," in cell and looks_numeric(cell))
+    layout = find_layout(text, str(path))
+    marked = (cell for line in layout.below for cell in line.cells if "," in cell and looks_numeric(cell))
     decimal = find_decimal(marked, str(path), ",")
     options: Any = {
         "encoding": encoding,
@@ -203,7 +190,7 @@ def _text_record(path: Path) -> Record:
         "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
         "decimal": decimal,
         "header": None,
-        "skiprows": min(layout.first - 1, lines[-1].number),
+        "skiprows": min(layout.first - 1, layout.lines[-1].number),
         "skipinitialspace": True,
         "na_values": sorted(EMPTY),
     }
@@ -221,7 +208,7 @@ def _text_record(path: Path) -> Record:
 class _RawLayout(BaseModel):
     """The sidecar of a raw record."""
 
-    sample_rate_Hz: float = Field(gt=0.0, le=_HIGHEST_RATE_HZ)
+    sample_rate_Hz: float = Field(gt=0.0, le=1e12)
     columns: list[str] = Field(min_length=1)
     start_s: FiniteFloat = 0.0
 

@@ -17,10 +17,9 @@ from femfit.core.numerics import GRAVITY, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.text import quoted
 from femfit.tables.findings import finding
-from femfit.tables.header import MAYBE, SURE, UNIT, WORD, WORD_IN_UNIT, find_header, parse_header, same_header, score
+from femfit.tables.header import Likeness, find_header, matching_headers, parse_header, score
 from femfit.tables.measurement import CHANNELS, SETTINGS
-from femfit.tables.number_text import EMPTY, LARGEST, clock_seconds, looks_numeric
-from femfit.tables.raw_table import RawTable
+from femfit.tables.raw_table import EMPTY, LARGEST, RawTable, clock_seconds, looks_numeric
 from femfit.tables.units import column_unit, given_factor, unit_factor
 
 BENCH_COLUMNS = (*SETTINGS, *CHANNELS)
@@ -30,11 +29,8 @@ _BRANCH_WORDS = {
     **dict.fromkeys(("rising", "rise", "up", "+", "increasing", "ascending", "steigend", "auf", "hin"), 1.0),
     **dict.fromkeys(("falling", "fall", "down", "-", "decreasing", "descending", "fallend", "ab", "zurück"), -1.0),
 }
-SIMULATED = ("true_", "estimated_")
+_SIMULATED = ("true_", "estimated_")
 """How columns begin that a simulation writes beside its readings; nobody measured them."""
-
-_LABELS = ("run", "mount")
-_MOMENTS = ("time_s", "order")
 
 
 @dataclass(frozen=True)
@@ -60,99 +56,83 @@ def match_columns(
     headers: Sequence[str],
     source: str,
     names: Sequence[str],
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str | float] | None = None,
+    columns: Mapping[str, str],
+    units: Mapping[str, str | float],
     optional: Collection[str] = (),
     guessed: Sequence[str] = (),
-) -> tuple[dict[int, UsedColumn], list[Finding]]:
-    """Find columns among headers.
+) -> tuple[list[UsedColumn], list[Finding]]:
+    """Find columns among headers, in the file's order, and say what was left to the user, and what is not used.
 
     The user's ``columns`` say which header is which column where its name does not say it, and ``units``, by header or
     column, its unit or a number that multiplies it to SI. An optional column is left out, not refused, where several
     headers may be it. What is still missing of the guessed columns is a header with a word of its name in its unit.
-
-    Returns
-    -------
-    used : dict of int to UsedColumn
-        By place in the file, in the file's order.
-    findings : list of Finding
-        What was left to the user, and what is not used.
     """
-    header_columns = {
-        find_header(header, headers, source, "--column"): name for header, name in (columns or {}).items()
-    }
-    for header, wanted in header_columns.items():
-        if wanted not in names:
+    chosen: dict[str, int] = {}
+    for key, name in columns.items():
+        header = find_header(key, headers, source, "--column")
+        if name not in names:
             raise TableError(
-                f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
+                f"Column {quoted(header)!r} of {source} cannot be {quoted(name)!r}; give one of {', '.join(names)}."
             )
+        chosen[name] = headers.index(header)
     texts: dict[str, str] = {}
-    for key, value in (units or {}).items():
-        matching = [header for header in headers if header.strip() == key.strip()]
-        matching = matching or [header for header in headers if same_header(key, header)]
-        texts |= dict.fromkeys(matching or [key], str(value))
-    chosen = {name: headers.index(header) for header, name in header_columns.items()}
+    for key, unit in units.items():
+        texts |= dict.fromkeys(matching_headers(key, headers) or [key], str(unit))
     scores = {name: [_score(header, name, texts.get(header, texts.get(name))) for header in headers] for name in names}
     best = [max(of_header) for of_header in zip(*scores.values(), strict=True)]
-    for name, enough in [*((name, MAYBE) for name in names), *((name, WORD_IN_UNIT) for name in guessed)]:
+    for name, enough in [*product(names, [Likeness.MAYBE]), *product(guessed, [Likeness.WORD_IN_UNIT])]:
         # A column belongs to the quantity that it names best: "flux density" is no flux linkage.
         free = {k: how for k, how in enumerate(scores[name]) if enough <= how == best[k] and k not in chosen.values()}
         top = [k for k, how in free.items() if how == max(free.values())]
-        if name not in chosen and top:
-            if len(top) > 1 and name not in optional and free[top[0]] == SURE:
-                raise TableError(
-                    f"{source} must have one column for {name}; instead received {listing(headers[k] for k in top)}. "
-                    f"Remove all but one, or say which with --column HEADER={name}."
-                )
-            if len(top) == 1 or name not in optional:
-                chosen[name] = top[0]
-    used = {}
-    for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
-        unit = texts.get(name, texts.get(headers[k]))
-        used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
-    for key in texts.keys() - {column.name for column in used.values()}:
+        if name in chosen or not top or (name in optional and len(top) > 1):
+            continue
+        if len(top) > 1 and free[top[0]] == Likeness.SURE:
+            raise TableError(
+                f"{source} must have one column for {name}; instead received {listing(headers[k] for k in top)}. "
+                f"Remove all but one, or say which with --column HEADER={name}."
+            )
+        chosen[name] = top[0]
+    used = [
+        used_column(headers[k], name, source, texts.get(name, texts.get(headers[k], "")))
+        for name, k in sorted(chosen.items(), key=lambda choice: choice[1])
+    ]
+    for key in texts.keys() - {column.name for column in used}:
         find_header(key, headers, source, "--unit")
-    unused = [header for k, header in enumerate(headers) if header.strip() and k not in used]
-    return used, _unused(unused, [name for name in names if name not in chosen])
+    unused = [header for k, header in enumerate(headers) if header.strip() and k not in chosen.values()]
+    if not unused:
+        return used, []
+    measured = [header for header in unused if not header.startswith(_SIMULATED)]
+    options = " ".join(column_options(measured, [name for name in names if name not in chosen], Likeness.WORD))
+    remedy = f"Where one is meant, say {options}." if options else ""
+    return used, [finding("unused-column", headers=listing(unused, 20), options=remedy)]
 
 
 def match_column(header: str, names: Sequence[str]) -> UsedColumn | None:
     """Return the column that a header means, if its unit is one of the right kind."""
-    parsed = parse_header(header)
-    name = next((name for name in names if score(parsed, name) >= MAYBE), None)
-    return None if name is None else used_column(header, name, parsed.unit, "")
+    name = next((name for name in names if score(parse_header(header), name) >= Likeness.MAYBE), None)
+    return None if name is None else used_column(header, name)
 
 
-def used_column(
-    header: str, name: str, unit: str | None, source: str, override: str | float | None = None
-) -> UsedColumn:
+def used_column(header: str, name: str, source: str = "", unit: str = "") -> UsedColumn:
     """Return the use of a column in the unit that the user gives, or else the file."""
     _, si_unit = column_unit(name)
-    unit = str(override) if override not in {None, ""} else None if header.strip() == name or not si_unit else unit
-    if unit is None:
-        return UsedColumn(header, name, 1.0, si_unit, assumed=bool(si_unit) and header.strip() != name)
+    plain = header.strip() == name
+    unit = unit or ("" if plain or not si_unit else parse_header(header).unit or "")
+    if not unit:
+        return UsedColumn(header, name, 1.0, si_unit, assumed=bool(si_unit) and not plain)
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
 
 
 def _score(header: str, name: str, override: str | None) -> int:
     """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
     if header.strip() == name:
-        return SURE
+        return Likeness.SURE
     parsed, (_, si_unit) = parse_header(header), column_unit(name)
     if override is not None and unit_factor(override, si_unit) is not None:
         parsed = replace(parsed, unit=override)
     elif override is not None and unit_factor(parsed.unit or "", si_unit) is None:
         parsed = replace(parsed, unit=None)
     return score(parsed, name)
-
-
-def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
-    """The other headers, with what each may be among the columns that are still free."""
-    if not headers:
-        return []
-    options = " ".join(column_options([header for header in headers if not header.startswith(SIMULATED)], free, WORD))
-    remedy = f"Where one is meant, say {options}." if options else ""
-    return [finding("unused-column", headers=listing(headers, 20), options=remedy)]
 
 
 def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:
@@ -169,27 +149,27 @@ def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFra
 
 
 def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding]]:
-    values = raw.column(column.header)
+    place = raw.headers.index(column.header)
+    values, branch = raw.column(place), column.name == "branch"
     if np.isfinite(values).all():
-        return np.sign(values) if column.name == "branch" else values * column.factor, []
-    cells = [str(cell).strip() for cell in raw.text(column.header)]
-    moments = clock_seconds(cells, column.header) if column.name in _MOMENTS else None
+        return np.sign(values) if branch else values * column.factor, []
+    cells = [cell.strip() for cell in raw.texts(place)]
+    moments = clock_seconds(cells, column.header) if column.name in {"time_s", "order"} else None
     if moments is not None:
         return moments, []
-    empty = np.array([cell.casefold() in EMPTY for cell in cells])
-    if column.name == "branch":
+    if branch:
         words = np.array([_BRANCH_WORDS.get(cell.casefold(), np.nan) for cell in cells])
         values = np.sign(np.where(np.isfinite(words), words, values))
-        empty &= np.isnan(values)
-    if column.name in _LABELS and np.isnan(values[~empty]).any():
-        labels = list(dict.fromkeys(cell for cell, missing in zip(cells, empty, strict=True) if not missing))
-        number = {label: k + 1.0 for k, label in enumerate(labels)}
-        listed = listing(f"{k + 1} = {label}" for k, label in enumerate(labels))
-        numbers = [np.nan if missing else number[cell] for cell, missing in zip(cells, empty, strict=True)]
-        return np.array(numbers), [finding("labels", column=column.name, labels=listed)]
+    empty = np.array([cell.casefold() in EMPTY for cell in cells])
     bad = np.flatnonzero(np.isnan(values) & ~empty)
     if not len(bad):
         return values * column.factor, []
+    if column.name in {"run", "mount"}:
+        labels = list(dict.fromkeys(cell for cell, missing in zip(cells, empty, strict=True) if not missing))
+        listed = listing(f"{k} = {label}" for k, label in enumerate(labels, 1))
+        number = {label: float(k) for k, label in enumerate(labels, 1)}
+        numbers = [np.nan if missing else number[cell] for cell, missing in zip(cells, empty, strict=True)]
+        return np.array(numbers), [finding("labels", column=column.name, labels=listed)]
     below = f" below {LARGEST:g}, as of an overload" if looks_numeric(cells[bad[0]]) else ""
     facts = {"header": quoted(column.header), "cells": len(bad), "below": below, "cell": quoted(cells[bad[0]])}
     return values * column.factor, [finding("cells words", size=float(len(bad)), column=column.name, **facts)]
@@ -217,7 +197,7 @@ def remedy_for_columns(unused: Sequence[str], needed: Sequence[str]) -> str:
     """
     if not unused:
         return f"Add {needed[0]}."
-    options = column_options(unused, needed, WORD, UNIT) or [column_option(unused[0], needed[0])]
+    options = column_options(unused, needed, Likeness.WORD, Likeness.UNIT) or [column_option(unused[0], needed[0])]
     return (
         f"Not used: {listing(unused, 20)}. Rename columns, or say what they are, for example with {' '.join(options)}."
     )

@@ -10,15 +10,14 @@ real part and imaginary part. Errors are relative, of the largest of all circuit
 induced current leave out and of the discretisation.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.files import read_arrays, replacing, write_arrays
+from femfit.core.files import read_arrays, replacing
 from femfit.core.numerics import ComplexArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, inductance_columns, resistance_column
 from femfit.core.text import amount, counted
@@ -187,13 +186,8 @@ class EddyTable:
         return np.column_stack([np.interp(logarithm, np.log(self.checked_Hz), error) for error in self.errors.T])
 
 
-def write_eddy(table: EddyTable | None, directory: Path) -> None:
-    """Write ``eddy.npz``, or remove that of an earlier sweep where there is none."""
-    write_arrays(None if table is None else vars(table), directory / NAME)
-
-
 def read_eddy(directory: Path) -> EddyTable | None:
-    """Read what :func:`write_eddy` wrote; None where there is nothing.
+    """Read ``eddy.npz``; None where there is nothing.
 
     Raises
     ------
@@ -226,49 +220,32 @@ def impedance_rows(
     """
     import pandas as pd  # noqa: PLC0415  loads while the workers solve
 
-    frames = []
-    errors = table.error_at(table.frequencies_Hz)
+    frames, circuits, frequencies = [], table.circuits, table.frequencies_Hz
+    omega, errors = 2.0 * np.pi * frequencies, table.error_at(frequencies)
+    named = [f"_{name}" if len(circuits) > 1 else "" for name in circuits]
     for k, distance in enumerate(table.distances_m):
-        transfers = table.transfers(k, table.frequencies_Hz)
-        fixed = dict(_impedances(transfers, table.circuits, resistances_ohm, series_H))
+        transfers = table.transfers(k, frequencies)
+        impedances: dict[str, FloatArray] = {}
+        for name, (row, column) in inductance_columns(circuits).items():
+            inductance, diagonal = transfers.flux_linkage[:, row, column], row == column
+            impedances[resistance_column(name)] = diagonal * resistances_ohm[row] - omega * inductance.imag
+            impedances[name] = inductance.real + diagonal * series_H[row]
         for bias in currents if table.bias_A is None else table.bias_A[k, None]:
+            about = bias if table.bias_A is None else np.zeros_like(bias)
+            force = np.einsum("m,fmn->fn", np.concatenate([[1.0], about]), transfers.force)
             columns = {
-                "distance_m": np.full(len(transfers.frequencies_Hz), distance),
-                **dict(zip(current_columns(table.circuits), bias, strict=True)),
-                "frequency_Hz": transfers.frequencies_Hz,
-                **fixed,
-                **_transfers(transfers, table.circuits, bias if table.bias_A is None else np.zeros_like(bias)),
-                "impedance_error": errors[:, 0],
-                "force_error": errors[:, 1],
+                "distance_m": np.full(len(frequencies), distance),
+                **dict(zip(current_columns(circuits), bias, strict=True)),
+                "frequency_Hz": frequencies,
+                **impedances,
             }
-            if transfers.hall is not None:
-                columns["hall_error"] = errors[:, 2]
+            for kind, unit, values in (("force", "N_per_A", force), ("hall", "T_per_A", transfers.hall)):
+                for name, value in zip(named, () if values is None else values.T, strict=values is not None):
+                    columns |= {f"{kind}{name}_real_{unit}": value.real, f"{kind}{name}_imag_{unit}": value.imag}
+            columns |= {"impedance_error": errors[:, 0], "force_error": errors[:, 1]}
+            columns |= {} if transfers.hall is None else {"hall_error": errors[:, 2]}
             frames.append(pd.DataFrame(columns))
     return pd.concat(frames, ignore_index=True)
-
-
-def _impedances(
-    transfers: Transfers, circuits: Sequence[str], resistances_ohm: Sequence[float], series_H: Sequence[float]
-) -> Iterator[tuple[str, FloatArray]]:
-    """Resistance and inductance of each circuit, and of each pair."""
-    omega = 2.0 * np.pi * transfers.frequencies_Hz
-    for name, (j, k) in inductance_columns(circuits).items():
-        inductance = transfers.flux_linkage[:, j, k]
-        diagonal = j == k
-        yield resistance_column(name), diagonal * resistances_ohm[j] - omega * inductance.imag
-        yield name, inductance.real + diagonal * series_H[j]
-
-
-def _transfers(transfers: Transfers, circuits: Sequence[str], bias: FloatArray) -> Mapping[str, FloatArray]:
-    """Force and Hall field of an ampere in each circuit about a bias."""
-    force = np.einsum("m,fmn->fn", np.concatenate([[1.0], bias]), transfers.force)
-    kinds = {"force": (force, "N_per_A"), **({} if transfers.hall is None else {"hall": (transfers.hall, "T_per_A")})}
-    return {
-        f"{kind}{f'_{name}' * (len(circuits) > 1)}_{component}_{unit}": getattr(values[:, k], component)
-        for (kind, (values, unit)), (k, name), component in product(
-            kinds.items(), enumerate(circuits), ("real", "imag")
-        )
-    }
 
 
 def write_impedance(rows: "pd.DataFrame | None", directory: Path) -> None:

@@ -13,8 +13,6 @@ from typing import Any
 from femfit.core.results import Finding
 from femfit.core.text import counted
 
-CATALOGUES = ("findings.toml", "femm/findings.toml")
-
 
 class _Count(int):
     """A number of things, which a template writes with its noun."""
@@ -32,7 +30,7 @@ class _Count(int):
 def catalogue() -> dict[str, dict[str, str]]:
     """The entries by their keys, each with ``text``, and where they are not empty ``severity`` and ``remedy``."""
     entries: dict[str, dict[str, str]] = {}
-    for name in CATALOGUES:
+    for name in ("findings.toml", "femm/findings.toml"):
         entries |= tomllib.loads((files("femfit.tables") / name).read_text(encoding="utf-8"))
     return entries
 

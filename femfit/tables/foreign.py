@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -19,20 +19,17 @@ from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import counted, quoted
 from femfit.device.load import read_actuator, sweep_manifest_entry
 from femfit.tables.columns import UsedColumn
+from femfit.tables.containers import SUFFIXES, parse_table
 from femfit.tables.findings import finding
-from femfit.tables.foreign_checks import check_noise, check_reciprocity
-from femfit.tables.foreign_forms import SWEEP, ImportOptions, is_matrix, listed, long_points
-from femfit.tables.foreign_grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
+from femfit.tables.foreign_checks import check_cells, check_points, check_units
+from femfit.tables.foreign_forms import AXES, SWEEP, ImportOptions, is_matrix, listed, long_points
 from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.sweep_table import SweepTable
-from femfit.tables.table_file import SUFFIXES, parse_table
 from femfit.tables.units import column_unit, unit_factor
 
 _NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
 _UNITS = {"current_A": r"(?P<unit>[mu]?A|amps?)", "distance_m": r"(?P<unit>[mcu]?m|in(?:ch)?)"}
-_FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
-_NOT_A_NUMBER = "no number in the imported table"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,12 +93,15 @@ def import_table(
     >>> table = ff.import_table("forces.csv", units={"distance": "mm"})
     >>> model = ff.fit_model(table).model
     """
-    entry = sweep_manifest_entry(read_actuator(actuator)) if actuator else None
+    entry = {"actuator": sweep_manifest_entry(read_actuator(actuator))} if actuator else {}
     sources = paths if isinstance(paths, Iterable) and not isinstance(paths, str) else [paths]
     given = ImportOptions(**options)
-    files = _files([path_of(path, "A table to import") for path in sources])
+    files = [file for path in sources for file in _files(path_of(path, "A table to import"))]
+    if not files:
+        raise TableError("An import needs at least one file or directory.")
     contents = {file: file_content(file, "table") for file in files}
     points, mapping, findings, dialects = _gather(contents, given)
+    points = points.assign(distance_m=(given.distance_start_m or 0.0) + points["distance_m"])
     good, bad, faults = check_cells(points)
     findings += faults
     if good.empty:
@@ -109,130 +109,15 @@ def import_table(
             f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
             f"{faults[0].text if faults else 'there is no row below the header.'}"
         )
-    start = given.distance_start_m or 0.0
-    good = good.assign(distance_m=start + good["distance_m"])
     findings += check_units(good)
     _stop_at_errors(findings, given)
-    steps: tuple[Callable[[pd.DataFrame], tuple[pd.DataFrame, list[Finding]]], ...] = (
-        tidy_grid,
-        lambda points: settle_force_sign(points, keep=given.keep_force),
-        lambda points: (points, check_reciprocity(points)),
-        drop_incomplete,
-        check_noise,
-    )
-    for step in steps:
-        good, remarks = step(good)
-        findings += remarks
-    findings = _stop_at_errors(findings, given)
-    rows = _rows(good, bad.assign(distance_m=start + bad["distance_m"]))
-    manifest = _manifest(files, contents, mapping, dialects, findings, rows)
-    manifest |= {} if entry is None else {"actuator": entry}
-    return ImportedTable(rows, manifest, findings=tuple(findings), mapping=tuple(mapping.values()), dialects=dialects)
-
-
-def _files(paths: Sequence[Path]) -> list[Path]:
-    files: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            tables = sorted(file for file in path.iterdir() if file.suffix.casefold() in SUFFIXES)
-            if not tables:
-                raise TableError(f"Directory {path} holds no table ({', '.join(SUFFIXES)}).")
-            files += tables
-        else:
-            files.append(path)
-    if not files:
-        raise TableError("An import needs at least one file or directory.")
-    return files
-
-
-def _gather(
-    contents: Mapping[Path, bytes], options: ImportOptions
-) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding], dict[str, str]]:
-    """All files' rows under each other."""
-    frames: list[pd.DataFrame] = []
-    mapping: dict[str, UsedColumn] = {}
-    findings: list[Finding] = []
-    dialects: dict[str, str] = {}
-    for file, content in contents.items():
-        in_name = {column: _value_in_name(file, column) for column in _UNITS}
-        constants = {column: value for column, value in in_name.items() if value is not None}
-        wanted = partial(_is_wanted, replace(options, settings=constants))
-        raw = parse_table(content, file.name, table=options.table, wanted=wanted, decimal=options.decimal)
-        raw = replace(raw, headers=options.column_names or raw.headers)
-        dialects[file.name] = raw.dialect
-        findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]
-        matrix = is_matrix(raw, options)
-        raw, choices, remarks = listed(raw, options) if matrix else (raw, options, [])
-        frame, uses, doubts = long_points(raw, constants, choices)
-        frames.append(frame)
-        findings += [remark for remark in (*remarks, *doubts) if remark not in findings]
-        uses = {name: uses[name] for name in choices.columns.values()} if matrix else uses
-        mapping = mapping | uses | mapping
-    assumed = [f"{quoted(use.header)} in {use.unit}" for use in mapping.values() if use.assumed]
-    if assumed:
-        findings.append(finding("assumed-units", columns=", ".join(assumed)))
-    return pd.concat(frames, ignore_index=True), mapping, findings, dialects
-
-
-def _is_wanted(options: ImportOptions, raw: RawTable) -> bool:
-    named = replace(raw, headers=options.column_names or raw.headers)
-    return is_matrix(named, options) or SWEEP.fits(named, options)
-
-
-def _value_in_name(path: Path, column: str) -> float | None:
-    """Read a current (A) or distance (m) from a file's name; ``p`` may stand for the decimal point.
-
-    A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
-    with its unit or after the quantity's name.
-    """
-    names = "|".join(sorted((name for name in names_of(column) if name.isascii()), key=len, reverse=True))
-    for pattern in (
-        rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[column]}(?![A-Za-z0-9])",
-        rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])",
-        rf"^{_NUMBER}$" if column == "current_A" else "(?!)",
-    ):
-        matches = list(re.finditer(pattern, path.stem))
-        if matches:
-            break
-    if len(matches) != 1:
-        return None
-    number, si_unit = matches[0]["number"], column_unit(column)[1]
-    factor = unit_factor(matches[0].groupdict().get("unit") or si_unit, si_unit)
-    return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor
-
-
-def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
-    """Accepted errors as warnings; the others stop the import, all at once."""
-    accepted = set(options.accept) - _FINAL
-    settled = [
-        remark.accepted() if remark.severity == "error" and remark.code in accepted else remark for remark in findings
-    ]
-    errors = [f"  - {remark} [{remark.code}]" for remark in settled if remark.severity == "error"]
-    if errors:
-        head, remedy = f"The table has {counted(len(errors), 'error')}:", "To go on in spite of one: --accept CODE."
-        raise TableError("\n".join([head, *errors, remedy]))
-    return settled
-
-
-def _rows(good: pd.DataFrame, bad: pd.DataFrame) -> pd.DataFrame:
-    """Columns of the contract, in their order."""
+    good, remarks = check_points(good, keep_force=given.keep_force)
+    findings = _stop_at_errors([*findings, *remarks], given)
     rows = good[[name for name in COLUMNS if name in good]].assign(status="ok")
-    placed = bad[np.isfinite(bad[["current_A", "distance_m"]].to_numpy(dtype=float)).all(axis=1)]
-    if placed.empty:
-        return rows
-    without = placed[["current_A", "distance_m"]].assign(status=_NOT_A_NUMBER)
-    return pd.concat([rows, without], ignore_index=True)
-
-
-def _manifest(
-    files: list[Path],
-    contents: Mapping[Path, bytes],
-    mapping: Mapping[str, UsedColumn],
-    dialects: Mapping[str, str],
-    findings: Sequence[Finding],
-    rows: pd.DataFrame,
-) -> dict[str, Any]:
-    return {
+    placed = bad.loc[np.isfinite(bad[list(AXES)].to_numpy(dtype=float)).all(axis=1), list(AXES)]
+    if len(placed):
+        rows = pd.concat([rows, placed.assign(status="no number in the imported table")], ignore_index=True)
+    manifest = {
         "kind": "import",
         "name": files[0].stem if len(files) == 1 else files[0].resolve().parent.name,
         "sources": [
@@ -248,9 +133,86 @@ def _manifest(
                 "factor_to_SI": use.factor,
                 "unit_assumed": use.assumed,
             }
-            for use in mapping.values()
+            for use in mapping
         ],
         "findings": [finding.as_dict() for finding in findings],
         "rows": len(rows),
         "versions": {"femfit": __version__, "numpy": np.__version__, "pandas": pd.__version__},
     }
+    return ImportedTable(rows, manifest | entry, findings=tuple(findings), mapping=mapping, dialects=dialects)
+
+
+def _files(path: Path) -> list[Path]:
+    """A file, or the tables in a directory."""
+    if not path.is_dir():
+        return [path]
+    tables = sorted(file for file in path.iterdir() if file.suffix.casefold() in SUFFIXES)
+    if not tables:
+        raise TableError(f"Directory {path} holds no table ({', '.join(SUFFIXES)}).")
+    return tables
+
+
+def _gather(
+    contents: Mapping[Path, bytes], options: ImportOptions
+) -> tuple[pd.DataFrame, tuple[UsedColumn, ...], list[Finding], dict[str, str]]:
+    """All files' rows under each other."""
+    frames: list[pd.DataFrame] = []
+    mapping: dict[str, UsedColumn] = {}
+    findings: list[Finding] = []
+    dialects: dict[str, str] = {}
+    for file, content in contents.items():
+        constants = {column: value for column in _UNITS if (value := _value_in_name(file, column)) is not None}
+        wanted = partial(_is_wanted, replace(options, settings=constants))
+        raw = parse_table(content, file.name, table=options.table, wanted=wanted, decimal=options.decimal)
+        raw = replace(raw, headers=options.column_names or raw.headers)
+        dialects[file.name] = raw.dialect
+        findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]
+        matrix = is_matrix(raw, options)
+        raw, choices, remarks = listed(raw, options) if matrix else (raw, options, [])
+        frame, uses, doubts = long_points(raw, constants, choices)
+        frames.append(frame)
+        findings += [remark for remark in (*remarks, *doubts) if remark not in findings]
+        uses = {name: uses[name] for name in choices.columns.values()} if matrix else uses
+        mapping = mapping | uses | mapping
+    assumed = [f"{quoted(use.header)} in {use.unit}" for use in mapping.values() if use.assumed]
+    if assumed:
+        findings.append(finding("assumed-units", columns=", ".join(assumed)))
+    return pd.concat(frames, ignore_index=True), tuple(mapping.values()), findings, dialects
+
+
+def _is_wanted(options: ImportOptions, raw: RawTable) -> bool:
+    named = replace(raw, headers=options.column_names or raw.headers)
+    return is_matrix(named, options) or SWEEP.fits(named, options)
+
+
+def _value_in_name(path: Path, column: str) -> float | None:
+    """Read a current (A) or distance (m) from a file's name; ``p`` may stand for the decimal point.
+
+    A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
+    with its unit or after the quantity's name.
+    """
+    names = "|".join(sorted(filter(str.isascii, names_of(column)), key=len, reverse=True))
+    patterns = [
+        rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[column]}(?![A-Za-z0-9])",
+        rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?P<unit>)(?![A-Za-z0-9])",
+        *([rf"^{_NUMBER}(?P<unit>)$"] if column == "current_A" else []),
+    ]
+    matches = next(filter(None, ([*re.finditer(pattern, path.stem)] for pattern in patterns)), [])
+    if len(matches) != 1:
+        return None
+    (number, unit), si_unit = matches[0].group("number", "unit"), column_unit(column)[1]
+    factor = unit_factor(unit or si_unit, si_unit)
+    return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor
+
+
+def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
+    """Accepted errors as warnings; the others stop the import, all at once."""
+    accepted = set(options.accept) - {"distance"}  # no model is defined at a distance of zero or less
+    settled = [
+        remark.accepted() if remark.severity == "error" and remark.code in accepted else remark for remark in findings
+    ]
+    errors = [f"  - {remark} [{remark.code}]" for remark in settled if remark.severity == "error"]
+    if errors:
+        head, remedy = f"The table has {counted(len(errors), 'error')}:", "To go on in spite of one: --accept CODE."
+        raise TableError("\n".join([head, *errors, remedy]))
+    return settled

@@ -1,4 +1,6 @@
-"""Whether a force table is smooth, and whether its force and flux linkage belong to one co-energy.
+"""The points of an imported table: cells, units, the grid of currents and distances, and the sign of the force.
+
+Whether a force table is smooth, and whether its force and flux linkage belong to one co-energy.
 
 log|F| of a curve F(d) is contrasted over neighbours: for every q + 2 consecutive points the unit vector that
 annihilates polynomials of degree q in log d. On white noise of relative size s each contrast has the variance s^2
@@ -20,6 +22,8 @@ T. Gasser, L. Sroka, C. Jennen-Steinmetz, Residual variance and residual pattern
 1968, section 3.1 (conservative fields).
 """
 
+from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -29,9 +33,14 @@ from scipy.interpolate import CubicSpline
 from scipy.stats import norm
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.results import Finding
+from femfit.core.results import Finding, listing
 from femfit.tables.findings import finding
-from femfit.tables.foreign_grid import complete_grid
+from femfit.tables.foreign_forms import AXES, REQUIRED, SWEPT
+from femfit.tables.sweep_table import snap_axis
+from femfit.tables.units import column_unit, suspected_by_size
+
+_SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh
+_AGREEMENT = 0.95  # of the force change that must have one sign before it is called obvious
 
 NOISY = 0.005
 """Relative noise that is worth a warning: at a levitation rig 1 % of force moves the magnet by 0.10 mm, so that 0.5 %
@@ -59,7 +68,160 @@ _SAME_SHAPE = 0.10
 _LARGE = 0.05  # rectangles whose work is below this share of the largest hold more noise than information
 
 
-def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
+Checked = tuple[pd.DataFrame, list[Finding]]
+"""The points as they are gone on with, and what was remarked on them."""
+
+
+def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[Finding]]:
+    """Part the rows that have current, distance and force from the others, which come second."""
+    finite = np.isfinite(points[list(REQUIRED)].to_numpy(dtype=float)).all(axis=1)
+    good, bad = points[finite].reset_index(drop=True), points[~finite]
+    facts = {"bad": len(bad), "rows": len(points), "places": rows_of(bad)}
+    return good, bad, [finding("cells foreign", size=float(len(bad)), **facts)] if len(bad) else []
+
+
+def check_points(points: pd.DataFrame, *, keep_force: bool) -> Checked:
+    """The points of a grid, once each and in order, with the force's noise and sign."""
+    findings: list[Finding] = []
+    force_sign = partial(settle_force_sign, keep=keep_force)
+    for step in (tidy_grid, force_sign, check_reciprocity, drop_incomplete, check_noise):
+        points, remarks = step(points)
+        findings += remarks
+    return points, findings
+
+
+def drop_incomplete(points: pd.DataFrame) -> Checked:
+    """Leave out optional columns that have gaps: a fit that met them would have to invent numbers."""
+    findings = []
+    for name in SWEPT[len(REQUIRED) :]:
+        gaps = points[~np.isfinite(points[name].to_numpy(dtype=float))] if name in points else points[:0]
+        if len(gaps):
+            points = points.drop(columns=name)
+            facts = {"quantity": column_unit(name)[0].replace("_", " "), "cells": len(gaps), "places": rows_of(gaps)}
+            findings.append(finding("gaps", size=float(len(gaps)), **facts))
+    return points, findings
+
+
+def rows_of(points: pd.DataFrame) -> str:
+    """Where rows stand in their files."""
+    files = points.groupby("source", sort=False)["line"].unique()
+    parts = [f"{source} line {listing(lines)}" for source, lines in files.items()]
+    return "; ".join([*parts[:4], *(["..."] if len(parts) > 4 else [])])
+
+
+def check_units(points: pd.DataFrame) -> list[Finding]:
+    """Suspect units by sizes that no actuator has; current and distance, on which all else depends, are errors."""
+    findings = [
+        replace(remark, severity="error") if remark.column in AXES else remark
+        for remark in suspected_by_size(points[[name for name in SWEPT if name in points]], solved=True)
+    ]
+    behind = points[points["distance_m"] <= 0]
+    if len(behind):
+        findings.append(finding("distance", size=float(behind["distance_m"].min()), places=rows_of(behind)))
+    return findings
+
+
+def tidy_grid(points: pd.DataFrame) -> Checked:
+    """Snap, merge and sort the rows: by current, then distance, one row a point.
+
+    Contradictory rows of one point stop the import; where that is accepted, their mean is taken.
+    """
+    points = points.assign(**{name: snap_axis(points[name].to_numpy(dtype=float)) for name in AXES})
+    points, findings = _merge_duplicates(points)
+    points = points.sort_values(list(AXES), kind="stable").reset_index(drop=True)
+    currents, distances = np.unique(points["current_A"]), np.unique(points["distance_m"])
+    for key, axis in (("one-current", currents), ("one-distance", distances)):
+        if len(axis) == 1:
+            findings.append(finding(key, size=1.0, level=axis[0]))
+    count = len(currents) * len(distances)
+    missing = count - len(points)
+    if missing > count / 2:
+        counts = {"points": len(points), "currents": len(currents), "distances": len(distances)}
+        findings.append(finding("scattered", size=float(missing), **counts))
+    elif missing:
+        present = set(zip(points["current_A"], points["distance_m"], strict=True))
+        holes = [f"({i:g} A, {d * 1e3:g} mm)" for i, d in product(currents, distances) if (i, d) not in present]
+        findings.append(finding("holes", size=missing, holes=missing, points=count, places=listing(holes)))
+    return points, findings
+
+
+def _merge_duplicates(points: pd.DataFrame) -> Checked:
+    repeated = points.duplicated(list(AXES))
+    if not repeated.any():
+        return points, []
+    numeric = [str(name) for name in points if name not in {"source", "line", *AXES}]
+    groups = points.groupby(list(AXES), sort=False)[numeric]
+    spread = groups.transform("max") - groups.transform("min")
+    differs = (spread / points[numeric].abs().max().replace(0.0, 1.0)).max(axis=1)
+    contradictory, identical = points[differs > _SAME_VALUE], int((repeated & (differs <= _SAME_VALUE)).sum())
+    findings = []
+    if identical:
+        findings.append(finding("duplicates", size=float(identical), rows=identical))
+    if len(contradictory):
+        count, worst = len(contradictory.drop_duplicates(list(AXES))), float(differs.max())
+        places = rows_of(contradictory)
+        findings.append(finding("contradictions", size=worst, points=count, percent=100 * worst, places=places))
+        points = points.assign(**groups.transform("mean"))
+    return points[~repeated].reset_index(drop=True), findings
+
+
+def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Find a complete part of the grid: without the distances that have holes, or without the currents.
+
+    Its distances, its currents, and the values of each quantity, finite everywhere, of shape (n, m).
+    """
+    indexed = points.set_index(["distance_m", "current_A"])
+    tables = [indexed[name].unstack() for name in quantities]  # noqa: PD010  # pivot_table would average
+    holes = np.logical_or.reduce([~np.isfinite(table.to_numpy(dtype=float)) for table in tables])
+    rows, columns = ~holes.any(axis=1), ~holes.any(axis=0)
+    if rows.mean() >= columns.mean():
+        columns[:] = True
+    else:
+        rows[:] = True
+    index, header = tables[0].index.to_numpy(dtype=float), tables[0].columns.to_numpy(dtype=float)
+    return index[rows], header[columns], [table.to_numpy(dtype=float)[np.ix_(rows, columns)] for table in tables]
+
+
+def settle_force_sign(points: pd.DataFrame, *, keep: bool = False) -> Checked:
+    """Negate the force where it obviously counts away from the electromagnet, and say what was concluded.
+
+    A current of growing magnitude attracts more. Where all forces are negative and grow in magnitude with the current,
+    the sign is a matter of the axis and is flipped; where force and change have different signs, either the current's
+    polarity or the force's axis may be reversed: that is said, not done.
+    """
+    findings: list[Finding] = []
+    distances, currents, (force,) = complete_grid(points, ["force_N"])
+    change, share = _growth(currents, force)
+    negative = float(-np.minimum(force, 0).sum() / (np.abs(force).sum() or 1.0))
+    if not keep and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
+        points, force, change = points.assign(force_N=-points["force_N"]), -force, -change
+        reason = "its magnitude grows with the current" if share else "there is one current only"
+        findings.append(finding("force-sign", why=reason))
+    elif share > _AGREEMENT and change < 0:
+        findings.append(finding("force-sign falling", size=share))
+    return points, findings + _direction(force)
+
+
+def _growth(currents: FloatArray, force: FloatArray) -> tuple[float, float]:
+    """Sum over distances of the force gained with current, and how one-signed it is (0 unknown)."""
+    candidates = currents >= 0 if (currents >= 0).sum() > 1 else np.ones(len(currents), bool)
+    magnitudes = np.where(candidates, np.abs(currents), np.nan)
+    if len(currents) < 2 or force.shape[0] == 0 or np.nanmax(magnitudes) == np.nanmin(magnitudes):
+        return 0.0, 0.0
+    gained = force[:, int(np.nanargmax(magnitudes))] - force[:, int(np.nanargmin(magnitudes))]
+    total = float(np.abs(gained).sum())
+    return float(gained.sum()), abs(float(gained.sum())) / total if total else 0.0
+
+
+def _direction(force: FloatArray) -> list[Finding]:
+    size = np.median(np.abs(force), axis=1)
+    rising = float(np.mean(np.diff(size) > 0)) if len(size) >= 4 else 0.0
+    if rising < _AGREEMENT or size[-1] < 2 * size[0]:
+        return []
+    return [finding("distance-direction", size=rising, times=size[-1] / (size[0] or np.inf))]
+
+
+def check_noise(points: pd.DataFrame) -> Checked:
     """Warn of noise with its size, and fill ``force_error_N`` with the estimated noise of each row.
 
     The estimate is a lower bound: an error that changes slowly with the distance leaves no roughness.
@@ -116,27 +278,29 @@ def _spread(contrasts: FloatArray) -> float:
     return float(np.sqrt(np.mean(contrasts[np.abs(contrasts) <= 3 * robust] ** 2)))
 
 
-def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
+def check_reciprocity(points: pd.DataFrame) -> Checked:
     """Compare the force's work with the flux linkage's.
 
     It is said where reciprocity holds or cannot be judged, a warning up to 10 %, an error beyond; without a column of
     flux linkages only that an inductance beside the force is not taken for one.
     """
     if "flux_linkage_Wb" not in points:
-        return [finding("inductance")] if "inductance_H" in points else []
+        return points, [finding("inductance")] if "inductance_H" in points else []
     distances, currents, (force, flux) = complete_grid(points, ["force_N", "flux_linkage_Wb"])
     if len(distances) < 3 or len(currents) < 2:
-        return [finding("reciprocity unchecked")]
+        return points, [finding("reciprocity unchecked")]
     factor, spread, loops = _compare_loops(distances, currents, force, flux)
-    if loops == 0:
-        return [finding("reciprocity still")]
-    if spread >= _SAME_SHAPE:
-        return [finding("reciprocity shape", size=spread, factor=factor, percent=100 * spread, loops=loops)]
     error = abs(factor - 1)
-    if error >= _WRONG:
-        return [finding("reciprocity factor", size=factor, percent=100 * spread, loops=loops)]
-    key = "reciprocity holds" if error < max(_AGREES, spread) else "reciprocity rough"
-    return [finding(key, size=error, percent=100 * error, loops=loops)]
+    if loops == 0:
+        remark = finding("reciprocity still")
+    elif spread >= _SAME_SHAPE:
+        remark = finding("reciprocity shape", size=spread, factor=factor, percent=100 * spread, loops=loops)
+    elif error >= _WRONG:
+        remark = finding("reciprocity factor", size=factor, percent=100 * spread, loops=loops)
+    else:
+        key = "reciprocity holds" if error < max(_AGREES, spread) else "reciprocity rough"
+        remark = finding(key, size=error, percent=100 * error, loops=loops)
+    return points, [remark]
 
 
 def _compare_loops(

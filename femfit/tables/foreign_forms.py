@@ -21,8 +21,7 @@ from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.findings import finding
 from femfit.tables.header import names_of, parse_header
-from femfit.tables.number_text import looks_numeric, parse_number
-from femfit.tables.raw_table import RawTable
+from femfit.tables.raw_table import RawTable, looks_numeric, parse_number
 from femfit.tables.reading import Wants, Words
 from femfit.tables.units import CHANNELS, column_unit, unit_factor
 
@@ -53,10 +52,9 @@ class ImportOptions(Words):
 
     def __post_init__(self) -> None:
         """Turn ``flux-linkage`` into ``flux_linkage_Wb``; a header stays what it is."""
-        columns = {header: _column(name) for header, name in self.columns.items()}
-        units = {_column(key): unit for key, unit in self.units.items()}
-        for name, value in (("columns", columns), ("units", units), ("without", tuple(map(_column, self.without)))):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "columns", {header: _column(name) for header, name in self.columns.items()})
+        object.__setattr__(self, "units", {_column(key): unit for key, unit in self.units.items()})
+        object.__setattr__(self, "without", tuple(map(_column, self.without)))
 
 
 def _column(word: str) -> str:
@@ -82,7 +80,7 @@ def long_points(
     The constants are the whole file's current (A) or distance (m), used where no column holds it; ``source`` and
     ``line`` say where a row stands.
     """
-    headers, width = raw.headers, raw.numbers.shape[1]
+    headers, width = raw.headers, len(raw.cells)
     if not headers:
         raise TableError(
             f"{raw.source} has no header line over its {counted(width, 'column')}; name them with "
@@ -94,22 +92,17 @@ def long_points(
             f"{raw.source} has {counted(width, 'column')} but {counted(len(headers), 'name')} "
             f"({listing(headers, 12)}); give one name a column with --columns."
         )
-    optional = [name for name in SWEPT if name not in REQUIRED]
-    matched, findings = match_columns(
-        headers, raw.source, SWEPT, options.columns, options.units, optional, guessed=REQUIRED
+    used, findings = match_columns(
+        headers, raw.source, SWEPT, options.columns, options.units, SWEPT[len(REQUIRED) :], guessed=REQUIRED
     )
-    findings = [remark for remark in findings if remark.column not in options.without]
-    uses: dict[str, UsedColumn] = {}
-    data: dict[str, FloatArray] = {}
-    for k, column in sorted(matched.items(), key=lambda match: SWEPT.index(match[1].name)):
-        if column.name not in options.without:
-            uses[column.name] = column
-            data[column.name] = raw.numbers[:, k] * column.factor
+    wanted = sorted((use for use in used if use.name not in options.without), key=lambda use: SWEPT.index(use.name))
+    uses = {use.name: use for use in wanted}
+    data = {use.name: raw.column(headers.index(use.header)) * use.factor for use in wanted}
     for name, value in constants.items():
         if name not in uses:
             data[name] = np.full(len(raw.lines), value, dtype=np.float64)
             uses[name] = UsedColumn(f"{value:g} for the whole file", name, 1.0, column_unit(name)[1])
-    SWEEP.require(data, headers, raw.source, matched.values())
+    SWEEP.require(data, headers, raw.source, used)
     return pd.DataFrame(data).assign(source=raw.source, line=raw.lines), uses, findings
 
 
@@ -121,24 +114,20 @@ _LONGEST_CORNER = 200
 _LABEL_WORDS = frozenset(name for axis in REQUIRED for name in names_of(axis))
 
 
-def axis_labels(cells: tuple[str, ...], decimal: str) -> tuple[FloatArray, str | None] | None:
+def axis_of_labels(raw: RawTable) -> tuple[FloatArray, str] | None:
     """Read the numbers of column headers such as ``0.2``, ``0,2 A``, ``I=0.2``, ``F @ 0.2 A``, and their unit.
 
-    None unless every cell is such a label and they go strictly up or down.
+    None unless each header but the first is such a label and they go strictly up or down.
     """
-    values, units = [], set()
-    for cell in cells:
-        match = _LABEL.match(cell.strip())
-        if match is None:
-            return None
-        unit = match.group("unit") or None
-        words = parse_header(match.group("name")).words
-        if any(word not in _LABEL_WORDS for word in words) or (unit and not _axis_of(unit)):
-            return None
-        values.append(parse_number(cell if looks_numeric(cell) else match.group("number"), decimal))
-        units.add(unit)
-    axis = np.array(values)
-    return (axis, units.pop()) if len(axis) > 1 and len(units) == 1 and _monotone(axis) else None
+    cells, decimal = raw.headers[1:], raw.decimal or "."
+    labels = [match for match in map(_LABEL.match, map(str.strip, cells)) if match]
+    units = {match["unit"] for match in labels}
+    words = {word for match in labels for word in parse_header(match["name"]).words}
+    if len(labels) < len(cells) or len(units) != 1 or not words <= _LABEL_WORDS or not all(map(_axis_of, units - {""})):
+        return None
+    numbers = (cell if looks_numeric(cell) else match["number"] for cell, match in zip(cells, labels, strict=True))
+    axis = np.array([parse_number(number, decimal) for number in numbers])
+    return (axis, units.pop()) if _monotone(axis) else None
 
 
 def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
@@ -149,25 +138,24 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
     """
     if options.matrix_rows != "auto":
         return True
-    headers, values = raw.headers, raw.numbers
-    if values.shape[1] < 3:
+    if len(raw.cells) < 3:
         return False
-    if headers:
-        return axis_labels(headers[1:], raw.decimal) is not None
-    axes = values.shape[0] >= 3 and _monotone(values[0, 1:]) and _monotone(values[1:, 0])
-    return bool(axes and np.isnan(values[0, 0]))
+    if raw.headers:
+        return axis_of_labels(raw) is not None
+    values = raw.numbers
+    return len(values) >= 3 and _monotone(values[0, 1:]) and _monotone(values[1:, 0]) and bool(np.isnan(values[0, 0]))
 
 
 def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptions, list[Finding]]:
     """A matrix as a table with one row a point, with the options that say what its columns are."""
-    headers, numbers, lines = raw.headers, raw.numbers, list(raw.lines)
-    labels = axis_labels(headers[1:], raw.decimal) if len(headers) == numbers.shape[1] else None
+    numbers, lines = raw.numbers, list(raw.lines)
+    labels = axis_of_labels(raw) if len(raw.headers) == len(raw.cells) else None
     if labels is not None:
-        (across, label_unit), corner = labels, headers[0]
+        (across, label_unit), corner = labels, raw.headers[0]
     elif min(numbers.shape) < 2:
         raise TableError(f"{raw.source} as a matrix needs at least two rows and two columns; it is {numbers.shape}.")
     else:
-        across, label_unit, corner = numbers[0, 1:], None, raw.texts(0)[0]
+        across, label_unit, corner = numbers[0, 1:], "", raw.texts(0)[0]
         numbers, lines = numbers[1:], lines[1:]
     corner, down = corner[:_LONGEST_CORNER], numbers[:, 0]
     if not _monotone(down) or not _monotone(across):
@@ -177,40 +165,36 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
         )
     rows, why = _first_column(options, label_unit, corner)
     columns = AXES[1 - AXES.index(rows)]
-    places = {rows: "first column", columns: "first row", "force_N": "matrix"}
-    words = [(rows, parse_header(corner).unit), (columns, label_unit)]
+    places = {"first column": rows, "first row": columns, "matrix": "force_N"}
+    words = [(rows, parse_header(corner).unit or ""), (columns, label_unit)]
     words += [(_axis_of(word) or "force_N", word) for word in re.findall(r"[\[(]([^\])]*)[\])]", corner)]
     units: dict[str, str | float] = {}
     for name, word in words:
-        if word and unit_factor(word, column_unit(name)[1]) is not None and (name == "force_N" or name not in units):
+        if unit_factor(word, column_unit(name)[1]) is not None and (name == "force_N" or name not in units):
             units[name] = word
     grid = np.meshgrid(down, across, indexing="ij")
     points = replace(
         raw,
-        headers=tuple(places.values()),
-        numbers=np.column_stack([*(axis.ravel() for axis in grid), numbers[:, 1:].ravel()]),
+        headers=tuple(places),
+        cells=[pd.Series(axis.ravel()) for axis in (*grid, numbers[:, 1:])],
+        decimal="",
         lines=np.repeat(lines, len(across)).tolist(),
     )
-    columns_of = {place: name for name, place in places.items()}
-    findings = [
-        finding("matrix", source=raw.source, down=column_unit(rows)[0], across=column_unit(columns)[0], why=why)
-    ]
-    return points, replace(options, columns=columns_of, units=units | dict(options.units)), findings
+    facts = {"source": raw.source, "down": column_unit(rows)[0], "across": column_unit(columns)[0], "why": why}
+    return points, replace(options, columns=places, units=units | dict(options.units)), [finding("matrix", **facts)]
 
 
-def _first_column(options: ImportOptions, label_unit: str | None, corner: str) -> tuple[str, str]:
+def _first_column(options: ImportOptions, label_unit: str, corner: str) -> tuple[str, str]:
     if options.matrix_rows != "auto":
         return WORDS[options.matrix_rows], "as given"
     if label_unit:
         return AXES[_axis_of(label_unit) == "current_A"], f"the first row is in {label_unit}"
-    first = parse_header(re.split(r"[\\/|]", corner)[0]) if corner else None
-    reason = f"the corner says {quoted(corner)}"
-    if first is not None and first.unit and _axis_of(first.unit):
-        return str(_axis_of(first.unit)), reason
-    for axis in reversed(AXES):
-        if first is not None and first.name in names_of(axis):
-            return axis, reason
-    return "distance_m", "the usual order; --matrix-rows current if not"
+    first = parse_header(re.split(r"[\\/|]", corner)[0])
+    named = [axis for axis in reversed(AXES) if first.name in names_of(axis)]
+    axis = _axis_of(first.unit or "") or next(iter(named), None)
+    if axis is None:
+        return "distance_m", "the usual order; --matrix-rows current if not"
+    return axis, f"the corner says {quoted(corner)}"
 
 
 def _axis_of(unit: str) -> str | None:

@@ -10,12 +10,13 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import lru_cache
 
 from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.core.text import quoted
-from femfit.tables.number_text import looks_numeric
+from femfit.tables.raw_table import looks_numeric
 from femfit.tables.units import CHANNELS, NEEDS_UNIT, column_unit, is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
@@ -33,9 +34,17 @@ _IMPEDANCE = (
 """How the parts of an impedance are written, whose marks would be taken for units or for nothing."""
 
 _WORD = re.compile(r"[A-ZΑ-Ω]?[a-zα-ω]+|[A-ZΑ-Ω]+(?![a-z])|\d+")
-SURE, MAYBE, WORD_IN_UNIT, WORD, UNIT = 5, 4, 3, 2, 1
-"""Scores of a header: it is a column's name; it may be; a word of it is a name beside a unit of the kind, or without
-one; its unit alone is of the kind. Below ``MAYBE`` it is only asked about."""
+
+
+class Likeness(IntEnum):
+    """How surely a header names a column; below ``MAYBE`` it is only asked about."""
+
+    UNIT = 1  # Its unit alone is of the kind
+    WORD = 2  # A word of it is a name
+    WORD_IN_UNIT = 3  # Beside a unit of the kind
+    MAYBE = 4
+    SURE = 5  # It is the column's name
+
 
 _LONGEST = 200
 """Characters of a header that are looked at."""
@@ -68,20 +77,20 @@ def parse_header(text: str) -> Header:
     for written, name in _IMPEDANCE:
         stripped = written.sub(name, stripped)
     stripped = stripped.strip('"').strip()
+    brackets = [(match, match[1].strip()) for match in reversed(list(_BRACKETS.finditer(stripped)))]
+    units = [match for match, inner in brackets if is_unit(inner)]
+    units += [  # or what is more likely a unit that is none of ours than a part of the name
+        match
+        for match, inner in brackets
+        if " " not in inner and (len(inner) <= 6 or match[0][0] == "[") and not looks_numeric(inner)
+    ]
     name, unit = stripped, None
-    for match in reversed(list(_BRACKETS.finditer(stripped))):
-        inner = match.group(1).strip()
-        if is_unit(inner):
-            unit, name = inner, stripped[: match.start()] + " " + stripped[match.end() :]
+    if units:
+        unit, name = units[0][1].strip(), f"{stripped[: units[0].start()]} {stripped[units[0].end() :]}"
+    for trailing in (pattern.search(stripped) for pattern in _TRAILING if unit is None):
+        if trailing and trailing.start() > 0 and is_unit(trailing[1].replace("_", "/")):
+            unit, name = trailing[1].replace("_", "/"), stripped[: trailing.start()]
             break
-        unknown = " " not in inner and (len(inner) <= 6 or match.group().startswith("["))
-        if inner and unit is None and unknown and inner != "-" and not looks_numeric(inner):
-            unit, name = inner, stripped[: match.start()] + " " + stripped[match.end() :]
-    if unit is None:
-        for trailing in (pattern.search(stripped) for pattern in _TRAILING):
-            if trailing and trailing.start() > 0 and is_unit(trailing.group(1).replace("_", "/")):
-                unit, name = trailing.group(1).replace("_", "/"), stripped[: trailing.start()]
-                break
     words = tuple(word.casefold() for word in _WORD.findall(plain(name)))
     return Header(stripped, words, unit)
 
@@ -93,19 +102,21 @@ def with_unit(name: str, unit: object) -> str:
     return f"{name} [{str(text).strip()}]" if missing else name
 
 
-def same_header(key: str, header: str) -> bool:
-    """Tell whether a user means a header: as it is written, but for case, or without its unit."""
-    return key.strip().casefold() in {header.strip().casefold(), " ".join(parse_header(header).words)}
+def matching_headers(key: str, headers: Sequence[str]) -> list[str]:
+    """The headers that a user means: as they are written, or but for case, or without their units."""
+    exact, key = [header for header in headers if header.strip() == key.strip()], key.strip().casefold()
+    return exact or [
+        header for header in headers if key in {header.strip().casefold(), " ".join(parse_header(header).words)}
+    ]
 
 
 def find_header(key: str, headers: Sequence[str], source: str, option: str) -> str:
     """Find the header that a user means."""
-    matches = [header for header in headers if header.strip() == key.strip()]
-    matches = matches or [header for header in headers if same_header(key, header)]
+    matches = matching_headers(key, headers)
     if len(matches) != 1:
         raise TableError(
             f"{source} has no single column {quoted(key)!r} for {option}; its columns are "
-            f"{listing(headers, 20) or 'without names (give --columns)'}."
+            f"{listing((header for header in headers if header.strip()), 20) or 'without names (give --columns)'}."
         )
     return matches[0]
 
@@ -117,16 +128,16 @@ def score(header: Header, column: str) -> int:
     where it is made of the column's names as in ``Spannung U [mV]``.
     """
     stem, si_unit = column_unit(column)
-    fits = header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None
+    fits = bool(si_unit) and unit_factor(header.unit or "", si_unit) is not None
     if header.unit is not None and not fits:
         return 0
     names = {re.sub("[_-]", "", stem).casefold(), *names_of(column)}
-    if header.name in names and header.name not in NEEDS_UNIT:
-        return SURE if fits or len(header.name) > 1 else MAYBE
     named = names.intersection(header.words)
+    if header.name in names and header.name not in NEEDS_UNIT:
+        return Likeness.SURE if fits or len(header.name) > 1 else Likeness.MAYBE
     if fits and (header.name in names or (named and named.issuperset(header.words))):
-        return MAYBE
-    return (WORD_IN_UNIT if fits else WORD) if named or header.name in names else int(fits)
+        return Likeness.MAYBE
+    return (Likeness.WORD_IN_UNIT if fits else Likeness.WORD) if named or header.name in names else int(fits)
 
 
 def names_of(column: str) -> tuple[str, ...]:
@@ -134,20 +145,10 @@ def names_of(column: str) -> tuple[str, ...]:
     return CHANNELS[column].names if column in CHANNELS else ()
 
 
-_OF_IMPEDANCE = {
-    "resistance": "ohm",
-    "inductance": "H",
-    "impedance": "ohm",
-    "phase": "deg",
-    "reactance": "ohm",
-    "parallel_resistance": "ohm",
-    "parallel_inductance": "H",
-}
-_QUANTITIES = {"current": "A", "voltage_balance": "V", "voltage": "V", "flux_linkage": "Wb", **_OF_IMPEDANCE}
-
-OF_CIRCUITS = frozenset(f"{quantity}_{unit}" for quantity, unit in _QUANTITIES.items())
+OF_CIRCUITS = frozenset(name for name, channel in CHANNELS.items() if channel.circuits)
 """Columns that may carry a circuit's name."""
 
+_QUANTITIES = dict(map(column_unit, sorted(OF_CIRCUITS, key=len, reverse=True)))
 _OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z][\w-]*)_([^\W\d_]+|°)")
 _UNIT_BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]+)[\])]$")
 
@@ -174,15 +175,16 @@ def circuit_columns(names: Iterable[str], fewest: int = FEWEST) -> tuple[str, ..
     circuit_of: dict[str, str] = {}
     in_brackets: dict[str, str] = {}
     several = False
-    for name in names:
-        plain = _UNIT_BRACKETS.sub(r"_\1", name.strip())
+    for name in map(str.strip, names):
+        plain = _UNIT_BRACKETS.sub(r"_\1", name)
         parts = _OF_CIRCUIT.fullmatch(plain)
         if parts is None or parse_header(name).name in _OTHER_NAMES:
             continue
-        if unit_factor(parts[3], _QUANTITIES[parts[1]]) is not None:
-            kind = circuit_of if plain == name.strip() else in_brackets
-            kind[f"{parts[1]}_{parts[2]}_{_QUANTITIES[parts[1]]}"] = parts[2]
-            several |= parts[1] in _OF_IMPEDANCE
+        quantity, circuit, unit = parts.groups()
+        if unit_factor(unit, _QUANTITIES[quantity]) is not None:
+            column, of_kind = f"{quantity}_{_QUANTITIES[quantity]}", circuit_of if plain == name else in_brackets
+            of_kind[column_of(column, circuit)] = circuit
+            several |= CHANNELS[column].circuits == "impedance"
     circuit_of |= in_brackets if several else {}
     return tuple(circuit_of) if several or len(set(circuit_of.values())) >= fewest else ()
 
@@ -196,9 +198,8 @@ def parts_of(column: str) -> tuple[str, str]:
     (('flux_linkage_Wb', 'bias'), ('current_A', ''))
     """
     parts = _OF_CIRCUIT.fullmatch(column)
-    if parts is None or _QUANTITIES[parts[1]] != parts[3]:
-        return column, ""
-    return f"{parts[1]}_{parts[3]}", parts[2]
+    of_circuit = parts is not None and _QUANTITIES[parts[1]] == parts[3]
+    return (f"{parts[1]}_{parts[3]}", parts[2]) if parts and of_circuit else (column, "")
 
 
 def column_of(column: str, circuit: str) -> str:

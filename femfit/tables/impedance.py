@@ -5,7 +5,7 @@ series or in parallel, or an inductance with its quality Q = X / R or dissipatio
 column carries the circuit's name, all others open, or the names of two: the voltage of one over the other's current.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,11 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import amount, quoted
-from femfit.tables.columns import BENCH_COLUMNS, UsedColumn
+from femfit.tables.columns import BENCH_COLUMNS
 from femfit.tables.findings import finding
 from femfit.tables.header import OF_CIRCUITS, column_of, parse_header, parts_of
-from femfit.tables.reading import Wants
+from femfit.tables.raw_table import RawTable
+from femfit.tables.reading import ReadTable, Wants
 from femfit.tables.units import suspicion
 
 SERIES = ("resistance_ohm", "inductance_H")
@@ -59,15 +60,13 @@ _DIRECT = frozenset({"rdc", "dcresistance"})
 _WITHOUT_NAME = ("Q", "D")
 """What cannot carry a circuit's name."""
 
-_METER_DEG = 1.0
-"""Assumed: an instrument's largest error of a phase, beyond which no coil is."""
+_LARGEST_DEG = 91.0
+"""Assumed: an instrument's largest error of a phase is 1 degree, beyond which no coil is."""
 
 
-def in_series(
-    rows: pd.DataFrame, used: Sequence[UsedColumn], source: str, lines: Sequence[int]
-) -> tuple[pd.DataFrame, list[Finding]]:
-    """The rows with each circuit's :data:`SERIES` in place of other forms, and what was converted or set aside."""
-    findings = []
+def in_series(table: ReadTable, raw: RawTable) -> ReadTable:
+    """The table with each circuit's :data:`SERIES` in place of other forms, and what was converted or set aside."""
+    rows, used, findings = table.rows, table.used, list(table.findings)
     for name in (column.name for column in used if parts_of(column.name)[0] == "phase_deg" and column.assumed):
         largest = float(np.nanmax(np.abs(rows[name].to_numpy()), initial=0.0))
         if 0.0 < largest <= np.pi / 2.0:
@@ -81,14 +80,14 @@ def in_series(
         rows = rows.drop(columns="resistance_ohm")
         findings.append(finding("unused-column direct", header=quoted(resistance)))
 
-    def require(wrong: np.ndarray, what: str, column: str, remedy: str) -> None:
-        if wrong.any():
-            k = int(np.flatnonzero(wrong)[0])
-            held = amount(rows[column].iloc[k], column, 3)
-            raise TableError(f"{column} of {source} must be {what}; line {lines[k]} holds {held}. {remedy}")
+    def require(column: str | None, wrong: Callable[[FloatArray], Any], what: str, remedy: str) -> None:
+        faulty = np.flatnonzero(wrong(rows[column].to_numpy()) if column else False)
+        if len(faulty):
+            held = amount(rows[column].iloc[faulty[0]], column or "", 3)
+            line = raw.lines[faulty[0]]
+            raise TableError(f"{column} of {raw.source} must be {what}; line {line} holds {held}. {remedy}")
 
-    frequency = rows["frequency_Hz"].to_numpy()
-    require(frequency <= 0.0, "a frequency > 0", "frequency_Hz", "Leave out what was read without one.")
+    require("frequency_Hz", lambda f: f <= 0.0, "a frequency > 0", "Leave out what was read without one.")
     loose = [name for name in _WITHOUT_NAME if name in rows]
     named = (parts_of(str(name)) for name in rows if name not in loose)
     circuits = dict.fromkeys(circuit for quantity, circuit in named if quantity in _ALL)
@@ -98,51 +97,46 @@ def in_series(
         held = {name: column for name, column in columns.items() if column in rows}
         # A name such as bias_control may be that of two circuits; it is of one whose current the table has
         mutual = "_" in circuit and not circuit.endswith("_shorted") and circuit not in carried
-        readings = {name: rows[column].to_numpy(dtype=np.float64) for name, column in held.items()}
-        if "impedance_ohm" in held:
-            below = readings["impedance_ohm"] < 0.0
-            require(below, "a magnitude >= 0", held["impedance_ohm"], "Name the part of Z.")
-        if "phase_deg" in held and not mutual:
-            column = held["phase_deg"]
+        require(held.get("impedance_ohm"), lambda z: z < 0.0, "a magnitude >= 0", "Name the part of Z.")
+        if not mutual:
+            column = held.get("phase_deg")
             remedy = f"Check its unit (--unit {column}=rad), or change its sign (--unit {column}=-1) or the leads."
-            beyond = np.abs(readings["phase_deg"]) > 90.0 + _METER_DEG
-            require(beyond, "a phase of -90 to 90 degrees", column, remedy)
-        z, remarks = _one_in_series(readings, held, frequency, source, mutual=mutual)
+            require(column, lambda phase: np.abs(phase) > _LARGEST_DEG, "a phase of -90 to 90 degrees", remedy)
+        z, remarks = _one_in_series(rows, held, raw.source, mutual=mutual)
         findings += remarks
         rows = rows.drop(columns=list(held.values()))
         rows = rows.assign(**{column_of(name, circuit): values for name, values in z.items()})
-    return rows, findings
+    return ReadTable(rows, used, findings)
 
 
 def _one_in_series(
-    readings: Mapping[str, FloatArray], held: Mapping[str, str], frequency: FloatArray, source: str, *, mutual: bool
+    rows: pd.DataFrame, held: Mapping[str, str], source: str, *, mutual: bool
 ) -> tuple[dict[str, FloatArray], list[Finding]]:
-    """What there is of :data:`SERIES`, from readings and columns by form; that of two circuits is of either sign."""
+    """What there is of :data:`SERIES`, from the columns by form; that of two circuits is of either sign."""
     findings: list[Finding] = []
-    circuit = parts_of(next(iter(held.values())))[1]
+    readings = {name: rows[column].to_numpy(dtype=np.float64) for name, column in held.items()}
     series = {name: readings[name] for name in SERIES if name in held}
-    if len(series) < len(SERIES):
-        pair = next((pair for pair in _FORMS if set(pair) <= held.keys()), None)
-        if pair is not None:
-            w = 2.0 * np.pi * frequency
-            with np.errstate(divide="ignore", invalid="ignore"):  # a quality of 0 is no number, and its row has none
-                z = _FORMS[pair](*(readings[name] * (w if name.endswith("_H") else 1.0) for name in pair))
-            series = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
-            findings.append(finding("impedance", columns=" and ".join(held[name] for name in pair)))
-        elif not series:
-            form = next(iter(held))
-            second = [column_of(name, circuit) for pair in _FORMS if form in pair for name in pair if name != form]
-            raise TableError(
-                f"An impedance must have two numbers at each frequency; {source} has {listing(held.values())}. Add "
-                f"{' or '.join(second)}, or say what a column is with --column HEADER={second[0]}."
-            )
-    if mutual or "inductance_H" not in series:
-        return series, findings
-    wrong = series["inductance_H"] <= 0.0  # above the winding's own resonance
-    if not wrong.any():
+    frequency, circuit = rows["frequency_Hz"].to_numpy(), parts_of(next(iter(held.values())))[1]
+    pair = next((pair for pair in _FORMS if set(pair) <= held.keys()), None)
+    if len(series) < len(SERIES) and pair is not None:
+        w = 2.0 * np.pi * frequency
+        with np.errstate(divide="ignore", invalid="ignore"):  # a quality of 0 is no number, and its row has none
+            z = _FORMS[pair](*(readings[name] * (w if name.endswith("_H") else 1.0) for name in pair))
+        series = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
+        findings.append(finding("impedance", columns=" and ".join(held[name] for name in pair)))
+    elif not series:
+        form = next(iter(held))
+        second = [column_of(name, circuit) for pair in _FORMS if form in pair for name in pair if name != form]
+        raise TableError(
+            f"An impedance must have two numbers at each frequency; {source} has {listing(held.values())}. Add "
+            f"{' or '.join(second)}, or say what a column is with --column HEADER={second[0]}."
+        )
+    inductance = series.get("inductance_H", np.zeros(0))
+    wrong = inductance <= 0.0  # above the winding's own resonance
+    if mutual or not wrong.any():
         return series, findings
     column = column_of("inductance_H", circuit)
-    if wrong[np.isfinite(series["inductance_H"])].all():
+    if wrong[np.isfinite(inductance)].all():
         raise TableError(
             f"An impedance of a coil must have an inductance > 0; {source} has none in {column}. If its imaginary "
             "part or its phase counts the other way round, multiply the column by -1: --unit HEADER=-1."

@@ -175,28 +175,22 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
             raise TableError(
                 f"{measurement.source} holds the same readings as another one that was given. Give each once."
             )
-    ordered = all("order" in measurement.given for measurement in measurements)
-    columns = dict.fromkeys(name for measurement in measurements for name in measurement.given)
-    return replace(
-        first,
-        rows=pd.concat(_numbered(measurements), ignore_index=True),
-        given=tuple(name for name in columns if ordered or name != "order"),
-        findings=tuple(dict.fromkeys(finding for measurement in measurements for finding in measurement.findings)),
-        source=" and ".join(measurement.source for measurement in measurements),
-    )
-
-
-def _numbered(measurements: Sequence[Measurement]) -> list[pd.DataFrame]:
-    """The rows of each, with runs, mounts and segments numbered on."""
-    result, begin = [], dict.fromkeys(("run", "mount", "segment"), 0)
+    pieces, begin = [], dict.fromkeys(("run", "mount", "segment"), 0)
     for measurement in measurements:
         rows = measurement.rows.copy()
         if isinstance(measurement, BenchTable):
             rows["mount"] = rows["mount"].where(rows["mount"].notna(), rows["run"])
-        for name, start in begin.items():
-            if name in rows:
-                number = pd.factorize(rows[name])[0]
-                rows[name] = pd.Series(start + 1 + number, index=rows.index).astype(rows[name].dtype)
-                begin[name] = start + int(number.max()) + 1
-        result.append(rows)
-    return result
+        for name in begin.keys() & set(rows):  # numbered on
+            number = begin[name] + 1 + pd.factorize(rows[name])[0]
+            rows[name] = pd.Series(number, index=rows.index).astype(rows[name].dtype)
+            begin[name] = int(number.max())
+        pieces.append(rows)
+    ordered = all("order" in measurement.given for measurement in measurements)
+    columns = dict.fromkeys(name for measurement in measurements for name in measurement.given)
+    return replace(
+        first,
+        rows=pd.concat(pieces, ignore_index=True),
+        given=tuple(name for name in columns if ordered or name != "order"),
+        findings=tuple(dict.fromkeys(finding for measurement in measurements for finding in measurement.findings)),
+        source=" and ".join(measurement.source for measurement in measurements),
+    )

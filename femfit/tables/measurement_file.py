@@ -3,7 +3,7 @@
 Beside them a small table of columns: inductances at clamped distances.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.tables.columns import BENCH_COLUMNS, column_option, match_column
+from femfit.tables.containers import SUFFIXES
 from femfit.tables.findings import finding
 from femfit.tables.header import OF_CIRCUITS, parse_header, parts_of
 from femfit.tables.impedance import IMPEDANCES, in_series
@@ -30,12 +30,16 @@ from femfit.tables.measurement import (
     Measurement,
     TimeSeries,
 )
-from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
-from femfit.tables.number_text import clock_seconds
-from femfit.tables.raw_table import RawTable
-from femfit.tables.reading import Wants, Words, declared_noise, read_columns, read_raw_table, words_of
-from femfit.tables.table_file import SUFFIXES
-from femfit.tables.time_series_checks import check_clock, check_readings
+from femfit.tables.measurement_checks import (
+    branch_from_order,
+    check_clock,
+    check_readings,
+    checked,
+    in_measuring_order,
+    without_copies,
+)
+from femfit.tables.raw_table import RawTable, clock_seconds
+from femfit.tables.reading import ReadTable, Wants, Words, declared_noise, read_columns, read_raw_table, words_of
 from femfit.tables.units import suspected_by_size, unit_factor
 
 BENCH = Wants(
@@ -100,21 +104,20 @@ def read_measurement(
             f"A measurement must be what read_measurement returns, or the path of a file; instead received "
             f"{type(path).__name__}. Give the path of a .csv or .parquet file."
         )
-    path = Path(path)
-    words = words_of(path, columns, units, table, noise, settings)
-    raw = read_raw_table(path, kinds=(BENCH, SERIES, IMPEDANCES), words=words)
+    words = words_of(Path(path), Words(columns or {}, units or {}, table, noise or {}, settings or {}))
+    raw = read_raw_table(Path(path), kinds=(BENCH, SERIES, IMPEDANCES), words=words)
     if IMPEDANCES.fits(raw, words):
-        return _bench_table(raw, path, words)
+        return _bench_table(raw, words)
     if "time_s" in words.columns.values():
-        return _time_series(raw, path, words)
+        return _time_series(raw, words)
     matched = {header: match_column(header, SERIES_COLUMNS) for header in raw.headers}
     clock = next((header for header, column in matched.items() if column and column.name == "time_s"), None)
     if clock is None:
-        return _bench_table(raw, path, words)
+        return _bench_table(raw, words)
     step = _step_of_moments(raw, clock)
     if step < _PROTOCOL_STEP_S:
-        return _time_series(raw, path, words)
-    bench = _bench_table(raw, path, replace(words, columns={clock: "order", **words.columns}))
+        return _time_series(raw, words)
+    bench = _bench_table(raw, replace(words, columns={clock: "order", **words.columns}))
     facts = {"header": quoted(clock), "least": _PROTOCOL_STEP_S, "option": column_option(clock, "time_s")}
     return replace(bench, findings=(finding("protocol", size=step, column="order", **facts), *bench.findings))
 
@@ -124,10 +127,10 @@ def _step_of_moments(raw: RawTable, header: str) -> float:
 
     0 for other columns: a recorder counts in seconds or less.
     """
-    moments = clock_seconds(raw.text(header), header)
-    factor = unit_factor(parse_header(header).unit or "s", "s") or 1.0
+    place, factor = raw.headers.index(header), unit_factor(parse_header(header).unit or "s", "s") or 1.0
+    moments = clock_seconds(raw.texts(place), header)
     if moments is None and factor >= 60.0:
-        moments = factor * raw.column(header)
+        moments = factor * raw.column(place)
     return 0.0 if moments is None or len(moments) < 2 else float(np.nanmedian(np.diff(np.sort(moments))))
 
 
@@ -137,77 +140,64 @@ def read_bench_table(path: str | Path, *, planned: bool = False, **words: Any) -
     Rows stand in the order of measuring, with what the checks set aside as NaN and said in ``findings``. In a plan a
     channel counts as given by its column alone, its cells may be empty.
     """
-    path, reading = Path(path), words_of(Path(path), **words)
-    return _bench_table(read_raw_table(path, kinds=(BENCH, IMPEDANCES), words=reading), path, reading, planned)
+    reading = words_of(Path(path), Words(**{key: word for key, word in words.items() if word is not None}))
+    return _bench_table(read_raw_table(Path(path), kinds=(BENCH, IMPEDANCES), words=reading), reading, planned)
 
 
-def _bench_table(raw: RawTable, path: Path, words: Words, planned: bool = False) -> BenchTable:
+def _bench_table(raw: RawTable, words: Words, planned: bool = False) -> BenchTable:
     impedance = IMPEDANCES.fits(raw, words)
     table = read_columns(raw, IMPEDANCES if impedance else BENCH, words)
-    if impedance:
-        rows, converted = in_series(table.rows, table.used, raw.source, raw.lines)
-        table = replace(table, rows=rows, findings=[*table.findings, *converted])
-    rows = table.rows
-    of_circuits = tuple(str(name) for name in rows if parts_of(str(name))[1])
+    table = in_series(table, raw) if impedance else table
+    of_circuits = tuple(str(name) for name in table.rows if parts_of(str(name))[1])
     channels = (*CHANNELS, *of_circuits)
-    filled = tuple(
-        name
-        for name in (*BENCH_COLUMNS, *of_circuits)
-        if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
-    )
-    BENCH.require(filled, raw.headers, raw.source, table.used, table.findings)
+    filled = _filled(raw, BENCH, table, (*BENCH_COLUMNS, *of_circuits), channels if planned else ())
     with_noise = (*CHANNELS, "distance_m", "current_A", IMPEDANCE_SHARE, *of_circuits)
     noise, unused = declared_noise(words, (*with_noise, *(OF_RUNS + name for name in channels)), table.used)
     # Without a column no current flows: right for a pair of magnets, and refused beside a model with a circuit
-    absent = {**SETTINGS, "current_A": np.nan if of_circuits else 0.0}
-    full = pd.DataFrame({name: rows.get(name, missing) for name, missing in absent.items()}, index=rows.index)
-    full = full.assign(**{name: rows.get(name, np.nan) for name in channels}).astype(np.float64)
-    run = full["run"].fillna(full["run"].ffill().fillna(1.0))
-    full = full.assign(run=run, branch=np.sign(full["branch"].fillna(0.0)))
-    copies: list[Finding] = []
-    if not planned:
-        full, copies = without_copies(full, filled)
-    ordered, remarks = in_measuring_order(full, "run" in filled)
+    absent = SETTINGS | dict.fromkeys(channels, np.nan) | {"current_A": np.nan if of_circuits else 0.0}
+    columns = {name: table.rows.get(name, missing) for name, missing in absent.items()}
+    rows = pd.DataFrame(columns, index=table.rows.index, dtype=np.float64)
+    run = rows["run"].fillna(rows["run"].ffill().fillna(1.0))
+    rows = rows.assign(run=run, branch=np.sign(rows["branch"].fillna(0.0)))
+    rows, copies = (rows, []) if planned else without_copies(rows, filled)
+    rows, remarks = in_measuring_order(rows, "run" in filled)
     if "branch" not in filled and not impedance:
-        branch, assumed = branch_from_order(ordered)
+        branch, assumed = branch_from_order(rows)
         remarks += assumed
-        ordered = ordered if branch is None else ordered.assign(branch=branch)
-    bench = BenchTable(
-        rows=ordered.assign(mount=ordered["mount"].fillna(ordered["run"])),
-        given=filled,
-        declared_noise=noise,
-        findings=(*table.findings, *copies, *remarks, *unused),
-        source=path.name,
-        **words.texts,
-    )
+        rows = rows if branch is None else rows.assign(branch=branch)
+    rows, findings = rows.assign(mount=rows["mount"].fillna(rows["run"])), (*table.findings, *copies, *remarks, *unused)
+    bench = BenchTable(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
     return bench if planned else checked(bench)
 
 
-def _time_series(raw: RawTable, path: Path, words: Words) -> TimeSeries:
+def _time_series(raw: RawTable, words: Words) -> TimeSeries:
     table, names = read_columns(raw, SERIES, words), SERIES.columns(raw.headers, words)
-    filled = tuple(name for name in names if name in table.rows and bool(table.rows[name].notna().any()))
-    SERIES.require(filled, raw.headers, raw.source, table.used, table.findings)
+    filled = _filled(raw, SERIES, table, names)
     noise, unused = declared_noise(words, names[names.index(SERIES_CHANNELS[0]) :], table.used)
-    rows = pd.DataFrame({name: table.rows.get(name, np.nan) for name in names}, index=table.rows.index)
-    rows = rows.astype(np.float64)
+    columns = {name: table.rows.get(name, np.nan) for name in names}
+    rows = pd.DataFrame(columns, index=table.rows.index, dtype=np.float64)
     rows["run"] = rows["run"].ffill().fillna(1.0)
     timed = rows["time_s"].notna()
     rows, lost = rows[timed], int((~timed).sum())
     order = np.argsort(pd.factorize(rows["run"])[0], kind="stable")  # rows of one run together
     rows = rows.iloc[order].reset_index(drop=True)
     untimed = [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
-    rows["segment"], clock = check_clock(rows, str(path))
+    rows["segment"], clock = check_clock(rows, raw.source)
     rows, copies = without_copies(rows, filled)
     rows, readings, clipped = check_readings(rows)
-    remarks = (*table.findings, *untimed, *clock, *copies, *readings, *suspected_by_size(rows))
-    return TimeSeries(
-        rows=rows,
-        given=tuple(name for name in filled if name in clipped or rows[name].notna().any()),
-        declared_noise=noise,
-        findings=(*remarks, *unused),
-        source=path.name,
-        **words.texts,
-    )
+    findings = (*table.findings, *untimed, *clock, *copies, *readings, *suspected_by_size(rows), *unused)
+    filled = tuple(name for name in filled if name in clipped or rows[name].notna().any())
+    return TimeSeries(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
+
+
+def _filled(
+    raw: RawTable, wants: Wants, table: ReadTable, names: Sequence[str], empty: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """The columns that have a number, and those that may be empty; refused where what is wanted is not among them."""
+    held = (name for name in names if name in table.rows)
+    filled = tuple(name for name in held if name in empty or bool(table.rows[name].notna().any()))
+    wants.require(filled, raw.headers, raw.source, table.used, table.findings)
+    return filled
 
 
 def is_inductance_table(path: Path) -> bool:
@@ -230,7 +220,7 @@ def read_inductance_table(
             f"An inductance table must have distance_m, current_A and inductance_H; {path} lacks "
             f"{' and '.join(sorted(lacking))}. Rename the columns or add them."
         )
-    d, i, inductance = (bench.rows[name].to_numpy() for name in ("distance_m", "current_A", "inductance_H"))
+    d, i, inductance = bench.rows[["distance_m", "current_A", "inductance_H"]].to_numpy().T
     good = np.isfinite(d + i + inductance) & (d >= 0.0) & (i != 0.0) & (inductance > 0.0)
     needed, lost = "distance >= 0, current and inductance > 0", int((~good).sum())
     if not good.any():

@@ -41,6 +41,9 @@ _REPEATS_APART = 1e-6
 _PLANES = 2
 """Conventional: planes that are fitted to a reading's neighbours, each without what the one before leaves outside."""
 
+_SIGMA_OF_MAD = 1.4826
+"""Derived: a normal distribution's standard deviation over its median absolute deviation."""
+
 _AXES, _RANGES = 3, 2
 """Derived: distance, current and branch, and those of them that a reading can lie between."""
 
@@ -81,47 +84,37 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatA
     judged = np.flatnonzero(near[:, 0] >= 0)
     if len(judged) < 2 * _LEAST:
         return np.zeros(0, dtype=np.intp)
-    deviation = np.zeros(len(value))
+    deviation, scale = np.zeros(len(value)), np.full(len(value), np.inf)
     offset = (place[near[judged]] - place[judged][:, None, :])[..., :_AXES]
     deviation[judged] = value[judged] - _planes(value[near[judged]], offset)[:, 0]
-    scale = np.full(len(value), np.inf)
     around = deviation[near[judged]]
-    local = 1.4826 * np.median(np.abs(around - np.median(around, axis=1)[:, None]), axis=1)
-    usual = 1.4826 * float(np.median(np.abs(deviation[judged])))
+    local = _SIGMA_OF_MAD * np.median(np.abs(around - np.median(around, axis=1)[:, None]), axis=1)
+    usual = _SIGMA_OF_MAD * float(np.median(np.abs(deviation[judged])))
     scale[judged] = np.sqrt(local**2 + (0.5 * usual) ** 2 + floor**2)
     score = deviation / np.maximum(scale, 1e-300)
     largest = np.abs(score[judged]) >= np.maximum(np.abs(score[near[judged]]).max(axis=1), _SIGMA)
-    alone = [k for k in judged[largest] if _is_alone(k, near[k], value, place, predicted, scale)]
+    alone = [k for k in judged[largest] if _is_alone(k, near[k], value, place, predicted, scale[k])]
     return np.array(alone, dtype=np.intp)
 
 
 def _is_alone(
-    k: int,
-    neighbours: IntArray,
-    value: FloatArray,
-    place: FloatArray,
-    predicted: FloatArray,
-    scale: FloatArray,
+    k: int, neighbours: IntArray, value: FloatArray, place: FloatArray, predicted: FloatArray, scale: float
 ) -> bool:
     """Whether the neighbours agree once the reading is left out, and can judge it, and no repeat deviates with it."""
     offset = (place[neighbours] - place[k])[:, :_AXES]
     plane = _planes(value[neighbours][None], offset[None])[0]
     rest = value[neighbours] - plane[0] - offset @ plane[1:]
-    if abs(value[k] - plane[0]) < _SIGMA * max(float(1.4826 * np.median(np.abs(rest))), float(scale[k])):
+    if abs(value[k] - plane[0]) < _SIGMA * max(_SIGMA_OF_MAD * float(np.median(np.abs(rest))), float(scale)):
         return False
-    distance = np.abs(place - place[k]).max(axis=1)
-    repeats = np.flatnonzero((distance < 1e-3) & (np.arange(len(value)) != k))
+    repeats = np.flatnonzero((np.abs(place - place[k]).max(axis=1) < 1e-3) & (np.arange(len(value)) != k))
     # What a device does at a setting, repeats show: they read alike, and not what the neighbours say
     off = (value[repeats] - plane[0]) / (value[k] - plane[0])
     if len(repeats) and np.count_nonzero(off > _ALIKE) >= max(1.0, _COMPANY * len(repeats)):
         return False
-    return _surrounded(offset[:, :_RANGES]) or len(repeats) > 0 or _slipped(k, neighbours, value, predicted)
-
-
-def _surrounded(offset: FloatArray) -> bool:
-    """Whether a reading lies between its neighbours in each setting in which they differ: they interpolate it."""
-    differs = np.ptp(offset, axis=0) > 0.0
-    return bool(((offset.min(axis=0) < 0.0) & (offset.max(axis=0) > 0.0))[differs].all())
+    # Neighbours on either side in each setting in which they differ interpolate the reading
+    low, high = offset[:, :_RANGES].min(axis=0), offset[:, :_RANGES].max(axis=0)
+    between = bool(((low < 0.0) & (high > 0.0))[high > low].all())
+    return between or len(repeats) > 0 or _slipped(k, neighbours, value, predicted)
 
 
 def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatArray) -> bool:
@@ -129,14 +122,11 @@ def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatAr
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = 1.0 + value / predicted
     around, here = ratio[neighbours], ratio[k]
-    if not np.isfinite(around).all() or np.isnan(here):
+    one_sign = np.isfinite(around).all() and (np.all(around > 0.0) or np.all(around < 0.0))
+    if not one_sign or np.isnan(here):
         return False
-    low, high = float(around.min()), float(around.max())
-    if low < 0.0 < high or low * high == 0.0:
-        return False
-    if high < 0.0:
-        low, high, here = -high, -low, -here
-    return bool(here < low / _SLIP or here > _SLIP * high)
+    here, around = here * np.sign(around[0]), np.abs(around)
+    return bool(here < around.min() / _SLIP or here > _SLIP * around.max())
 
 
 def _nearest(place: FloatArray, run: IntArray) -> IntArray:
@@ -149,34 +139,27 @@ def _nearest(place: FloatArray, run: IntArray) -> IntArray:
         count = min(_NEIGHBOURS, len(here) - 1)
         _, index = cKDTree(place[here]).query(place[here], k=count + 1)
         for row, nearest in enumerate(np.asarray(index)):
-            neighbours = here[nearest[nearest != row][:count]]
-            result[here[row]] = np.resize(neighbours, _NEIGHBOURS)
+            result[here[row]] = np.resize(here[nearest[nearest != row][:count]], _NEIGHBOURS)
     return result
 
 
 def _planes(value: FloatArray, offset: FloatArray) -> FloatArray:
     """Coefficients of robust planes: each without what lies three deviations off the one before, the median at first.
 
-    ``value`` has the shape (m, neighbours), ``offset`` (m, neighbours, k), the result (m, 1 + k).
+    ``value`` has the shape (m, neighbours), ``offset`` (m, neighbours, k), the result (m, 1 + k). Directions without
+    spread are left alone.
     """
-    columns = np.concatenate([np.ones((*value.shape, 1)), offset], axis=2)
-    rest, planes = np.abs(value - np.median(value, axis=1)[:, None]), np.zeros((len(value), columns.shape[2]))
+    columns, centre = np.concatenate([np.ones((*value.shape, 1)), offset], axis=2), np.median(value, axis=1)
+    size = columns.shape[2]
+    rest, planes = np.abs(value - centre[:, None]), np.zeros((len(value), size))
     for _ in range(_PLANES):
-        keep = rest <= 3.0 * 1.4826 * np.median(rest, axis=1)[:, None]
-        enough = keep.sum(axis=1) >= columns.shape[2] + 2
-        planes = _ridge(columns, value, np.where(enough[:, None], keep, True).astype(np.float64))
+        keep = rest <= 3.0 * _SIGMA_OF_MAD * np.median(rest, axis=1)[:, None]
+        keep |= (keep.sum(axis=1) < size + 2)[:, None]
+        weighted = columns * keep[:, :, None]
+        gram = np.einsum("mja,mjb->mab", weighted, columns)
+        gram += 1e-6 / size * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(size)
+        right = np.einsum("mja,mj->ma", weighted, value - centre[:, None])
+        planes = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+        planes[:, 0] += centre
         rest = np.abs(value - np.einsum("mjk,mk->mj", columns, planes))
-    return planes
-
-
-def _ridge(columns: FloatArray, value: FloatArray, weight: FloatArray) -> FloatArray:
-    """Weighted least squares that leaves directions without spread alone."""
-    centre = np.median(value, axis=1)
-    weighted = columns * weight[:, :, None]
-    gram = np.einsum("mja,mjb->mab", weighted, columns)
-    size = np.trace(gram, axis1=1, axis2=2) / gram.shape[1]
-    gram += 1e-6 * size[:, None, None] * np.eye(gram.shape[1])
-    right = np.einsum("mja,mj->ma", weighted, value - centre[:, None])
-    planes = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
-    planes[:, 0] += centre
     return np.asarray(planes)

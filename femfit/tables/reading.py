@@ -18,21 +18,13 @@ from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import amount, counted, quoted
 from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, remedy_for_columns
+from femfit.tables.containers import parse_table
 from femfit.tables.findings import finding
-from femfit.tables.header import circuit_columns, parts_of, same_header
+from femfit.tables.header import circuit_columns, matching_headers, parts_of
 from femfit.tables.measurement import OF_RUNS, SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
-from femfit.tables.table_file import parse_table
 
 _EXAMPLE = "force_N = 2e-4"
-_TABLES: Mapping[str, tuple[tuple[type, ...], str]] = {
-    "columns": ((str,), '"Kanal 3" = "force_N"'),
-    "units": ((str, int, float), '"Kanal 3" = "gf", or "channel 1" = 2.5'),
-    "noise": ((object,), _EXAMPLE),
-    "noise.run": ((object,), _EXAMPLE),
-}
-"""Tables of a sidecar: the types of their values, and an example."""
-
 _OF_DRAWINGS = frozenset({"schema", "sweep"})
 """Keys that an actuator file has and a sidecar does not."""
 
@@ -45,7 +37,7 @@ class Words:
     units: Mapping[str, str | float] = field(default_factory=dict)  # Header or column to its unit, or factor to SI
     table: str | None = None  # Which of a file's tables
     noise: Mapping[str, float] = field(default_factory=dict)  # As the caller declares it
-    settings: Mapping[str, float] = field(default_factory=dict)  # What was the same in every row, in SI
+    settings: Mapping[str, float] = field(default_factory=dict)  # What was the same in every row, once read in SI
     sidecar: Path | None = None
     noted: Mapping[str, Any] = field(default_factory=dict)  # What else the sidecar says, the noise among it
 
@@ -58,28 +50,19 @@ class Words:
 NO_WORDS = Words()
 
 
-def words_of(
-    measurement: Path,
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str | float] | None = None,
-    table: str | None = None,
-    noise: Mapping[str, float] | None = None,
-    settings: Mapping[str, float] | None = None,
-) -> Words:
+def words_of(measurement: Path, caller: Words) -> Words:
     """Return what the caller says of a table, before what ``NAME.csv.toml`` or else ``NAME.toml`` beside it says."""
-    file, data = _sidecar(measurement)
-    tables = {key: _table(data, key, file) for key in ("columns", "units")}
-    if not isinstance(data.get("table", ""), str):
-        raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(data["table"])}.')
-    return Words(
-        tables["columns"] | dict(columns or {}),
-        tables["units"] | dict(units or {}),
-        table if table is not None else data.get("table"),
-        noise or {},
-        constant_settings(data.get("settings", {}), str(file)) | constant_settings(settings or {}, "the options"),
-        file,
-        {key: value for key, value in data.items() if key not in {*tables, "table", "settings"}},
-    )
+    file, noted = _sidecar(measurement)
+    columns = _table(noted, "columns", file, '"Kanal 3" = "force_N"', str)
+    units = _table(noted, "units", file, '"Kanal 3" = "gf", or "channel 1" = 2.5', str, int, float)
+    beside = constant_settings(noted.pop("settings", {}), str(file))
+    settings = beside | constant_settings(caller.settings, "the options")
+    table = noted.pop("table", None)
+    if not isinstance(table, str | None):
+        raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(table)}.')
+    table = table if caller.table is None else caller.table
+    columns, units = columns | dict(caller.columns), units | dict(caller.units)
+    return Words(columns, units, table, caller.noise, settings, file, noted)
 
 
 def _sidecar(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
@@ -94,11 +77,10 @@ def _sidecar(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
     return None, {}
 
 
-def _table(data: Mapping[str, Any], key: str, file: Path | None) -> dict[str, Any]:
-    """A table of a sidecar, empty where there is none."""
-    kinds, example = _TABLES[key]
-    value = data.get(key.rpartition(".")[2], {})
-    if not isinstance(value, dict) or not all(isinstance(meant, kinds) for meant in value.values()):
+def _table(data: dict[str, Any], key: str, file: Path | None, example: str, *kinds: type) -> dict[str, Any]:
+    """Take a table out of a sidecar's keys; empty where there is none."""
+    value = data.pop(key.rpartition(".")[2], {})
+    if not isinstance(value, dict) or not all(isinstance(meant, kinds or object) for meant in value.values()):
         raise TableError(f"[{key}] of {file} must hold lines like {example}; instead received {quoted(value)}.")
     return value
 
@@ -109,8 +91,8 @@ def constant_settings(settings: object, where: str) -> dict[str, float]:
         raise TableError(
             f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(settings)}."
         )
-    result, of_circuits = {}, filter(is_current, circuit_columns(map(str, settings), fewest=1))
-    names = (*SETTINGS, *of_circuits)
+    names = (*SETTINGS, *filter(is_current, circuit_columns(map(str, settings), fewest=1)))
+    result = {}
     for key, value in settings.items():
         column, number = match_column(str(key), names), finite_number(value)
         if column is None or column.assumed or number is None:
@@ -131,45 +113,43 @@ def declared_noise(
     header of its column, whose unit it then has; that of what all readings of a run share under ``[noise.run]``, or as
     ``run.force_N``. What the caller declares counts in its place.
     """
-    listed = _table(words.noted, "noise", words.sidecar)
-    of_runs = {OF_RUNS + key: value for key, value in _table(listed, "noise.run", words.sidecar).items()}
-    listed = {key: value for key, value in listed.items() if key != OF_RUNS.rstrip(".")} | of_runs
-    loose = {key: value for key, value in words.noted.items() if key not in {"noise", *words.texts, *listed}}
-    findings, noise = [], {}
-    beside, called = str(words.sidecar), "the declared noise"
-    for where, entries in ((beside, loose | listed), (called, words.noise)):
+    beside = {key: value for key, value in words.noted.items() if key not in words.texts}
+    listed = dict(_table(beside, "noise", words.sidecar, _EXAMPLE))
+    of_runs = _table(listed, "noise.run", words.sidecar, _EXAMPLE)
+    listed |= {OF_RUNS + key: value for key, value in of_runs.items()}
+    findings, loose = [], {key: value for key, value in beside.items() if key not in listed}
+    for key, value in list(loose.items()):
+        # What nobody calls noise may be a table of another kind of file, a drawing's [hall] say
+        meant = not isinstance(value, dict) and _channel(key, channels, used)
+        if not meant and (isinstance(value, dict) or not get_close_matches(key[:100], channels, n=1)):
+            del loose[key]
+            facts = {"key": quoted(key), "file": Path(str(words.sidecar)).name, "channels": ", ".join(channels)}
+            findings.append(finding("unused-setting", **facts))
+    noise = {}
+    for where, entries in ((words.sidecar, loose | listed), ("the declared noise", words.noise)):
         for key, value in entries.items():
-            # What nobody calls noise may be a table of another kind of file, a drawing's [hall] say
-            unsure = where == beside and key not in listed
-            foreign = unsure and isinstance(value, dict)
-            column = None if foreign else _channel(key, channels, used)
-            sigma = finite_number(value)
-            if column is not None and (sigma is None or sigma <= 0.0):
-                raise TableError(
-                    f"The noise {quoted(key)} in {where} must be a standard deviation > 0 in the unit of its name, for "
-                    f"example 2e-4; instead received {quoted(value)}."
-                )
-            if column is not None and sigma is not None:
-                noise[column.name] = sigma * column.factor
-            elif unsure and (foreign or not get_close_matches(key[:100], channels, n=1)):
-                facts = {"key": quoted(key), "file": Path(where).name, "channels": ", ".join(channels)}
-                findings.append(finding("unused-setting", **facts))
-            else:
+            column, sigma = _channel(key, channels, used), finite_number(value)
+            if column is None:
                 raise TableError(
                     f"{quoted(key)!r} in {where} is no channel of this kind of file, so that its noise would be lost. "
                     f"The channels are {', '.join(channels)}."
                 )
+            if sigma is None or sigma <= 0.0:
+                raise TableError(
+                    f"The noise {quoted(key)} in {where} must be a standard deviation > 0 in the unit of its name, for "
+                    f"example 2e-4; instead received {quoted(value)}."
+                )
+            noise[column.name] = sigma * column.factor
     return noise, findings
 
 
 def _channel(key: str, channels: Sequence[str], used: Sequence[UsedColumn]) -> UsedColumn | None:
     """The channel that a key means: by its name, with another unit, or by the header of its column."""
-    if key.startswith(OF_RUNS):
-        of_runs = [name.removeprefix(OF_RUNS) for name in channels if name.startswith(OF_RUNS)]
-        channel = _channel(key.removeprefix(OF_RUNS), of_runs, used) if of_runs else None
-        return replace(channel, name=OF_RUNS + channel.name) if channel else None
-    headed = (column for column in used if column.name in channels and same_header(key, column.header))
-    return match_column(key, channels) if key in channels else next(headed, match_column(key, channels))
+    prefix = OF_RUNS if key.startswith(OF_RUNS) else ""
+    key, names = key.removeprefix(prefix), [name.removeprefix(prefix) for name in channels if name.startswith(prefix)]
+    headed = (column for column in used if column.name in names and matching_headers(key, [column.header]))
+    channel = match_column(key, names) if key in names else next(headed, match_column(key, names))
+    return replace(channel, name=prefix + channel.name) if channel else None
 
 
 @dataclass(frozen=True)
@@ -195,7 +175,7 @@ class Wants:
             used, _ = match_columns(raw.headers, raw.source, names, words.columns, words.units, names)
         except TableError:  # it lacks a column that the user named
             return False
-        return not self.lacking([*(column.name for column in used.values()), *words.settings])
+        return not self.lacking([*(column.name for column in used), *words.settings])
 
     def lacking(self, columns: Iterable[str]) -> dict[str, tuple[str, ...]]:
         """What is missing beside some columns, each with the columns that would do."""
@@ -247,14 +227,14 @@ def read_raw_table(
         file_content(path, what),
         str(path),
         table=words.table,
-        wanted=(lambda table: any(kind.fits(table, words) for kind in kinds)) if kinds else None,
+        wanted=lambda table: not kinds or any(kind.fits(table, words) for kind in kinds),
         open_decimal=",",
     )
     if not raw.headers:
+        width = len(raw.cells)
         raise TableError(
-            f"{path} must have as many column names as columns; there is no line of "
-            f"{counted(raw.numbers.shape[1], 'name')} above "
-            f"its rows of {counted(raw.numbers.shape[1], 'cell')}. Complete the line of names."
+            f"{path} must have as many column names as columns; there is no line of {counted(width, 'name')} above "
+            f"its rows of {counted(width, 'cell')}. Complete the line of names."
         )
     twice = [header for k, header in enumerate(raw.headers) if header and header in raw.headers[:k]]
     if twice:
@@ -266,10 +246,8 @@ def read_raw_table(
 
 def read_columns(raw: RawTable, wants: Wants, words: Words) -> ReadTable:
     """What a file has of the columns that a kind of table may have, and what was the same in every row of it."""
-    filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts(k))]
     names = wants.columns(raw.headers, words)
-    matched, findings = match_columns(filled, raw.source, names, words.columns, words.units)
-    used = list(matched.values())
+    used, findings = match_columns(raw.headers, raw.source, names, words.columns, words.units)
     if not len(raw.lines):
         raise TableError(f"{raw.source} has column names and no row below them; it needs one row a reading.")
     rows, remarks = column_values(raw, used)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from femfit.core.files import read_arrays, read_settings, reading, replacing, write_arrays, write_json
+from femfit.core.files import read_arrays, read_settings, reading, replacing, write_json
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import is_flux
@@ -121,15 +121,13 @@ class ImpedanceSlopes:
     frequencies_Hz: FloatArray
     slopes: ComplexArray
 
-
-def write_slopes(slopes: ImpedanceSlopes | None, directory: Path) -> None:
-    """Write the file, or remove that of an earlier sweep where there are none."""
-    numbers = None if slopes is None else _NUMBERS.dump_json(slopes.numbers).decode()
-    write_arrays(None if slopes is None else vars(slopes) | {"numbers": numbers}, directory / SLOPES_NAME)
+    def arrays(self) -> dict[str, Any]:
+        """The fields as they are written."""
+        return vars(self) | {"numbers": _NUMBERS.dump_json(self.numbers).decode()}
 
 
 def read_slopes(directory: Path) -> ImpedanceSlopes | None:
-    """Read what :func:`write_slopes` wrote; None where there is nothing.
+    """Read ``impedance_slopes.npz``; None where there is nothing.
 
     Raises
     ------

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.files import path_of, read_settings, replacing, write_json
+from femfit.core.files import path_of, read_settings, replacing, write_arrays, write_json
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Plotted, listing
 from femfit.core.sweep_columns import VARIANT, is_current
 from femfit.core.text import counted, quoted
-from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
+from femfit.tables.eddy_table import NAME, EddyTable, read_eddy
 from femfit.tables.signatures import (
+    SLOPES_NAME,
     ImpedanceSlopes,
     Signatures,
     read_signatures,
     read_slopes,
     write_signatures,
-    write_slopes,
 )
 
 if TYPE_CHECKING:
@@ -124,16 +124,16 @@ def current_names(rows: "pd.DataFrame") -> list[str]:
 
 def write_sweep_table(table: SweepTable, directory: Path) -> Path:
     """Write ``sweep.parquet``, ``sweep.csv``, ``manifest.json`` and signatures, each completely or not at all."""
-    directory = Path(directory)
-    parquet = directory / f"{TABLE_STEM}.parquet"
+    parquet = Path(directory) / f"{TABLE_STEM}.parquet"
     with replacing(parquet) as partial:
         table.rows.to_parquet(partial, index=False)
-    with replacing(directory / f"{TABLE_STEM}.csv") as partial:
+    with replacing(parquet.with_suffix(".csv")) as partial:
         table.rows.to_csv(partial, index=False)
-    write_json(directory / MANIFEST_NAME, table.manifest)
-    write_signatures(table.signatures, directory)
-    write_eddy(table.eddy, directory)
-    write_slopes(table.impedance_slopes, directory)
+    write_json(parquet.with_name(MANIFEST_NAME), table.manifest)
+    write_signatures(table.signatures, parquet.parent)
+    eddy, slopes = table.eddy, table.impedance_slopes
+    write_arrays(None if eddy is None else vars(eddy), parquet.with_name(NAME))
+    write_arrays(None if slopes is None else slopes.arrays(), parquet.with_name(SLOPES_NAME))
     return parquet
 
 
@@ -156,11 +156,16 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     >>> print(ff.read_sweep("runs/rig"))
     50 points: 5 currents 0 to 1.4 A, 10 distances 15 to 45 mm
     """
+    from femfit.tables.containers import parse_table  # noqa: PLC0415  pandas loads while a sweep's workers solve
     from femfit.tables.raw_table import file_content  # noqa: PLC0415
-    from femfit.tables.table_file import parse_table  # noqa: PLC0415  pandas loads while a sweep's workers solve
     from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
-    file = _table_file(path_of(path, "A sweep table"))
+    file = path_of(path, "A sweep table")
+    if file.is_dir():
+        held = [name for suffix in ("parquet", "csv") if (name := file / f"{TABLE_STEM}.{suffix}").is_file()]
+        if not held:
+            raise TableError(f"{file} holds no {TABLE_STEM}.parquet; run femfit sweep ACTUATOR.toml -o {file} first.")
+        file = held[0]
     content = file_content(file, "sweep table")
     raw = parse_table(content, str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
     if raw.ragged:
@@ -168,47 +173,30 @@ def read_sweep_table(path: str | Path) -> SweepTable:
             f"Sweep table {file} must have as many cells in a row as column names; line {listing(raw.ragged)} has more "
             "or fewer. Repair it."
         )
-    rows = raw.frame()
-    manifest_file = file.with_name(MANIFEST_NAME)
+    table, manifest_file = SweepTable(raw.frame()), file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
-    _check(rows, file, swept=manifest.get("kind") == "sweep")
+    required = (*(current_names(table.rows) or REQUIRED[:1]), *REQUIRED[1:])
+    if missing := [name for name in required if name not in table.rows]:
+        raise TableError(
+            f"Sweep table {file} must have the columns {', '.join(REQUIRED)}; {', '.join(missing)} missing "
+            f"(it has {listing(table.rows.columns, 20)}). For a table of another program use femfit import."
+        )
+    usable = table.valid_rows()
+    if usable.empty:
+        lacks = "no rows" if table.rows.empty else "no row with status ok"
+        raise TableError(f"Sweep table {file} has {lacks}.")
+    for name in required:
+        column_numbers(usable, name, f" of {file}")
+    if manifest.get("kind") != "sweep" and (usable["distance_m"] <= 0).any():
+        raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")
     wrong = [name for name in ("actuator", "versions") if not isinstance(manifest.get(name, {}), dict)]
     if wrong:
         raise TableError(f"{wrong[0]} in {manifest_file} must be a table of settings. Run the sweep or import again.")
-    suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(rows[["distance_m"]])
+    suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(table.rows[["distance_m"]])
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
     folder = file.parent
-    return SweepTable(rows, manifest, read_signatures(folder), read_eddy(folder), read_slopes(folder))
-
-
-def _table_file(path: Path) -> Path:
-    if path.is_dir():
-        for suffix in (".parquet", ".csv"):
-            if (path / f"{TABLE_STEM}{suffix}").is_file():
-                return path / f"{TABLE_STEM}{suffix}"
-        raise TableError(f"{path} holds no {TABLE_STEM}.parquet; run femfit sweep ACTUATOR.toml -o {path} first.")
-    return path
-
-
-def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
-    currents = current_names(rows)
-    required = (*(currents or REQUIRED[:1]), *REQUIRED[1:])
-    missing = [name for name in required if name not in rows]
-    if missing:
-        raise TableError(
-            f"Sweep table {file} must have the columns {', '.join(REQUIRED)}; {', '.join(missing)} missing "
-            f"(it has {listing(rows.columns, 20)}). For a table of another program use femfit import."
-        )
-    if rows.empty:
-        raise TableError(f"Sweep table {file} has no rows.")
-    usable = rows[rows["status"] == "ok"] if "status" in rows else rows
-    if usable.empty:
-        raise TableError(f"Sweep table {file} has no row with status ok.")
-    for name in required:
-        column_numbers(usable, name, f" of {file}")
-    if not swept and (usable["distance_m"] <= 0).any():
-        raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")
+    return SweepTable(table.rows, manifest, read_signatures(folder), read_eddy(folder), read_slopes(folder))
 
 
 def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatArray:
@@ -229,13 +217,28 @@ def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatAr
     return values
 
 
+_SAME_LEVEL = 1e-6  # of the axis' span: loops that add 0.1 ten times differ by 1e-16, units by rounding of 6 digits
+
+
+def snap_axis(values: FloatArray) -> FloatArray:
+    """Replace each value by the first of its level, rounded to 12 digits: loops that add 0.1 ten times differ."""
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
+    tolerance = _SAME_LEVEL * (np.ptp(values) or abs(float(values[0])) or 1.0)
+    starts = np.concatenate([[True], np.diff(ordered) > tolerance])
+    levels = np.array([float(f"{value:.12g}") for value in ordered[starts]])
+    snapped = np.empty_like(values)
+    snapped[order] = levels[np.cumsum(starts) - 1]
+    return snapped
+
+
 def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> SweepTable:
     """Return the rows of one variant as a sweep table of their own, with the variant's actuator.
 
     ``where`` has values by the column of the parameter, or of ``variant``, text for a material; it is empty for a table
     without parameters.
     """
-    names = [str(name) for name in table.rows.columns]
+    names = list(map(str, table.rows.columns))
     axes = names[names.index(VARIANT) :] if VARIANT in names else []
     rows = table.rows
     for name, value in where.items():
@@ -278,6 +281,5 @@ def _shown(value: float | str) -> str:
 
 
 def _values(column: "pd.Series[Any]") -> str:
-    values = sorted(set(column))
-    shown = ", ".join(_shown(value) for value in values[:SHOWN])
-    return f"is {shown}" if len(values) <= SHOWN else f"is {shown}, ... {_shown(values[-1])}"
+    values = list(map(_shown, sorted(set(column))))
+    return f"is {', '.join(values[:SHOWN])}{f', ... {values[-1]}' if len(values) > SHOWN else ''}"

@@ -8,14 +8,17 @@ Numbers that no actuator has: the usual sign of a unit that was not named.
 import math
 import tomllib
 import unicodedata
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.tables.findings import finding
@@ -30,6 +33,7 @@ class Channel:
     bench: str = ""  # setting, reading, or empty for what is no column of a bench table
     absent: float = math.nan
     record: int = 0
+    circuits: str = ""
     sensor: bool = False
     usual: float = math.inf
     possible: float = math.inf
@@ -55,26 +59,28 @@ NEEDS_UNIT = frozenset(
 )
 """Names that mean their channel only beside a unit of its kind."""
 
-_FOLDED_PREFIX = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
-_CASED_PREFIX = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}
+_FOLDED_PREFIXES = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+_CASED_PREFIXES = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}
 """Prefixes that count only as they are written: ``dB/dt`` is not in decitesla."""
 
 _KINDS = tomllib.loads((files("femfit.tables") / "units.toml").read_text(encoding="utf-8"))
 
 
-def _symbols(si_unit: str, prefixes: dict[str, float]) -> dict[str, float]:
-    symbols = _KINDS[si_unit].get("symbols", "").split()
-    return {f"{prefix}{symbol}": factor for symbol in symbols for prefix, factor in prefixes.items()}
+def _spellings(kind: Mapping[str, Any], prefixes: Mapping[str, float]) -> dict[str, float]:
+    symbols = product(kind.get("symbols", "").split(), prefixes.items())
+    return {prefix + symbol: factor for symbol, (prefix, factor) in symbols}
 
 
 _FOLDED: dict[str, dict[str, float]] = {
-    si_unit: _symbols(si_unit, _FOLDED_PREFIX)
+    si_unit: _spellings(kind, _FOLDED_PREFIXES)
     | {word: factor for words, factor in kind["words"].items() for word in words.split()}
     for si_unit, kind in _KINDS.items()
 }
-UNITS = {si_unit: spellings | _symbols(si_unit, _CASED_PREFIX) for si_unit, spellings in _FOLDED.items()}
+UNITS = {si_unit: _FOLDED[si_unit] | _spellings(kind, _CASED_PREFIXES) for si_unit, kind in _KINDS.items()}
 """SI unit to its spellings and their factors."""
 
+
+_PLAIN = str.maketrans({"μ": "u", **dict.fromkeys(" .-*·⋅_", "")})
 
 POSITION_IN_VOLTS = (
     "Readings in volts belong in the column position_V (--column HEADER=position_V): the gain and offset, or the "
@@ -92,9 +98,7 @@ def unit_factor(unit: str, si_unit: str) -> float | None:
     >>> unit_factor("mm", "m"), unit_factor("Wb-turns", "Wb"), unit_factor("MN", "N")
     (0.001, 1.0, None)
     """
-    text = unicodedata.normalize("NFKC", unit).strip()
-    text = text.replace("μ", "u").replace("µ", "u")
-    text = "".join(character for character in text if character not in " .-*·⋅_")
+    text = unicodedata.normalize("NFKC", unit).strip().translate(_PLAIN)
     if text in UNITS.get(si_unit, {}):
         return UNITS[si_unit][text]
     spellings = _FOLDED.get(si_unit, {})
@@ -159,24 +163,12 @@ OTHER_SIGN = "of the other sign"
 
 def common_factors(column: str) -> dict[str, float]:
     """Units that a column is often in without saying so, each with the factor to SI; nothing for one without."""
-    units = CHANNELS[column].units if column in CHANNELS else ()
-    return {unit: UNITS[column_unit(column)[1]][unit] for unit in units}
+    return {unit: UNITS[column_unit(column)[1]][unit] for unit in CHANNELS.get(column, Channel()).units}
 
 
 def suspicion(column: str, unit: str, why: str) -> Finding:
     """Say that a column seems to be in another unit than its name says: what a reader must know before any number."""
     return finding("suspected-unit", column=column, unit=unit, why=why)
-
-
-def _apart(size: FloatArray, beyond: BoolArray, factor: float) -> bool:
-    """Whether impossible sizes are a group of their own: half of a unit's factor or more away from the possible ones.
-
-    Half on a scale of ratios; the sizes of one column in one unit have smaller steps.
-    """
-    within = size[~beyond & (size > 0.0)]
-    if min(len(within), int(beyond.sum())) < LEAST_READINGS:
-        return False
-    return bool(size[beyond].min() > within.max() / np.sqrt(factor))
 
 
 def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Finding]:
@@ -189,38 +181,37 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
         size = np.abs(rows[name].to_numpy(dtype=np.float64))
         size, limit = size[np.isfinite(size)], CHANNELS[name]
         unit, factor = next(iter(common_factors(name).items()))
-        beyond = size > limit.usual
-        if beyond.any() and _apart(size, beyond, factor):
-            why = f"they are up to {size.max():.3g}"
-            facts = {"column": name, "rows": len(beyond), "unit": unit, "why": why}
-            findings.append(finding("suspected-unit rows", size=float(beyond.sum()), **facts))
-        elif len(size) and limit.usual < np.median(size) <= limit.usual / factor:
-            findings.append(suspicion(name, unit, f"it is {np.median(size):.3g} in the median"))
-        elif solved and len(size) and size.max() > limit.possible:
+        beyond, median = size[size > limit.usual], float(np.median(size)) if len(size) else 0.0
+        within = size[(size <= limit.usual) & (size > 0.0)]
+        # A group of their own, half of the factor or more away on a scale of ratios: one unit has smaller steps
+        enough = min(len(within), len(beyond)) >= LEAST_READINGS
+        if enough and beyond.min() > within.max() / np.sqrt(factor):
+            facts = {"rows": len(size), "unit": unit, "why": f"they are up to {size.max():.3g}"}
+            findings.append(finding("suspected-unit rows", size=float(len(beyond)), column=name, **facts))
+        elif limit.usual < median <= limit.usual / factor:
+            findings.append(suspicion(name, unit, f"it is {median:.3g} in the median"))
+        elif solved and size.max(initial=0.0) > limit.possible:
             findings.append(suspicion(name, unit, f"it goes up to {size.max():.3g}"))
     for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
-        temperature = rows[name].dropna()
-        if len(temperature) and _KELVIN[0] < temperature.min() and temperature.max() < _KELVIN[1]:
-            why = f"it lies between {temperature.min():.4g} and {temperature.max():.4g}"
+        low, high = rows[name].min(), rows[name].max()
+        if _KELVIN[0] < low and high < _KELVIN[1]:
+            why = f"it lies between {low:.4g} and {high:.4g}"
             findings.append(finding("suspected-unit kelvin", column=name, why=why))
-    if "time_s" in rows:
-        steps = np.abs(np.diff(rows["time_s"].to_numpy(dtype=np.float64)))
-        steps = steps[np.isfinite(steps)]
-        if len(steps) and float(np.median(steps)) > _LARGEST_STEP_S:
-            findings.append(suspicion("time_s", "ms", f"its usual step is {np.median(steps):.4g}"))
+    step = float(rows["time_s"].diff().abs().median()) if "time_s" in rows else 0.0
+    if step > _LARGEST_STEP_S:
+        findings.append(suspicion("time_s", "ms", f"its usual step is {step:.4g}"))
     return findings
 
 
 def suspected_by_range(name: str, values: FloatArray, low: float, high: float) -> Finding | None:
     """Suspect a setting that lies outside of a model's range, and inside once its unit or sign is taken for another."""
     slack, values = 0.05 * (high - low), values[np.isfinite(values)]
-    factors = common_factors(name) | {OTHER_SIGN: -1.0}
     now = (values >= low - slack) & (values <= high + slack)
-    for unit, factor in factors.items():
+    for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
         converted = factor * values
         then = (converted >= low - slack) & (converted <= high + slack)
         few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
-        reaches = float(np.nanmax(np.abs(converted), initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
+        reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
         if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
             why = "few rows lie in the model's range, but then they would"
             return other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why)

@@ -12,7 +12,7 @@ from femfit.tables.foreign import import_table
 from femfit.tables.foreign_forms import SWEPT, ImportOptions
 from femfit.tables.header import names_of, parse_header
 from femfit.tables.measurement_file import read_measurement
-from femfit.tables.number_text import parse_number
+from femfit.tables.raw_table import parse_number
 from femfit.tables.sweep_table import read_sweep_table, write_sweep_table
 from femfit.tables.units import UNITS, column_unit, unit_factor
 from support.reference import REFERENCE, needs_reference

@@ -9,7 +9,7 @@ Outlines of faces: without holes, without needless corners, and with the file's 
 
 import cmath
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,14 +53,9 @@ class FemPiece:
         return self.label.material
 
     @property
-    def group(self) -> int:
-        """Group of its blocks."""
-        return self.label.group
-
-    @property
     def place(self) -> str:
         """How messages name it."""
-        return f"{self.label.place}, group {self.group}"
+        return f"{self.label.place}, group {self.label.group}"
 
 
 def connected_faces(faces: Sequence[FemPiece]) -> Iterator[tuple[Polygon, list[FemPiece]]]:
@@ -68,12 +63,6 @@ def connected_faces(faces: Sequence[FemPiece]) -> Iterator[tuple[Polygon, list[F
     union = shapely.unary_union([face.polygon for face in faces], grid_size=GRID)
     for piece in getattr(union, "geoms", [union]):
         yield piece, [face for face in faces if piece.contains(face.polygon.representative_point())]
-
-
-def is_straight(line: FemLine) -> bool:
-    """Whether a segment, or an arc that is as straight as one."""
-    length = math.hypot(line.end.r - line.start.r, line.end.z - line.start.z)
-    return length * math.radians(line.angle) / 8.0 < GRID
 
 
 def chords(line: FemLine) -> list[tuple[float, float]]:
@@ -85,48 +74,51 @@ def chords(line: FemLine) -> list[tuple[float, float]]:
     return [start, *((round(r, DIGITS), round(z, DIGITS)) for r, z in inner), end]
 
 
+def is_straight(line: FemLine) -> bool:
+    """Whether a segment, or an arc that is as straight as one."""
+    length = math.hypot(line.end.r - line.start.r, line.end.z - line.start.z)
+    return length * math.radians(line.angle) / 8.0 < GRID
+
+
+def _bulge(line: FemLine) -> float:
+    return math.tan(math.radians(line.angle) / 4.0)
+
+
 def find_faces(model: FemModel, notes: Notes) -> tuple[FemPiece, ...]:
     """Split the drawing into its faces and give each its label."""
     strings = [LineString(points) for points in map(chords, model.lines) if len(set(points)) > 1]
     if sum(len(string.coords) for string in strings) > MAX_LINES:
-        notes.say("drawing lines", most=MAX_LINES)
-        return ()
+        notes.stop("drawing lines", most=MAX_LINES)
     noded = shapely.unary_union(MultiLineString(strings), grid_size=GRID)
     rings, cuts, dangles, _ = shapely.polygonize_full([noded])
     polygons = [shapely.transform(polygon, lambda points: np.round(points, DIGITS) + 0.0) for polygon in rings.geoms]
     polygons = [polygon for polygon in polygons if polygon.area >= MIN_AREA and polygon.is_valid]
     if not polygons:
-        notes.say("drawing open")
-        return ()
+        notes.stop("drawing open")
     if (inner := min(polygon.bounds[0] for polygon in polygons)) < 0:
         notes.say("drawing mirrored", radius=inner)
-    loose = len(getattr(cuts, "geoms", ())) + len(getattr(dangles, "geoms", ()))
-    if loose:
+    if loose := len(getattr(cuts, "geoms", ())) + len(getattr(dangles, "geoms", ())):
         notes.say("loose-lines", lines=loose)
-    return _labelled(polygons, model.labels, notes)
-
-
-def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: Notes) -> tuple[FemPiece, ...]:
     tree = STRtree(polygons)
     owners: dict[int, list[FemLabel]] = {}
-    for label in labels:
+    for label in model.labels:
         inside = tree.query(Point(label.r, label.z), predicate="within").tolist()
         if len(inside) == 1:
             owners.setdefault(inside[0], []).append(label)
         elif label.meshed:
             notes.say("label outside", place=label.place)
-    default = next((label for label in labels if label.default), None)
+    default = [label for label in model.labels if label.default][:1]
     faces = []
     for n, polygon in enumerate(polygons):
-        owner = owners.get(n, [default] if default else [])
-        if not owner:
+        owner = owners.get(n, default)
+        if len(owner) == 1:
+            faces.append(FemPiece(polygon, (owner[0],)))
+        elif owner:
+            notes.say("label twice", places=" and ".join(label.place for label in owner))
+        else:
             point, (r0, z0, r1, z1) = polygon.representative_point(), polygon.bounds
             place = f"around (r, z) = ({point.x:.6g}, {point.y:.6g}) mm, r [{r0:g}, {r1:g}], z [{z0:g}, {z1:g}],"
             notes.say("label missing", place=place)
-        elif len(owner) > 1:
-            notes.say("label twice", places=" and ".join(label.place for label in owner))
-        else:
-            faces.append(FemPiece(polygon, (owner[0],)))
     return tuple(faces)
 
 
@@ -198,18 +190,15 @@ def with_arcs(polygons: Sequence[Polygon], lines: Sequence[FemLine]) -> list[lis
         for k in range(len(ring))
         if arc_of[k] is None or arc_of[k] is not arc_of[k - 1]
     }
-    return [_outline(ring, arc_of, kept) for ring, arc_of in zip(rings, edges, strict=True)]
-
-
-def _outline(ring: Sequence[complex], arc_of: Sequence[_Arc | None], kept: Collection[complex]) -> list[Edge]:
-    places = [k for k, point in enumerate(ring) if point in kept]
-    outline = []
-    for k, after in zip(places, [*places[1:], places[0]], strict=True):
-        arc, angle = arc_of[k], 0.0
-        if arc is not None:
-            angle = math.degrees((arc.along(ring[after]) or 0.0) - (arc.along(ring[k]) or 0.0))
-        outline.append((ring[k].real, ring[k].imag, angle))
-    return outline
+    outlines = []
+    for ring, arc_of in zip(rings, edges, strict=True):
+        places = [k for k, point in enumerate(ring) if point in kept]
+        angles = [
+            math.degrees((arc.along(ring[after]) or 0.0) - (arc.along(ring[k]) or 0.0)) if (arc := arc_of[k]) else 0.0
+            for k, after in zip(places, [*places[1:], *places[:1]], strict=True)
+        ]
+        outlines.append([(ring[k].real, ring[k].imag, angle) for k, angle in zip(places, angles, strict=True)])
+    return outlines
 
 
 def _chorded(arcs: Sequence[_Arc], start: complex, end: complex) -> _Arc | None:
@@ -226,7 +215,3 @@ def _arc(line: FemLine) -> _Arc:
     start = (line.start.r, line.start.z)
     centre, radius = arc_circle(start, (line.end.r, line.end.z), _bulge(line))
     return _Arc(complex(*centre), radius, cmath.phase(complex(*start) - complex(*centre)), math.radians(line.angle))
-
-
-def _bulge(line: FemLine) -> float:
-    return math.tan(math.radians(line.angle) / 4.0)

@@ -6,23 +6,20 @@ reverses B and leaves the force; it is done where the moving magnet points along
 attracts.
 
 The wire of the windings: the file's, or an assumption that is called one.
-
-Everything that was found in a FEMM model, and what the user said beside it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import shapely
 from shapely import box
 
 from femfit.device.parts import smallest_winding_area, wire_resistance
-from femfit.tables.femm.faces import GRID, MIN_AREA, Edge, FemPiece, with_arcs, without_holes
-from femfit.tables.femm.model import Direction, FemModel, FemOptions, Notes
-from femfit.tables.femm.movers import FemBodies, outline_of
+from femfit.tables.femm.faces import GRID, MIN_AREA, Edge, FemPiece
+from femfit.tables.femm.model import Direction, FemOptions, Notes
 from femfit.tables.femm.parse import DIGITS
-from femfit.tables.femm.parts import FemWinding, volume_mm3
+from femfit.tables.femm.parts import Body, FemBodies, FemWinding, volume_mm3
 
 
 @dataclass(frozen=True)
@@ -62,16 +59,15 @@ class FemFrame:
 def find_frame(bodies: FemBodies, windings: Sequence[FemWinding], options: FemOptions, notes: Notes) -> FemFrame:
     """The face, the side of the moving part and the file's distance."""
     up = _side(bodies, options, notes)
-    fixed, moving = _upwards(outline_of(bodies.fixed), up), _upwards(outline_of(bodies.moving), up)
+    fixed, moving = _upwards(bodies.fixed, up), _upwards(bodies.moving, up)
     face = _face(fixed, moving, notes) if options.face_mm is None else up * options.face_mm
     face = round(face, DIGITS)
     distance = round(moving.bounds[1] - face, DIGITS) + 0.0
     frame = FemFrame(up * face + 0.0, up, distance, _polarity(bodies))
     turned = "which is mirrored, for the moving part lies below" if up < 0 else "as it stands"
     notes.say("frame", face=frame.face_mm, distance=distance, turned=turned)
-    turned_round = [repr(winding.circuit.name) for winding in windings if frame.current_sign(winding) < 0]
-    if turned_round:
-        notes.say("current-sign", circuits=", ".join(turned_round))
+    if reversed_ones := [repr(winding.circuit.name) for winding in windings if frame.current_sign(winding) < 0]:
+        notes.say("current-sign", circuits=", ".join(reversed_ones))
     if frame.field_sign < 0:
         notes.say("field-sign")
     return frame
@@ -81,21 +77,20 @@ def _side(bodies: FemBodies, options: FemOptions, notes: Notes) -> float:
     """The side that the user says; else the one with a fixed part before it; else by the middles."""
     if options.mover_side != "auto":
         return 1.0 if options.mover_side == "above" else -1.0
-    fixed, moving = outline_of(bodies.fixed), outline_of(bodies.moving)
-    if options.face_mm is None:
-        sides = [up for up in (1.0, -1.0) if _before(_upwards(fixed, up), _upwards(moving, up)) is not None]
-        if len(sides) == 1:
-            return sides[0]
-    middle = [0.5 * (shape.bounds[1] + shape.bounds[3]) for shape in (moving, fixed)]
-    if abs(middle[0] - middle[1]) <= GRID:
+    sides = [up for up in (1.0, -1.0) if _before(_upwards(bodies.fixed, up), _upwards(bodies.moving, up)) is not None]
+    if options.face_mm is None and len(sides) == 1:
+        return sides[0]
+    fixed, moving = (0.5 * sum(_upwards(body, 1.0).bounds[1::2]) for body in (bodies.fixed, bodies.moving))
+    if abs(moving - fixed) <= GRID:
         notes.say("level")
         return 1.0
-    return 1.0 if middle[0] > middle[1] else -1.0
+    return 1.0 if moving > fixed else -1.0
 
 
-def _upwards(shape: shapely.Geometry, up: float) -> shapely.Geometry:
-    """The shape with the moving part above."""
-    return shapely.transform(shape, lambda points: points * [1.0, up] + 0.0)
+def _upwards(body: Body, up: float) -> shapely.Geometry:
+    """A body's pieces together, with the moving part above."""
+    together = shapely.union_all([piece.polygon for piece in body])
+    return shapely.transform(together, lambda points: points * [1.0, up] + 0.0)
 
 
 def _face(fixed: shapely.Geometry, moving: shapely.Geometry, notes: Notes) -> float:
@@ -122,13 +117,11 @@ def _before(fixed: shapely.Geometry, moving: shapely.Geometry) -> float | None:
 
 def _polarity(bodies: FemBodies) -> float:
     """Sign of the moving part's axial magnetic moment; of the fixed magnets' where it has none."""
-    for parts in (bodies.moving, bodies.fixed):
-        moment = sum(
-            part.direction[1] * part.material.remanence * volume_mm3(part.polygon) for part in parts if part.direction
-        )
-        if moment:
-            return 1.0 if moment > 0 else -1.0
-    return 1.0
+    moments = [
+        sum(part.direction[1] * part.material.remanence * volume_mm3(part.polygon) for part in parts if part.direction)
+        for parts in (bodies.moving, bodies.fixed)
+    ]
+    return math.copysign(1.0, next(filter(None, moments), 1.0))
 
 
 PLAIN_WIRE = 3
@@ -159,25 +152,3 @@ def find_wire(coil: FemPiece, notes: Notes) -> FemWire:
         notes.say("assumed-wire", place=coil.label.place, diameter=diameter, copper=100 * COPPER_FILL)
     resistance = wire_resistance(abs(coil.turns), coil.polygon.centroid.x * 1e-3, diameter * 1e-3)
     return FemWire(diameter, origin, resistance)
-
-
-@dataclass(frozen=True)
-class FemDevice:
-    """A model's parts and windings, placed; wires are by the id of their coil."""
-
-    name: str
-    model: FemModel
-    bodies: FemBodies
-    windings: tuple[FemWinding, ...]
-    wires: Mapping[int, FemWire]
-    frame: FemFrame
-
-    def outlines(self) -> dict[int, list[list[Edge]]]:
-        """Outlines in the actuator file of each part and coil, by its id."""
-        pieces = [(piece, piece in self.bodies.moving) for piece in (*self.bodies.fixed, *self.bodies.moving)]
-        simple = [(id(piece), polygon, moves) for piece, moves in pieces for polygon in without_holes(piece.polygon)]
-        result: dict[int, list[list[Edge]]] = {}
-        drawn = with_arcs([polygon for _, polygon, _ in simple], self.model.lines)
-        for (number, _, moves), outline in zip(simple, drawn, strict=True):
-            result.setdefault(number, []).append(self.frame.placed(outline, moving=moves))
-        return result

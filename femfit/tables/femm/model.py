@@ -6,8 +6,9 @@ remedy; and what of it is taken in another form: lamination.
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
+from femfit.core.errors import FemFileError
 from femfit.core.numerics import MU_0
 from femfit.core.results import Finding
 from femfit.device.materials import without_flat_end
@@ -62,13 +63,7 @@ class FemBoundary:
     a0: float = 0.0
     a1: float = 0.0
     a2: float = 0.0
-    c0: float = 0.0
     c1: float = 0.0
-
-    @property
-    def drives(self) -> bool:
-        """Whether it makes a field by itself."""
-        return (self.kind == 0 and any((self.a0, self.a1, self.a2))) or (self.kind == 2 and self.c1 != 0.0)
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,6 @@ class FemPointProperty:
     """A point property: a filament's current, or a prescribed A where there is none."""
 
     name: str
-    potential: float = 0.0
     current_A: float = 0.0
 
 
@@ -169,16 +163,27 @@ class FemOptions:
 class Notes:
     """Filled by the steps of an import, each in its turn."""
 
-    problems: list[str] = field(default_factory=list)
+    source: str
     findings: list[Finding] = field(default_factory=list)
 
+    @property
+    def problems(self) -> list[str]:
+        """What refuses the model, when everything was looked at."""
+        return [str(remark) for remark in self.findings if remark.severity == "error"]
+
     def say(self, key: str, /, **facts: Any) -> None:
-        """Remark on the model by a key of ``findings.toml``; an error refuses it, when everything was looked at."""
-        remark = finding(key, **facts)
-        if remark.severity == "error":
-            self.problems.append(str(remark))
-        else:
-            self.findings.append(remark)
+        """Remark on the model by a key of ``findings.toml``."""
+        self.findings.append(finding(key, **facts))
+
+    def settle(self, before: int = 0) -> None:
+        """Refuse the model where more was wrong than before."""
+        if len(self.problems) > before:
+            raise FemFileError(self.source, self.problems)
+
+    def stop(self, key: str, /, **facts: Any) -> NoReturn:
+        """Refuse the model for what nothing can be gone on without."""
+        self.say(key, **facts)
+        raise FemFileError(self.source, self.problems)
 
 
 ANGLE_TOLERANCE = 0.01
@@ -186,25 +191,6 @@ ANGLE_TOLERANCE = 0.01
 
 SIGNIFICANT_SHARE = 1e-6
 """Relative difference of two permeabilities below which they are the same number, rounded."""
-
-
-def check_limits(model: FemModel, notes: Notes) -> None:
-    """Report everything in the file's properties that cannot be taken."""
-    if model.problem_type != "axisymmetric":
-        notes.say("kind planar", kind=model.problem_type[:40])
-    used = [label for label in model.labels if label.meshed and not label.external]
-    materials = list(dict.fromkeys(label.material for label in used))
-    for n, material in enumerate(materials):
-        _check_material(material, notes)
-        if material.name in {earlier.name for earlier in materials[:n]}:
-            notes.say("material twice", name=material.name)
-    for label in used:
-        if label.material.coercivity and label.direction_formula:
-            notes.say("label formula", place=label.place, formula=label.direction_formula)
-    for point in model.points:
-        held = point.property
-        if held and (held.current_A or point.r > 0):
-            notes.say("point", name=held.name, r=point.r, z=point.z)
 
 
 Direction = tuple[float, float]
@@ -216,11 +202,37 @@ def magnet_direction(label: FemLabel) -> Direction | None:
     if not label.material.coercivity:
         return None
     angle = (label.magnetization + (0.0 if label.material.coercivity > 0 else 180.0)) % 360.0
-    nearest = 90.0 * round(angle / 90.0)
-    if abs(angle - nearest) <= ANGLE_TOLERANCE:
-        angle = nearest
+    along = 90.0 * round(angle / 90.0)  # one of the axes
+    angle = along if abs(angle - along) <= ANGLE_TOLERANCE else angle
     r, z = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     return round(r, 12) + 0.0, round(z, 12) + 0.0
+
+
+def with_limits(model: FemModel, notes: Notes) -> FemModel:
+    """The model with materials that an actuator file can hold; what cannot be taken of its properties is reported."""
+    if model.frequency:
+        notes.say("frequency", frequency=model.frequency)
+    used = [label for label in model.labels if label.meshed and not label.external]
+    taken = {label.material: label.material for label in used}
+    for material in taken:
+        taken[material] = _solid(_rising(material, notes), notes)
+    if model.problem_type != "axisymmetric":
+        notes.say("kind planar", kind=model.problem_type[:40])
+    names: list[str] = []
+    for material in dict.fromkeys(taken.values()):
+        _check_material(material, notes)
+        if material.name in names:
+            notes.say("material twice", name=material.name)
+        names.append(material.name)
+    for label in used:
+        if label.material.coercivity and label.direction_formula:
+            notes.say("label formula", place=label.place, formula=label.direction_formula)
+    for point in model.points:
+        held = point.property
+        if held and (held.current_A or point.r > 0):
+            notes.say("point", name=held.name, r=point.r, z=point.z)
+    labels = (replace(label, material=taken.get(label.material, label.material)) for label in model.labels)
+    return replace(model, labels=tuple(labels))
 
 
 def _check_material(material: FemMaterial, notes: Notes) -> None:
@@ -233,16 +245,6 @@ def _check_material(material: FemMaterial, notes: Notes) -> None:
         notes.say("material anisotropic", name=name, mu_x=mu_x, mu_y=mu_y)
     if material.lamination_type in {0, 1, 2} and material.lamination_fill != 1.0 and material.magnetic:
         notes.say("material laminated", name=name, fill=material.lamination_fill)
-
-
-def in_terms_of_femfit(model: FemModel, notes: Notes) -> FemModel:
-    """The model with materials that an actuator file can hold, as far as there are such; it is said what changed."""
-    if model.frequency:
-        notes.say("frequency", frequency=model.frequency)
-    used = dict.fromkeys(label.material for label in model.labels if label.meshed and not label.external)
-    taken = {material: _solid(_rising(material, notes), notes) for material in used}
-    labels = (replace(label, material=taken.get(label.material, label.material)) for label in model.labels)
-    return replace(model, labels=tuple(labels))
 
 
 def _rising(material: FemMaterial, notes: Notes) -> FemMaterial:

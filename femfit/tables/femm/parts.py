@@ -5,18 +5,21 @@ What surrounds the parts and is not needed: air, the shells of an open boundary,
 The field solver's domain is open, so whatever a FEMM user drew to end theirs is dropped.
 
 The windings: regions of uniform current density, in series with each other or on their own.
+
+Which parts and windings move: as the user says, or what only can.
 """
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
 from femfit.tables.femm.faces import GRID, FemPiece, connected_faces, without_holes
-from femfit.tables.femm.model import Direction, FemBoundary, FemCircuit, FemMaterial, FemModel, Notes, magnet_direction
+from femfit.tables.femm.model import FemBoundary, FemCircuit, FemModel, FemOptions, Notes, magnet_direction
 
 
 def volume_mm3(polygon: Polygon) -> float:
@@ -24,16 +27,17 @@ def volume_mm3(polygon: Polygon) -> float:
     return float(2.0 * math.pi * polygon.centroid.x * polygon.area)
 
 
-def merge_parts(faces: Sequence[FemPiece]) -> tuple[FemPiece, ...]:
+def merge_parts(faces: Sequence[FemPiece]) -> list[FemPiece]:
     """Join faces that touch and have material, magnetization and group in common."""
-    kinds: dict[tuple[FemMaterial, Direction | None, int], list[FemPiece]] = {}
+    kinds: dict[Any, list[FemPiece]] = {}
     for face in sorted(faces, key=lambda face: face.label.number):
         kinds.setdefault((face.material, magnet_direction(face.label), face.label.group), []).append(face)
-    parts = []
-    for (_, direction, _), alike in kinds.items():
-        for polygon, joined in connected_faces(alike):
-            parts.append(FemPiece(polygon, tuple(face.label for face in joined), direction))
-    return tuple(sorted(parts, key=lambda part: part.label.number))
+    parts = [
+        FemPiece(polygon, tuple(face.label for face in joined), direction)
+        for (_, direction, _), alike in kinds.items()
+        for polygon, joined in connected_faces(alike)
+    ]
+    return sorted(parts, key=lambda part: part.label.number)
 
 
 _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
@@ -42,23 +46,20 @@ _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 _DUAL_IMAGE = 3
 """FEMM's number of the boundary that averages A = 0 and a natural one, so that images of either sign cancel."""
 
-
 _PERIODIC = {4, 5}
 """FEMM's numbers of the boundaries that join two lines; the outside of a Kelvin transformation counts by them alone."""
 
 
-def drop_surroundings(model: FemModel, faces: Sequence[FemPiece], notes: Notes) -> tuple[FemPiece, ...] | None:
-    """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
+def drop_surroundings(model: FemModel, faces: Sequence[FemPiece], notes: Notes) -> list[FemPiece]:
+    """The faces of the actuator, without air, boundary shells and holes."""
     meshed = _interior([face for face in faces if face.label.meshed], notes)
-    if not meshed:
-        return None
     domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
     for face in faces:
         if not face.label.meshed and Polygon(domain.exterior).contains(face.polygon.representative_point()):
             notes.say("surroundings wall", place=face.label.place)
     shells = _shells(meshed, domain)
     inside = [face for face in meshed if face not in shells]
-    parts = tuple(face for face in inside if _is_part(face))
+    parts = list(filter(_is_part, inside))
     rim = _off_axis(shapely.unary_union([face.polygon for face in inside], grid_size=GRID))
     for face in parts:
         if face.polygon.distance(rim) <= GRID:
@@ -70,14 +71,12 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemPiece], notes: Notes) 
 def _interior(meshed: Sequence[FemPiece], notes: Notes) -> list[FemPiece]:
     """The faces of the one piece of the drawing that holds parts, without the outside of a Kelvin transformation."""
     pieces = [joined for _, joined in connected_faces([face for face in meshed if not face.label.external])]
-    holding = [piece for piece in pieces if any(_is_part(face) for face in piece)]
+    holding = [piece for piece in pieces if any(map(_is_part, piece))]
     if len(holding) > 1:
-        places = "; ".join(next(face for face in piece if _is_part(face)).label.place for piece in holding)
-        notes.say("surroundings pieces", pieces=len(holding), places=places)
-        return []
+        places = "; ".join(next(filter(_is_part, piece)).label.place for piece in holding)
+        notes.stop("surroundings pieces", pieces=len(holding), places=places)
     if not holding:
-        notes.say("mover nothing")
-        return []
+        notes.stop("mover nothing")
     if outside := len(meshed) - len(holding[0]):
         notes.say("kelvin", blocks=outside)
     return holding[0]
@@ -99,13 +98,11 @@ def _shells(faces: Sequence[FemPiece], domain: Polygon) -> list[FemPiece]:
     ]
     shells: list[FemPiece] = []
     front = _off_axis(domain)
-    while True:
-        reached = [face for face in remaining if face.polygon.intersection(front).length > GRID]
-        if not reached:
-            return shells
+    while reached := [face for face in remaining if face.polygon.intersection(front).length > GRID]:
         shells += reached
         remaining = [face for face in remaining if face not in reached]
         front = shapely.union_all([face.polygon.exterior for face in reached])
+    return shells
 
 
 def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
@@ -121,18 +118,20 @@ def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> None:
     places: dict[FemBoundary, bool] = {}
     joined = False  # to the outside that a Kelvin transformation draws
     for line in model.lines:
-        if line.boundary is not None and not (line.angle == 0 and line.start.r == 0 and line.end.r == 0):
-            ends = (Point(line.start.r, line.start.z), Point(line.end.r, line.end.z))
-            if any(end.distance(domain) > GRID for end in ends):
-                joined |= line.boundary.kind in _PERIODIC
-                continue
+        if line.boundary is None or (line.angle == line.start.r == line.end.r == 0):
+            continue
+        ends = (Point(line.start.r, line.start.z), Point(line.end.r, line.end.z))
+        if any(end.distance(domain) > GRID for end in ends):
+            joined |= line.boundary.kind in _PERIODIC
+        else:
             outer = all(end.distance(rim) <= GRID for end in ends)
             places[line.boundary] = places.get(line.boundary, True) and outer
     for boundary, outer in places.items():
+        sources = {0: (boundary.a0, boundary.a1, boundary.a2), 2: (boundary.c1,)}
         faults = {
             "periodic": boundary.kind in _PERIODIC and not (joined and outer),
             "kind": boundary.kind not in {0, 2, _DUAL_IMAGE, *_PERIODIC},
-            "drives": boundary.drives,
+            "drives": any(sources.get(boundary.kind, ())),
             "inside": not outer,
         }
         for fault in [name for name, wrong in faults.items() if wrong][:1]:
@@ -153,49 +152,151 @@ class FemWinding:
 
 
 def find_windings(faces: Sequence[FemPiece], notes: Notes) -> tuple[FemWinding, ...]:
-    """The windings among the faces in the file's order; none for a model without current."""
-    before = len(notes.problems)
-    chosen = _chosen(faces, notes)
+    """The windings in the file's order, a coil a block, or several where it is wound around something.
+
+    Those with current are taken where there are such, and all of coils alone, which feel no force but each other's.
+    """
+    circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
+    idle = [circuit for circuit in circuits if not circuit.current_A]
+    if len(idle) < len(circuits) and any(face.material.magnetic for face in faces):
+        circuits = [circuit for circuit in circuits if circuit not in idle]
+        if idle:
+            notes.say("left-circuits", circuits=", ".join(repr(circuit.name) for circuit in idle))
     windings = []
-    for circuit in chosen:
+    for circuit in circuits:
         blocks = [face for face in faces if face.label.circuit == circuit]
-        _check(blocks, circuit, notes)
-        if len(notes.problems) == before:
-            windings.append(FemWinding(circuit, _coils(blocks)))
+        if circuit.kind != 1 and len(blocks) > 1:
+            notes.say("circuit parallel", name=circuit.name, blocks=len(blocks))
+        for block in blocks:
+            faults = {"circuit magnetic": block.material.magnetic, "circuit turns": block.label.turns == 0}
+            for fault in [name for name, wrong in faults.items() if wrong]:
+                notes.say(fault, place=block.label.place, name=circuit.name)
+        coils = [
+            FemPiece(polygon, block.labels, turns=block.label.turns * polygon.area / block.polygon.area)
+            for block in sorted(blocks, key=lambda block: block.label.number)
+            for polygon in without_holes(block.polygon)
+        ]
+        windings.append(FemWinding(circuit, tuple(coils)))
     for face in faces:
         if face.material.current_density:
             notes.say("circuit density", place=face.label.place)
-    return () if len(notes.problems) > before else tuple(windings)
+    return tuple(windings)
 
 
-def _check(blocks: Sequence[FemPiece], circuit: FemCircuit, notes: Notes) -> None:
-    if circuit.kind != 1 and len(blocks) > 1:
-        notes.say("circuit parallel", name=circuit.name, blocks=len(blocks))
-    for block in blocks:
-        material = block.label.material
-        facts = {"place": block.label.place, "name": circuit.name}
-        if material.magnetic:
-            notes.say("circuit magnetic", **facts)
-        if block.label.turns == 0:
-            notes.say("circuit turns", **facts)
+Body = Sequence[FemPiece]
 
 
-def _chosen(faces: Sequence[FemPiece], notes: Notes) -> list[FemCircuit]:
-    """The circuits that are taken: those with current where there are such, all of coils alone."""
-    circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
-    coils_alone = not any(face.material.magnetic for face in faces)  # which feel no force but each other's
-    live = [circuit for circuit in circuits if circuit.current_A]
-    if coils_alone or not live:
-        return circuits
-    if len(live) < len(circuits):
-        notes.say("left-circuits", circuits=", ".join(repr(c.name) for c in circuits if not c.current_A))
-    return live
+@dataclass(frozen=True)
+class FemBodies:
+    """Parts and windings, divided."""
+
+    fixed: tuple[FemPiece, ...]
+    moving: tuple[FemPiece, ...]
 
 
-def _coils(blocks: Sequence[FemPiece]) -> tuple[FemPiece, ...]:
-    """A coil a block, or several where it is wound around something."""
-    return tuple(
-        FemPiece(polygon, block.labels, turns=block.label.turns * polygon.area / block.polygon.area)
-        for block in sorted(blocks, key=lambda block: block.label.number)
-        for polygon in without_holes(block.polygon)
+def divide(pieces: Body, air: Body, options: FemOptions, notes: Notes) -> FemBodies:
+    """Divide parts and windings into fixed and moving ones."""
+    bodies = _connected(pieces)
+    faults = {
+        "mover nothing": not pieces,
+        "mover field": not _wound(pieces) and not _magnet(pieces),
+        "mover alone": len(pieces) == 1,
+        "mover touching": len(bodies) == 1,
+    }
+    for fault in (name for name, wrong in faults.items() if wrong):
+        notes.stop(fault, places=" and ".join(piece.place for piece in pieces))
+    moving = _named(bodies, options.moving_labels, notes) if options.moving_labels else _inferred(bodies, notes)
+    # Non-magnetic blocks of its group join what moves, where that is in pieces
+    groups = {piece.label.group for piece in moving} - {0} if len(_connected(moving)) > 1 else set()
+    joining = [face for face in air if face.label.meshed and face.label.group in groups]
+    fixed = tuple(piece for piece in pieces if piece not in moving)
+    return FemBodies(fixed, (*(piece for piece in pieces if piece in moving), *joining))
+
+
+def _named(bodies: Sequence[Body], labels: Sequence[int], notes: Notes) -> Body:
+    chosen = [body for body in bodies if _numbers(body) & set(labels)]
+    unknown = [str(number) for number in labels if not any(number in _numbers(body) for body in bodies)]
+    if unknown:
+        notes.stop("mover unknown", names=" or ".join(unknown), candidates=_candidates(bodies))
+    if len(chosen) == len(bodies):
+        notes.stop("mover everything", candidates=_candidates(bodies))
+    return [piece for body in chosen for piece in body]
+
+
+def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
+    """The body that alone can be the moving one; of two, the one that is usually moved.
+
+    A warning says where another body could move as well.
+    """
+    grouped = [body for body in bodies if any(piece.label.group for piece in body)]
+    rules: tuple[tuple[Callable[[Body], bool], str], ...] = (
+        (lambda body: grouped == [body] and all(piece.label.group for piece in body), "with a group above 0"),
+        (_magnet, "with a magnet"),
+        (lambda body: _clear(body, bodies), "clear above or below the windings"),
+        (lambda body: any(piece.polygon.bounds[0] <= GRID for piece in body), "on the axis"),
+        (lambda _: True, "that does not touch a winding"),
     )
+    bare = [body for body in bodies if not _wound(body)]
+    matches = ((list(filter(rule, bare)), f"the only body {reason}") for rule, reason in rules)
+    only = next(((bodies, reason) for bodies, reason in matches if len(bodies) == 1), ([], ""))
+    matching, reason = _of_two(bodies) if len(bodies) == 2 else only
+    if not matching:
+        notes.stop("mover unclear", candidates=_candidates(bodies))
+    moving = matching[0]
+    alternatives = [body for body in bodies if body is not moving]
+    key = "mover chosen" if any(not _wound(body) or _wound(moving) for body in alternatives) else "mover"
+    names, options = " and ".join(piece.place for piece in moving), " or ".join(map(_option, alternatives))
+    notes.say(key, names=names, reason=reason, options=options)
+    return moving
+
+
+def _of_two(bodies: Sequence[Body]) -> tuple[list[Body], str]:
+    """One of two bodies: only their motion against each other counts, and the other one may be named instead."""
+    wound, bare = ([body for body in bodies if _wound(body) == turns] for turns in (True, False))
+    if len(bare) != len(wound):
+        smaller = min(bodies, key=lambda body: sum(volume_mm3(piece.polygon) for piece in body))
+        return [smaller], "the smaller one of two bodies"
+    iron = any(piece.material.curve or not _magnet([piece]) for piece in bare[0])
+    if iron and _magnet(bare[0]) and all(piece.turns for piece in wound[0]):
+        return wound, "a winding before a magnet with its iron, as in a voice coil"
+    return bare, "the only body that does not touch a winding"
+
+
+def _numbers(body: Body) -> set[int]:
+    return {label.number for piece in body for label in piece.labels}
+
+
+def _option(body: Body) -> str:
+    """The option that names a body and no other."""
+    return f"--moving-label {min(_numbers(body))}"
+
+
+def _candidates(bodies: Sequence[Body]) -> str:
+    return "".join(f"\n    {_option(body)} for {' with '.join(piece.place for piece in body)}" for body in bodies)
+
+
+def _wound(body: Body) -> bool:
+    return any(piece.turns for piece in body)
+
+
+def _magnet(body: Body) -> bool:
+    return any(piece.direction is not None for piece in body)
+
+
+def _clear(body: Body, bodies: Sequence[Body]) -> bool:
+    """Whether a body stands above or below all windings."""
+    _, low, _, high = shapely.total_bounds([piece.polygon for rival in bodies for piece in rival if piece.turns])
+    _, bottom, _, top = shapely.total_bounds([piece.polygon for piece in body])
+    return bool(bottom >= high or top <= low)
+
+
+def _connected(pieces: Body) -> list[Body]:
+    """Pieces that touch each other, together."""
+    bodies: list[Body] = []
+    for piece in pieces:
+        joined = [
+            body for body in bodies if any(piece.polygon.distance(neighbour.polygon) <= GRID for neighbour in body)
+        ]
+        bodies = [body for body in bodies if body not in joined]
+        bodies.append([*(neighbour for body in joined for neighbour in body), piece])
+    return bodies
