@@ -6,6 +6,7 @@ An effect acts at the stages that it gives a function for, in this order:
 ``setting``    the bench: recorded distance and current, each by itself -> those that body and winding really have;
                a sensor of the model reads what is recorded
 ``coenergy``   the magnetics: W' -> W', from which force, flux linkage, back-EMF and Hall field follow together
+``energy``     potential of a further force, for which the magnetics give way: W' less that energy
 ``force``      further force on the moving part, along ``force_N`` (positive towards the electromagnet)
 ``circuit``    resistance of the winding and voltage that the driver really applies
 ``mass``       the moving mass
@@ -77,6 +78,19 @@ class EffectParameter:
     def width(self) -> float:
         """Width of the plausible range, by which fits scale the parameter."""
         return self.plausible[1] - self.plausible[0]
+
+
+Limits = tuple[float, float, float, float]
+"""What physics allows and, between its ends, what is plausible: ascending."""
+
+
+def parameter_of(
+    name: str, limits: Limits, description: str, *, usual: float | None = None, **further: str
+) -> EffectParameter:
+    """An amplitude, or a nonlinear parameter where it has a usual value."""
+    least, low, high, largest = limits
+    null, nonlinear = usual or 0.0, usual is not None
+    return EffectParameter(name, (least, largest), (low, high), description, null=null, nonlinear=nonlinear, **further)
 
 
 @dataclass(frozen=True)
@@ -162,6 +176,8 @@ CoenergyChange = Callable[[Coenergy, FieldPoint, Parameters], Expression]
 Force = Callable[[Expression, Expression, Conditions, Parameters], Expression]
 CircuitChange = Callable[[Expression, Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
 FurtherImpedance = Callable[[Expression, Expression, Expression, Conditions, Parameters], Any]
+Energy = Callable[[Expression, Nominal, Parameters], Expression]
+Words = Callable[[Parameters, Nominal], Sequence[str]]
 Readings = Callable[
     [Mapping[str, Expression], Expression, Expression, Conditions, Parameters], Mapping[str, Expression]
 ]
@@ -170,6 +186,7 @@ Readings = Callable[
 _ACTS_ON = {
     "setting": "bench",
     "coenergy": "magnetics",
+    "energy": "force",
     "force": "force",
     "circuit": "circuit",
     "mass": "motion",
@@ -207,6 +224,8 @@ class Effect:
         The stages where it acts; see the module's table. ``coenergy`` depends on distance and current, and of the
         conditions on temperatures and the effect's own states alone. ``circuit`` maps (resistance in ohm, voltage in
         V) at a current in A.
+    energy : callable or None
+        (distance, nominal, p) -> energy in J.
     mass : callable or None
         (mass in kg, p) -> mass in kg.
     ends : callable or None
@@ -228,6 +247,7 @@ class Effect:
     reference: str = ""
     setting: Setting | None = None
     coenergy: CoenergyChange | None = None
+    energy: Energy | None = None
     force: Force | None = None
     circuit: CircuitChange | None = None
     mass: Callable[[float, Parameters], float] | None = None
@@ -238,7 +258,7 @@ class Effect:
     memory: Memory | None = None
     hall_point: Setting | None = None
     calibrations: tuple[Calibration, ...] = ()
-    words: Callable[[Parameters, Nominal], Sequence[str]] | None = None
+    words: Words | None = None
     # What stands with it in the model file, of an effect that no name finds; see :mod:`femfit.model.carried`
     carried: object | None = None
     of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.catalogue`
@@ -248,6 +268,9 @@ class Effect:
     def __post_init__(self) -> None:
         places = dict.fromkeys(place for stage, place in _ACTS_ON.items() if getattr(self, stage) is not None)
         object.__setattr__(self, "acts_on", self.acts_on or tuple(places))
+        if (energy := self.energy) is not None:
+            less = lambda base, at, p: base(at.d, at.i, at.h) - energy(at.d, at.nominal, p)  # noqa: E731
+            object.__setattr__(self, "coenergy", less)
         read = (one if one.instruction else replace(one, instruction=self.experiment) for one in self.calibrations)
         object.__setattr__(self, "calibrations", tuple(read))
 
@@ -279,20 +302,28 @@ class Effect:
 
 def effect_of(
     *,
-    parameter: EffectParameter,
+    parameter: str,
+    limits: Limits,
+    description: str,
+    words: str | Words = "",
+    scale: str = "",
     read: tuple[float, float] | None = None,
     also: Mapping[str, Mapping[str, float]] | None = None,
     **declared: Any,
 ) -> Effect:
-    """An effect of one parameter, declared as an :class:`Effect` is.
+    """An effect of one parameter, declared as an :class:`Effect` and an :class:`EffectParameter` are.
 
     Parameters
     ----------
+    parameter : str
+        The parameter's name; its limits, description, words and scale stand beside the effect's own.
     read, also : optional
         Of a :class:`Calibration` that reads the parameter: its standard uncertainty and its cost, and what else shows.
     """
-    calibrations = () if read is None else (Calibration({parameter.name: read[0]}, read[1], also=also or {}),)
-    return Effect(parameters=(parameter,), calibrations=calibrations, **declared)
+    clause, of_effect = (words, None) if isinstance(words, str) else ("", words)
+    amplitude = parameter_of(parameter, limits, description, words=clause, scale=scale)
+    calibrations = () if read is None else (Calibration({parameter: read[0]}, read[1], also=also or {}),)
+    return Effect(parameters=(amplitude,), words=of_effect, calibrations=calibrations, **declared)
 
 
 @dataclass(frozen=True)

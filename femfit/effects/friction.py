@@ -19,7 +19,7 @@ import numpy as np
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, effect_of, in_channel
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, effect_of, in_channel, parameter_of
 
 
 def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
@@ -32,30 +32,26 @@ COULOMB_FRICTION = Effect(
     name="coulomb_friction",
     symptom="The body sticks: it answers small changes late or not at all, and stops short.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "level",
-            bounds=(-0.05, 5.0),
-            plausible=(0.0, 0.5),
+            limits=(-0.05, 0.0, 0.5, 5.0),
             description="Friction as a part of the body's weight.",
             words="dry friction brakes with {signed}",
             scale="weight_N",
         ),
-        EffectParameter(
+        parameter_of(
             "breakaway",
-            bounds=(-0.05, 5.0),
-            plausible=(0.0, 0.3),
+            limits=(-0.05, 0.0, 0.3, 5.0),
             description="Further friction at small speeds, as a part of the body's weight.",
             words="it takes {size} {more|less} to start",
             scale="weight_N",
         ),
-        EffectParameter(
+        parameter_of(
             "creep_m_s",
             unit="m/s",
-            bounds=(1e-5, 0.1),
-            plausible=(3e-4, 3e-3),
+            limits=(1e-5, 3e-4, 3e-3, 0.1),
             description="Speed at which the friction has 76 % of its level.",
-            null=1e-3,
-            nonlinear=True,
+            usual=1e-3,
         ),
     ),
     needs=("time_s", "distance_m|hall_V"),
@@ -69,12 +65,9 @@ COULOMB_FRICTION = Effect(
 VISCOUS_FRICTION = effect_of(
     name="viscous_friction",
     symptom="Oscillations die out faster than the model's.",
-    parameter=EffectParameter(
-        "damping_per_s",
-        bounds=(-10.0, 1e4),
-        plausible=(0.0, 50.0),
-        description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
-    ),
+    parameter="damping_per_s",
+    limits=(-10.0, 0.0, 50.0, 1e4),
+    description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
     needs=("time_s", "distance_m|hall_V"),
     experiment="Let the body swing on a spring, the coil open, and record how its amplitude falls.",
     reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
@@ -89,12 +82,9 @@ VISCOUS_FRICTION = effect_of(
 FLUID_DRAG = effect_of(
     name="fluid_drag",
     symptom="Fast strokes take longer than the model's, slow ones do not.",
-    parameter=EffectParameter(
-        "drag_per_m",
-        bounds=(-10.0, 1e6),
-        plausible=(0.0, 200.0),
-        description="Drag over the model's mass and the velocity squared.",
-    ),
+    parameter="drag_per_m",
+    limits=(-10.0, 0.0, 200.0, 1e6),
+    description="Drag over the model's mass and the velocity squared.",
     needs=("time_s", "distance_m|hall_V"),
     experiment="Repeat a fast stroke in air, or with the ports of the fluid open, and compare its time.",
     reference="Batchelor, An Introduction to Fluid Dynamics (1967), section 5.11",
@@ -123,14 +113,11 @@ def _force_of_side_pull_friction(d: FloatArray, i: FloatArray, conditions: Condi
 SIDE_PULL_FRICTION = effect_of(
     name="side_pull_friction",
     symptom="The body sticks the more, the larger the current; without current it slides as it should.",
-    parameter=EffectParameter(
-        "share",
-        bounds=(-0.02, 2.0),
-        plausible=(0.0, 0.2),
-        description="Friction at the largest current, as a part of the largest force.",
-        words="the guide brakes with {size} at the largest current",
-        scale="force_N",
-    ),
+    parameter="share",
+    limits=(-0.02, 0.0, 0.2, 2.0),
+    description="Friction at the largest current, as a part of the largest force.",
+    words="the guide brakes with {size} at the largest current",
+    scale="force_N",
     needs=("time_s", "distance_m|hall_V", "~current_A", "iron"),
     experiment="Pull the body slowly along its guide in both directions with a force sensor, without current and at a "
     "large one.",
@@ -157,10 +144,9 @@ def _ends(ends: tuple[float, float], nominal: Nominal, p: Parameters) -> tuple[f
 
 
 def _stop(name: str) -> EffectParameter:
-    return EffectParameter(
+    return parameter_of(
         name,
-        bounds=(-0.5, 0.5),
-        plausible=(-0.05, 0.05),
+        limits=(-0.5, -0.05, 0.05, 0.5),
         description=f"True less drawn distance of the {name} stop, as a part of the width of the range of distances.",
         words=f"the {name} stop stands {{size}} {{further away|nearer}} than drawn",
         scale="travel_m",

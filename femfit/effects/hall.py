@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like, warmth
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, current_lag, in_channel
+from femfit.effects.effect import Calibration, Effect, Parameters, current_lag, in_channel, parameter_of
 
 
 def _warmed(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
@@ -25,28 +25,24 @@ HALL_TEMPERATURE = Effect(
     name="hall_temperature",
     symptom="The Hall voltage goes with the temperature; force and flux linkage do not.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "offset_V_per_K",
-            bounds=(-0.1, 0.1),
-            plausible=(-5e-3, 5e-3),
+            limits=(-0.1, -5e-3, 5e-3, 0.1),
             description="Change of the quiescent voltage per kelvin.",
             words="the Hall voltage at no field changes by {signed}",
         ),
-        EffectParameter(
+        parameter_of(
             "sensitivity_per_K",
-            bounds=(-0.02, 0.02),
-            plausible=(-3e-3, 3e-3),
+            limits=(-0.02, -3e-3, 3e-3, 0.02),
             description="Relative change of the sensitivity per kelvin.",
             words="the Hall element's sensitivity changes by {signed}",
         ),
-        EffectParameter(
+        parameter_of(
             "coil_share",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 1.0),
+            limits=(0.0, 0.0, 1.0, 1.0),
             description="How far the element's temperature follows the coil's instead of the magnet's.",
             words="its temperature follows the winding's by {size}",
-            null=1.0,
-            nonlinear=True,
+            usual=1.0,
         ),
     ),
     needs=("hall_V", "~coil_temperature_C|~magnet_temperature_C"),
@@ -73,42 +69,36 @@ HALL_DRIFT = Effect(
     name="hall_drift",
     symptom="The Hall voltage wanders with time, whatever the distance and current.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "ramp_V",
-            bounds=(-20.0, 20.0),
-            plausible=(-0.2, 0.2),
+            limits=(-20.0, -0.2, 0.2, 20.0),
             description="Drift over 1000 readings (or seconds) of the campaign.",
             words="the Hall voltage drifts by {signed} in 1000 readings or seconds of the campaign",
         ),
-        EffectParameter(
+        parameter_of(
             "run_ramp_V",
-            bounds=(-20.0, 20.0),
-            plausible=(-0.2, 0.2),
+            limits=(-20.0, -0.2, 0.2, 20.0),
             description="Drift over 1000 readings (or seconds) of a run, zero at its start.",
             words="the Hall voltage drifts by {signed} in 1000 readings or seconds of each run",
         ),
-        EffectParameter(
+        parameter_of(
             "settling_V",
-            bounds=(-10.0, 10.0),
-            plausible=(-0.1, 0.1),
+            limits=(-10.0, -0.1, 0.1, 10.0),
             description="Final drift of a warm-up that begins with the campaign.",
             words="the Hall voltage settles by {signed} from the start of the campaign",
         ),
-        EffectParameter(
+        parameter_of(
             "run_settling_V",
-            bounds=(-10.0, 10.0),
-            plausible=(-0.1, 0.1),
+            limits=(-10.0, -0.1, 0.1, 10.0),
             description="Final drift of a warm-up that begins with each run.",
             words="the Hall voltage settles by {signed} from the start of each run",
         ),
-        EffectParameter(
+        parameter_of(
             "settling_time",
             unit="readings or s",
-            bounds=(1.0, 1e4),
-            plausible=(20.0, 500.0),
+            limits=(1.0, 20.0, 500.0, 1e4),
             description="Time constant of a warm-up, in readings where the data have no clock.",
-            null=100.0,
-            nonlinear=True,
+            usual=100.0,
         ),
     ),
     needs=("hall_V", "~elapsed"),
@@ -140,27 +130,23 @@ HALL_SATURATION = Effect(
     name="hall_saturation",
     symptom="The Hall voltage falls behind the model where it is far from its quiescent value.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "cubic_loss",
-            bounds=(-0.05, 0.33),
-            plausible=(0.0, 0.2),
+            limits=(-0.05, 0.0, 0.2, 0.33),
             description="Lost part of the largest swing, growing with the cube of the field.",
             words="the Hall voltage {loses|gains} {size} at its largest swing",
         ),
-        EffectParameter(
+        parameter_of(
             "limited_loss",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 1.0),
+            limits=(0.0, 0.0, 1.0, 1.0),
             description="Lost part of the sensitivity beyond the knee; 1 is a hard limit.",
             words="the Hall element loses {size} of its sensitivity beyond a knee",
         ),
-        EffectParameter(
+        parameter_of(
             "knee",
-            bounds=(0.1, 1.2),
-            plausible=(0.4, 1.0),
+            limits=(0.1, 0.4, 1.0, 1.2),
             description="Where the limit begins, as a part of the model's largest swing.",
-            null=0.8,
-            nonlinear=True,
+            usual=0.8,
         ),
     ),
     needs=("hall_V",),
@@ -184,18 +170,16 @@ HALL_COIL_PICKUP = Effect(
     name="hall_coil_pickup",
     symptom="The Hall voltage has a further part in step with the current; force and flux linkage are right.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "pickup_V",
-            bounds=(-5.0, 5.0),
-            plausible=(-0.3, 0.3),
+            limits=(-5.0, -0.3, 0.3, 5.0),
             description="Further voltage at the largest current.",
             words="the Hall voltage changes by {signed} at the largest current",
         ),
-        EffectParameter(
+        parameter_of(
             "induced_V_s",
             unit="V s",
-            bounds=(-0.1, 0.1),
-            plausible=(-1e-3, 1e-3),
+            limits=(-0.1, -1e-3, 1e-3, 0.1),
             description="Further voltage while the current changes by its largest value in a second.",
             words="the leads induce {signed} in the Hall reading when the largest current is switched",
         ),

@@ -25,7 +25,7 @@ from femfit.core.graph import Expression, is_number, slope
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Coenergy, Effect, EffectParameter, FieldPoint, Memory, Parameters, States
+from femfit.effects.effect import Coenergy, Effect, FieldPoint, Memory, Parameters, States, parameter_of
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
@@ -141,46 +141,39 @@ HYSTERESIS = Effect(
     symptom="Force, flux linkage and Hall voltage differ between rising and falling current and meet at the ends.",
     parameters=(
         *(
-            EffectParameter(
-                name=f"width_{name}",
-                # A state that turns faster than the current would reverse the core's permeability
-                bounds=(-part, part),
-                plausible=(-0.5 * part, 0.5 * part),
+            parameter_of(
+                f"width_{name}",
+                limits=(-part, -0.5 * part, 0.5 * part, part),
                 description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
                 "currents' span.",
                 scale="peak_current_A",
             )
             for name, part in _RADII.items()
         ),
-        EffectParameter(
-            name="taper",
-            bounds=(-0.2, 0.2),
-            plausible=(-0.08, 0.08),
+        parameter_of(
+            "taper",
+            limits=(-0.2, -0.08, 0.08, 0.2),
             description="Growth of the half width from no flux to the largest, as a part of the largest current.",
             scale="peak_current_A",
         ),
-        EffectParameter(
-            name="hall_share",
-            bounds=(-1.0, 3.0),
-            plausible=(0.0, 1.5),
+        parameter_of(
+            "hall_share",
+            limits=(-1.0, 0.0, 1.5, 3.0),
             description="Loop at the Hall element over that of the flux, both relative to the current's part.",
-            null=1.0,
-            nonlinear=True,
+            usual=1.0,
         ),
-        EffectParameter(
-            name="fade",
-            bounds=(0.0, 6.0),
-            plausible=(0.0, 4.0),
+        parameter_of(
+            "fade",
+            limits=(0.0, 0.0, 4.0, 6.0),
             description="Largest current over the current at which 58 % of the lag have gone.",
-            nonlinear=True,
+            usual=0.0,
         ),
-        EffectParameter(
-            name="virgin",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 1.0),
+        parameter_of(
+            "virgin",
+            limits=(0.0, 0.0, 1.0, 1.0),
             description="0 where the current was cycled before each run of a bench table, 1 where the core was "
             "demagnetised.",
-            nonlinear=True,
+            usual=0.0,
         ),
     ),
     needs=("~current_A", "~branch", "force_N|flux_linkage_Wb|hall_V"),

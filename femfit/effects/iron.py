@@ -38,7 +38,7 @@ from casadi import SX
 from femfit.core.graph import Expression, GraphFunction, building, is_number, settled, slope
 from femfit.core.text import amount
 from femfit.effects.conditions import Nominal
-from femfit.effects.effect import Coenergy, Effect, EffectParameter, FieldPoint, Parameters, effect_of
+from femfit.effects.effect import Coenergy, Effect, FieldPoint, Parameters, effect_of, parameter_of
 
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
@@ -117,30 +117,25 @@ CORE_SATURATION = Effect(
     symptom="Force, flux linkage and inductance fall behind the model where the flux is largest.",
     parameters=(
         *(
-            EffectParameter(
-                name=f"mmf_loss_{n}",
-                bounds=(0.0, upper),
-                plausible=(0.0, usual),
+            parameter_of(
+                f"mmf_loss_{n}",
+                limits=(0.0, 0.0, usual, upper),
                 description="Part of the largest ampere turns that the core takes at the largest flux, growing with "
                 f"its power {n - 1}.",
             )
             for n, usual, upper in zip(_EXPONENTS, (0.3, 1.0, 10.0), (10.0, 100.0, 1000.0), strict=True)
         ),
-        EffectParameter(
-            name="magnet_share",
-            bounds=(0.0, 2.0),
-            plausible=(0.65, 1.25),
+        parameter_of(
+            "magnet_share",
+            limits=(0.0, 0.65, 1.25, 2.0),
             description="How far the magnet's flux passes the saturating part, against the coil's.",
-            null=0.85,
-            nonlinear=True,
+            usual=0.85,
         ),
-        EffectParameter(
-            name="hall_share",
-            bounds=(-2.0, 4.0),
-            plausible=(-0.5, 1.5),
+        parameter_of(
+            "hall_share",
+            limits=(-2.0, -0.5, 1.5, 4.0),
             description="Loss of field at the Hall element over the loss of flux linkage, both relative.",
-            null=0.5,
-            nonlinear=True,
+            usual=0.5,
         ),
     ),
     needs=("~current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
@@ -155,14 +150,11 @@ CORE_SATURATION = Effect(
 CORE_REMANENCE = effect_of(
     name="core_remanence",
     symptom="Force and flux linkage remain without current, and differ between the two signs of a current.",
-    parameter=EffectParameter(
-        "mmf",
-        bounds=(-1.0, 1.0),
-        plausible=(-0.05, 0.05),
-        description="Ampere turns that the core keeps, as a part of those of the largest current.",
-        words="the core keeps a flux as {signed} in the winding would drive it",
-        scale="peak_current_A",
-    ),
+    parameter="mmf",
+    limits=(-1.0, -0.05, 0.05, 1.0),
+    description="Ampere turns that the core keeps, as a part of those of the largest current.",
+    words="the core keeps a flux as {signed} in the winding would drive it",
+    scale="peak_current_A",
     needs=("force_N|flux_linkage_Wb|inductance_H", "iron"),
     experiment="Read the field at the core's face without current, before and after a slowly falling alternating "
     "current has demagnetised it.",
@@ -199,10 +191,9 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
     "with its square.",
     parameters=(
         *(
-            EffectParameter(
-                name=f"increase_{power}",
-                bounds=(-0.5, 5.0),
-                plausible=(-0.05, 0.5),
+            parameter_of(
+                f"increase_{power}",
+                limits=(-0.5, -0.05, 0.5, 5.0),
                 description="Increase of the inductance at the smallest distance, as a part of the model's, falling "
                 f"with the power {power} of the distance; where that may be 0 or less, counted from one travel behind "
                 "the nearest.",
@@ -210,13 +201,11 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
             )
             for power in _POWERS
         ),
-        EffectParameter(
-            name="hall_share",
-            bounds=(-10.0, 200.0),
-            plausible=(0.0, 40.0),
+        parameter_of(
+            "hall_share",
+            limits=(-10.0, 0.0, 40.0, 200.0),
             description="Change of the coil's field at the Hall element over that of its flux, both relative.",
-            null=20.0,
-            nonlinear=True,
+            usual=20.0,
         ),
     ),
     needs=("~distance_m", "~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H"),

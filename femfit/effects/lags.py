@@ -29,7 +29,6 @@ from femfit.effects.effect import (
     Calibration,
     Coenergy,
     Effect,
-    EffectParameter,
     FieldPoint,
     Memory,
     Parameters,
@@ -37,6 +36,7 @@ from femfit.effects.effect import (
     current_lag,
     effect_of,
     in_channel,
+    parameter_of,
 )
 
 _MODES = {"ring": 1.0, "diffusion": 9.0}
@@ -60,28 +60,24 @@ EDDY_CURRENT_LAG = Effect(
     symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
     parameters=(
         # The winding's own leakage, here at least a twentieth, keeps the current from jumping
-        EffectParameter(
+        parameter_of(
             "ring_share",
-            bounds=(0.0, 0.95),
-            plausible=(0.0, 0.5),
+            limits=(0.0, 0.0, 0.5, 0.95),
             description="Part of the flux that one closed path around it delays.",
             words="one closed path delays {size} of the flux",
         ),
-        EffectParameter(
+        parameter_of(
             "diffusion_share",
-            bounds=(0.0, 0.95),
-            plausible=(0.0, 0.5),
+            limits=(0.0, 0.0, 0.5, 0.95),
             description="Part that the next mode of diffusion delays, nine times as fast.",
             words="{size} of it follow nine times as fast",
         ),
-        EffectParameter(
-            name="time_s",
-            bounds=(1e-4, 1.0),
-            plausible=(5e-4, 0.02),
+        parameter_of(
+            "time_s",
+            limits=(1e-4, 5e-4, 0.02, 1.0),
             description="Time constant of the slowest path.",
             words="the time constant is {size}",
-            null=3e-3,
-            nonlinear=True,
+            usual=3e-3,
         ),
     ),
     needs=("time_s|frequency_Hz", "current_A|voltage_V", "force_N|hall_V|distance_m"),
@@ -114,13 +110,10 @@ def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Paramet
 SENSOR_DELAY = effect_of(
     name="sensor_delay",
     symptom="The Hall voltage follows distance and current late; at rest it is right.",
-    parameter=EffectParameter(
-        "delay_s",
-        bounds=(0.0, 0.05),
-        plausible=(0.0, 5e-3),
-        description="Age of what a reading shows.",
-        words="the Hall reading is {size} late",
-    ),
+    parameter="delay_s",
+    limits=(0.0, 0.0, 5e-3, 0.05),
+    description="Age of what a reading shows.",
+    words="the Hall reading is {size} late",
     needs=("time_s", "hall_V", "current_A|voltage_V|distance_m"),
     experiment="Feed a step from a signal generator in the Hall element's place, and record step and reading on one "
     "clock.",
@@ -149,18 +142,16 @@ FLUX_INTEGRATOR_DRIFT = Effect(
     name="flux_integrator_drift",
     symptom="The flux linkage wanders off from the start of each run; force and Hall voltage do not.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "ramp",
-            bounds=(-100.0, 100.0),
-            plausible=(-0.5, 0.5),
+            limits=(-100.0, -0.5, 0.5, 100.0),
             description="Drift over the first 1000 readings (or seconds), as a part of the largest flux linkage.",
             words="the fluxmeter drifts by {signed} in 1000 readings or seconds",
             scale="flux_linkage_Wb",
         ),
-        EffectParameter(
+        parameter_of(
             "bend",
-            bounds=(-100.0, 100.0),
-            plausible=(-0.5, 0.5),
+            limits=(-100.0, -0.5, 0.5, 100.0),
             description="What it grows by in that time, as the offset itself drifts from run to run.",
             words="its drift grows by {signed} in the first 1000 readings or seconds",
             scale="flux_linkage_Wb",
