@@ -19,10 +19,10 @@ A. Odabasioglu, M. Celik and L. T. Pileggi, IEEE Trans. CAD 17 (1998) 645: proje
 keeps them passive.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations_with_replacement
 from math import comb
 from typing import Any
@@ -228,4 +228,8 @@ class EddyMagnetics(Magnetics):
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
-        return self.eddy.expression(self.static.expression, distance, currents)
+        return self.with_memory({})(distance, currents)
+
+    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
+        """The same where the states of effects are these."""
+        return partial(self.eddy.expression, self.static.with_memory(memory))

@@ -119,7 +119,7 @@ class SampleStep:
         state = self.blocked(state)
         voltage, drivers = self._fed(command, state, length, driven)
         if not free:
-            after = equations.step_at(state, voltage, length, SX(0.0), drivers=drivers)
+            after = equations.step_at(state, voltage, length, 0.0, drivers=drivers)
             return self.blocked(after), after[0]
         state = ca.vertcat(between(state[0], motion.ends), state[1:])
         after = equations.step_at(state, voltage, length, stops=motion, drivers=drivers)
@@ -149,7 +149,7 @@ class SampleStep:
         for k, _ in self.model.diodes:
             currents[k] = ca.if_else(currents[k] < 0.0, 0.0, currents[k])
         if self.model.eddy is not None:
-            coenergy = self.model.equations.coenergy(self.model.equations.parts(state)[3])
+            coenergy = self.model.windings.magnetics.with_memory(self.model.equations.parts(state)[3])
             linked = of_variable(
                 lambda x: ca.vec(ca.hessian(coenergy(x[0], x[1:]), x)[0][1:, 1 + n :]),
                 ca.vertcat(state[0], state[2:end]),

@@ -49,7 +49,7 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
         if isinstance(sensor, HallSensor):
             name, value = "hall_V", _hall_voltage(model, d, w, at)
         else:
-            force = -ca.gradient(equations.coenergy(memory)(d, w), d)
+            force = -ca.gradient(model.windings.magnetics.with_memory(memory)(d, w), d)
             name, value = "force_N", with_further_force(model.effects, force, d, first, at)
         return SX(changed_by(model.effects, "readings", {name: value}, d, first, at)[name])
     if isinstance(sensor, PickupSensor):
