@@ -24,7 +24,7 @@ from typing import Any, SupportsIndex
 
 from femfit.core.graph import Expression
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import Conditions, Nominal, like
 
 Parameters = Mapping[str, Any]
 
@@ -152,35 +152,38 @@ def current_lag(
     return Memory((name,), (amplitude,), spread, lambda d, i, conditions, p: {name: 0.0 * i}, rate)
 
 
-Setting = Callable[[Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
 Coenergy = Callable[[Expression, Expression, Expression], Expression]
 """W'(d, i, h) in J, with h a test current in a coil of unit area-turns at the Hall element: dW'/dh is the field."""
 
 
 @dataclass(frozen=True, eq=False)
-class FieldPoint:
-    """Where an effect changes the co-energy: distance d in m, current i and test current h in A, and conditions."""
+class EffectPoint:
+    """Where an effect acts, and how much: what every stage is given beside the value that it changes."""
 
-    d: Expression
-    i: Expression
-    h: Expression
+    d: Expression  # Distance in m
+    i: Expression  # Current in A, of the effect's circuit
     conditions: Conditions
+    p: Parameters
+    h: Expression = 0.0  # Test current in A m^2, of a co-energy
 
     @property
     def nominal(self) -> Nominal:
         """Facts of the base model."""
         return self.conditions.nominal
 
+    @property
+    def velocity(self) -> Expression:
+        """In m/s, at every point."""
+        return like(self.conditions.velocity_m_s, self.d)
 
-CoenergyChange = Callable[[Coenergy, FieldPoint, Parameters], Expression]
-Force = Callable[[Expression, Expression, Conditions, Parameters], Expression]
-CircuitChange = Callable[[Expression, Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
-FurtherImpedance = Callable[[Expression, Expression, Expression, Conditions, Parameters], Any]
-Energy = Callable[[Expression, Nominal, Parameters], Expression]
+
+Setting = Callable[[EffectPoint], tuple[Expression, Expression]]
+CoenergyChange = Callable[[Coenergy, EffectPoint], Expression]
+Force = Callable[[EffectPoint], Expression]
+CircuitChange = Callable[[Expression, Expression, EffectPoint], tuple[Expression, Expression]]
+FurtherImpedance = Callable[[Expression, EffectPoint], Any]
+Readings = Callable[[Mapping[str, Expression], EffectPoint], Mapping[str, Expression]]
 Words = Callable[[Parameters, Nominal], Sequence[str]]
-Readings = Callable[
-    [Mapping[str, Expression], Expression, Expression, Conditions, Parameters], Mapping[str, Expression]
-]
 
 
 _ACTS_ON = {
@@ -220,18 +223,14 @@ class Effect:
         The measurement that isolates it, as an instruction.
     words : callable or None
         (p, nominal) -> clauses that say what all parameters together mean, in place of each parameter's own.
-    setting, coenergy, force, circuit, impedance, readings : callable or None
-        The stages where it acts; see the module's table. ``coenergy`` depends on distance and current, and of the
-        conditions on temperatures and the effect's own states alone. ``circuit`` maps (resistance in ohm, voltage in
-        V) at a current in A.
-    energy : callable or None
-        (distance, nominal, p) -> energy in J.
+    setting, coenergy, energy, force, circuit, impedance, hall_point, readings : callable or None
+        The stages where it acts, of an :class:`EffectPoint`; see the module's table. ``coenergy`` depends on distance
+        and current, and of the conditions on temperatures and the effect's own states alone. ``circuit`` maps
+        (resistance in ohm, voltage in V), and ``impedance`` a frequency in Hz.
     mass : callable or None
         (mass in kg, p) -> mass in kg.
     ends : callable or None
         ((near, far) in m, nominal, p) -> (near, far) in m: where the body is stopped.
-    hall_point : callable or None
-        Maps (distance, current) as ``setting`` does.
     eddy : callable or None
         p -> factor of the resistances of the drawing's eddy currents.
     calibrations : tuple of Calibration
@@ -247,7 +246,7 @@ class Effect:
     reference: str = ""
     setting: Setting | None = None
     coenergy: CoenergyChange | None = None
-    energy: Energy | None = None
+    energy: Force | None = None
     force: Force | None = None
     circuit: CircuitChange | None = None
     mass: Callable[[float, Parameters], float] | None = None
@@ -269,8 +268,7 @@ class Effect:
         places = dict.fromkeys(place for stage, place in _ACTS_ON.items() if getattr(self, stage) is not None)
         object.__setattr__(self, "acts_on", self.acts_on or tuple(places))
         if (energy := self.energy) is not None:
-            less = lambda base, at, p: base(at.d, at.i, at.h) - energy(at.d, at.nominal, p)  # noqa: E731
-            object.__setattr__(self, "coenergy", less)
+            object.__setattr__(self, "coenergy", lambda base, at: base(at.d, at.i, at.h) - energy(at))
         read = (one if one.instruction else replace(one, instruction=self.experiment) for one in self.calibrations)
         object.__setattr__(self, "calibrations", tuple(read))
 
@@ -344,14 +342,10 @@ class AddedEffect:
         return memory if needed else None
 
 
-def in_channel(
-    name: str, change: Callable[[Expression, Expression, Expression, Conditions, Parameters], Expression]
-) -> Readings:
-    """A ``readings`` stage that changes one channel, where it is among the readings, at a distance and a current."""
+def in_channel(name: str, change: Callable[[Expression, EffectPoint], Expression]) -> Readings:
+    """A ``readings`` stage that changes one channel, where it is among the readings."""
 
-    def readings(
-        values: Mapping[str, Expression], d: Expression, i: Expression, conditions: Conditions, p: Parameters
-    ) -> Mapping[str, Expression]:
-        return {**values, name: change(values[name], d, i, conditions, p)} if name in values else values
+    def readings(values: Mapping[str, Expression], at: EffectPoint) -> Mapping[str, Expression]:
+        return {**values, name: change(values[name], at)} if name in values else values
 
     return readings

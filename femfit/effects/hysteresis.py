@@ -25,7 +25,7 @@ from femfit.core.graph import Expression, is_number, slope
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Coenergy, Effect, FieldPoint, Memory, Parameters, States, parameter_of
+from femfit.effects.effect import Coenergy, Effect, EffectPoint, Memory, Parameters, States, parameter_of
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
@@ -110,19 +110,19 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return result
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
     states, nominal = at.conditions.memory, at.nominal
     if not all(f"hysteresis_{name}" in states for name in _RADII):
         return base(at.d, at.i, at.h)
-    lag = nominal.peak_current_A * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
+    lag = nominal.peak_current_A * sum(at.p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
     energy = base(at.d, at.i - lag, at.h)
-    if not is_number(p["hall_share"], 1.0):
-        inside = at.i - p["hall_share"] * lag
+    if not is_number(at.p["hall_share"], 1.0):
+        inside = at.i - at.p["hall_share"] * lag
         energy = base(at.d, at.i - lag, 0.0) + base(at.d, inside, at.h) - base(at.d, inside, 0.0)
-    if is_number(p["taper"], 0.0):
+    if is_number(at.p["taper"], 0.0):
         return energy
-    linkage = slope(lambda i: base(at.d, i, p["hall_share"] * at.h), at.i - lag)
-    taper = nominal.peak_current_A * p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
+    linkage = slope(lambda i: base(at.d, i, at.p["hall_share"] * at.h), at.i - lag)
+    taper = nominal.peak_current_A * at.p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
     return energy - 0.5 * taper * linkage**2
 
 

@@ -38,7 +38,7 @@ from casadi import SX
 from femfit.core.graph import Expression, GraphFunction, building, is_number, settled, slope
 from femfit.core.text import amount
 from femfit.effects.conditions import Nominal
-from femfit.effects.effect import Coenergy, Effect, FieldPoint, Parameters, effect_of, parameter_of
+from femfit.effects.effect import Coenergy, Effect, EffectPoint, Parameters, effect_of, parameter_of
 
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
@@ -47,14 +47,14 @@ _ITERATIONS = 12
 """Numerical: Newton's steps from above, which converge to rounding for all amplitudes within their bounds."""
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
     nominal = at.nominal
 
     def linkage(current: Expression, hall: Expression) -> Expression:
         return slope(lambda i: base(at.d, i, hall), current)
 
-    flux = linkage(at.i, p["hall_share"] * at.h) + (p["magnet_share"] - 1.0) * linkage(0.0 * at.i, 0.0)
-    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(p[f"mmf_loss_{n}"], 0.0)}
+    flux = linkage(at.i, at.p["hall_share"] * at.h) + (at.p["magnet_share"] - 1.0) * linkage(0.0 * at.i, 0.0)
+    amplitudes = {n: at.p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(at.p[f"mmf_loss_{n}"], 0.0)}
     if not amplitudes:
         return base(at.d, at.i, at.h)
     share = np.maximum(slope(lambda i: linkage(i, at.h), at.i) / nominal.inductance_H, _LEAST_INDUCTANCE)
@@ -159,7 +159,7 @@ CORE_REMANENCE = effect_of(
     experiment="Read the field at the core's face without current, before and after a slowly falling alternating "
     "current has demagnetised it.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (remanence of a circuit with a gap)",
-    coenergy=lambda base, at, p: base(at.d, at.i + p["mmf"] * at.nominal.peak_current_A, at.h),
+    coenergy=lambda base, at: base(at.d, at.i + at.p["mmf"] * at.nominal.peak_current_A, at.h),
     read=(2e-3, 30.0),
 )
 
@@ -167,15 +167,15 @@ CORE_REMANENCE = effect_of(
 _POWERS = (1, 3, 6)
 
 
-def _coenergy_of_position_dependent_inductance(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy_of_position_dependent_inductance(base: Coenergy, at: EffectPoint) -> Expression:
     nominal = at.nominal
     # Of distances of nought and less, where no face is: from one travel behind the nearest
     behind = 0.0 if nominal.distance_min_m > 0.0 else nominal.travel_m - nominal.distance_min_m
     nearness = (nominal.distance_min_m + behind) / (at.d + behind)
-    increase = nominal.inductance_H * sum(p[f"increase_{power}"] * nearness**power for power in _POWERS)
+    increase = nominal.inductance_H * sum(at.p[f"increase_{power}"] * nearness**power for power in _POWERS)
     current = at.i
     if np.isfinite(nominal.hall_T_per_A):
-        current = at.i + at.h * (p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
+        current = at.i + at.h * (at.p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
     return base(at.d, at.i, at.h) + 0.5 * ca.sumsqr(current) * increase
 
 

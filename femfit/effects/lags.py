@@ -29,7 +29,7 @@ from femfit.effects.effect import (
     Calibration,
     Coenergy,
     Effect,
-    FieldPoint,
+    EffectPoint,
     Memory,
     Parameters,
     States,
@@ -50,8 +50,8 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
-    induced = sum(p[f"{mode}_share"] * at.conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
+    induced = sum(at.p[f"{mode}_share"] * at.conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
     return base(at.d, at.i - at.nominal.peak_current_A * induced, at.h)
 
 
@@ -97,14 +97,14 @@ EDDY_CURRENT_LAG = Effect(
 )
 
 
-def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
-    delay = p["delay_s"]
-    if "delay_lag" in conditions.memory:
-        lag = conditions.nominal.peak_current_A * like(conditions.memory["delay_lag"], i)
-        late = delay / np.maximum(delay, conditions.nominal.sample_time_s) * lag
+def _hall_point(at: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    delay = at.p["delay_s"]
+    if "delay_lag" in at.conditions.memory:
+        lag = at.nominal.peak_current_A * like(at.conditions.memory["delay_lag"], at.i)
+        late = delay / np.maximum(delay, at.nominal.sample_time_s) * lag
     else:
-        late = delay * like(conditions.current_rate_A_s, i)
-    return d - delay * like(conditions.velocity_m_s, d), i - late
+        late = delay * like(at.conditions.current_rate_A_s, at.i)
+    return at.d - delay * at.velocity, at.i - late
 
 
 SENSOR_DELAY = effect_of(
@@ -126,16 +126,16 @@ SENSOR_DELAY = effect_of(
 )
 
 
-def _drifted(flux: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+def _drifted(flux: FloatArray, at: EffectPoint) -> FloatArray:
     """With what an integrated offset, and one that drifts itself over the campaign, have become since the run's start.
 
     Of the offset o + o' T at the time T of the campaign, the integral from a run's start T_0 to T_0 + t is
     o t + o' (t^2 + 2 T_0 t) / 2.
     """
-    time = conditions.time_s / 1000.0
-    start = conditions.elapsed / 1000.0 - time
-    drift = p["ramp"] * time + p["bend"] * time * (time + 2.0 * start)
-    return flux + conditions.nominal.flux_linkage_Wb * drift
+    time = at.conditions.time_s / 1000.0
+    start = at.conditions.elapsed / 1000.0 - time
+    drift = at.p["ramp"] * time + at.p["bend"] * time * (time + 2.0 * start)
+    return flux + at.nominal.flux_linkage_Wb * drift
 
 
 FLUX_INTEGRATOR_DRIFT = Effect(

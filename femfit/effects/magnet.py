@@ -33,7 +33,7 @@ from femfit.core.graph import Expression, slope
 from femfit.core.text import amount
 from femfit.effects.circuit import remanence_scaled
 from femfit.effects.conditions import Nominal, warmth
-from femfit.effects.effect import Calibration, Coenergy, Effect, FieldPoint, Parameters, parameter_of
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectPoint, Parameters, parameter_of
 
 USUAL_COEFFICIENT = -1.1e-3
 """Relative change of NdFeB's remanence per kelvin, by which an unrecorded warming is counted (IEC 60404-8-1)."""
@@ -42,10 +42,10 @@ _LEAST = 0.05
 """Part of the remanence that is left, whatever a fit tries."""
 
 
-def _warm(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _warm(base: Coenergy, at: EffectPoint) -> Expression:
     magnet, coil = warmth(at.conditions.magnet_temperature_C), warmth(at.conditions.coil_temperature_C)
-    known = p["coefficient_per_K"] * magnet.kelvin + p["curvature_per_K2"] * magnet.kelvin**2
-    unrecorded = USUAL_COEFFICIENT * (p["warmer_K"] + p["coil_share"] * coil.kelvin)
+    known = at.p["coefficient_per_K"] * magnet.kelvin + at.p["curvature_per_K2"] * magnet.kelvin**2
+    unrecorded = USUAL_COEFFICIENT * (at.p["warmer_K"] + at.p["coil_share"] * coil.kelvin)
     scale = 1.0 + known + (1.0 if at.conditions.running else magnet.unknown) * unrecorded
     return remanence_scaled(base, np.maximum(scale, _LEAST), at.d, at.i, at.h)
 
@@ -87,9 +87,9 @@ MAGNET_TEMPERATURE = Effect(
 )
 
 
-def _demagnetised(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
-    lost = p["layer_m"] / p["magnet_height_m"]
-    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), at.d + 0.5 * p["layer_m"], at.i, at.h)
+def _demagnetised(base: Coenergy, at: EffectPoint) -> Expression:
+    lost = at.p["layer_m"] / at.p["magnet_height_m"]
+    return remanence_scaled(base, (1.0 - at.p["loss"]) * (1.0 - lost), at.d + 0.5 * at.p["layer_m"], at.i, at.h)
 
 
 MAGNET_DEMAGNETISATION = Effect(
@@ -133,13 +133,13 @@ MAGNET_DEMAGNETISATION = Effect(
 )
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
     if np.isnan(at.nominal.hall_T_per_A):
         raise MissingPartError(
             "A model must have a Hall element for external_field; it has none. Leave that effect out."
         )
-    equivalent = p["core_share"] * p["field_T"] / at.nominal.hall_T_per_A
-    return base(at.d, at.i + equivalent, at.h) + at.h * p["field_T"]
+    equivalent = at.p["core_share"] * at.p["field_T"] / at.nominal.hall_T_per_A
+    return base(at.d, at.i + equivalent, at.h) + at.h * at.p["field_T"]
 
 
 EXTERNAL_FIELD = Effect(
@@ -168,14 +168,14 @@ EXTERNAL_FIELD = Effect(
 )
 
 
-def _coenergy_off_axis(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy_off_axis(base: Coenergy, at: EffectPoint) -> Expression:
     """Without a magnet W' + (i_max / lambda_max) g lambda^2 / 2, g = a + n (1 - x)^2 + m (1 - x^2), x = d / d_max."""
     nominal = at.nominal
     if nominal.has_magnet:
-        bend = slope(lambda d: base(d, at.i, at.h) - (1.0 - p["image_share"]) * base(d, 0.0 * at.i, 0.0), at.d, 2)
-        return base(at.d, at.i, at.h) - 0.25 * p["offset_squared_m2"] * bend
+        bend = slope(lambda d: base(d, at.i, at.h) - (1.0 - at.p["image_share"]) * base(d, 0.0 * at.i, 0.0), at.d, 2)
+        return base(at.d, at.i, at.h) - 0.25 * at.p["offset_squared_m2"] * bend
     x = at.d / nominal.distance_max_m
-    growth = p["gap_all"] + p["gap_near"] * (1.0 - x) ** 2 + p["gap_middle"] * (1.0 - x * x)
+    growth = at.p["gap_all"] + at.p["gap_near"] * (1.0 - x) ** 2 + at.p["gap_middle"] * (1.0 - x * x)
     linkage = slope(lambda i: base(at.d, i, at.h), at.i)
     return base(at.d, at.i, at.h) + 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * growth * linkage**2
 

@@ -22,13 +22,12 @@ import casadi as ca
 from casadi import SX
 
 from femfit.core.graph import Expression
-from femfit.effects.conditions import Nominal
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, effect_of, in_channel, parameter_of
+from femfit.effects.effect import Calibration, Effect, EffectPoint, effect_of, in_channel, parameter_of
 
 
-def _energy(d: Expression, nominal: Nominal, p: Parameters) -> Expression:
-    room = d - nominal.distance_max_m
-    stiffness, preload = p["stiffness"] * nominal.stiffness_N_per_m, p["preload"] * nominal.force_N
+def _energy(at: EffectPoint) -> Expression:
+    room = at.d - at.nominal.distance_max_m
+    stiffness, preload = at.p["stiffness"] * at.nominal.stiffness_N_per_m, at.p["preload"] * at.nominal.force_N
     return 0.5 * stiffness * room**2 - preload * room
 
 
@@ -74,7 +73,7 @@ SPRING_STIFFNESS = effect_of(
     needs=("time_s", "~distance_m", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    energy=lambda d, nominal, p: p["stiffness_error"] * nominal.spring_energy(d),
+    energy=lambda at: at.p["stiffness_error"] * at.nominal.spring_energy(at.d),
     read=(0.01, 20.0),
 )
 
@@ -90,7 +89,7 @@ SPRING_PRELOAD = effect_of(
     needs=("time_s", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    energy=lambda d, nominal, p: -p["preload"] * nominal.force_N * (d - nominal.distance_max_m),
+    energy=lambda at: -at.p["preload"] * at.nominal.force_N * (at.d - at.nominal.distance_max_m),
     read=(1e-3, 20.0),
 )
 
@@ -105,9 +104,7 @@ SPRING_IN_FORCE = effect_of(
     needs=("force_N", "~distance_m", "spring"),
     experiment="Take the spring out and read the force again, the current off.",
     reference=f"{_REFERENCE}; how the sensor is mounted",
-    readings=in_channel(
-        "force_N", lambda force, d, i, conditions, p: force - p["share"] * conditions.nominal.push_of_springs(d)
-    ),
+    readings=in_channel("force_N", lambda force, at: force - at.p["share"] * at.nominal.push_of_springs(at.d)),
 )
 
 
@@ -123,54 +120,49 @@ CONSTANT_FORCE = effect_of(
     experiment="Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
     "balance.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    energy=lambda d, nominal, p: p["pull"] * nominal.force_N * d,
+    energy=lambda at: at.p["pull"] * at.nominal.force_N * at.d,
     read=(1e-3, 30.0),
 )
 
 
-def _energy_of_stops(d: Expression, nominal: Nominal, p: Parameters) -> Expression:
-    near, far = nominal.distance_min_m, nominal.distance_max_m
-    reach, energy = p["reach"] * (far - near), 0.0
+def _energy_of_stops(at: EffectPoint) -> Expression:
+    near, far = at.nominal.distance_min_m, at.nominal.distance_max_m
+    reach, energy = at.p["reach"] * (far - near), 0.0
     for name, power, start, sign in (
         ("near_flat", 1.0, near + reach, -1.0),
         ("near_round", 1.5, near + reach, -1.0),
         ("far_flat", 1.0, far - reach, 1.0),
     ):
         # Compression over reach; its force A c^power has the potential A reach c^(power + 1) / (power + 1)
-        compression = SX(sign * (d - start) / reach)
+        compression = SX(sign * (at.d - start) / reach)
         touched = ca.if_else(compression > 0.0, compression ** (power + 1.0), 0.0)
-        energy = energy + p[name] * nominal.force_N * reach / (power + 1.0) * touched
+        energy = energy + at.p[name] * at.nominal.force_N * reach / (power + 1.0) * touched
     return energy
-
-
-def _stop(name: str, description: str, words: str) -> EffectParameter:
-    return parameter_of(
-        name,
-        limits=(0.0, 0.0, 1.0, 100.0),
-        description=description,
-        words=words,
-        scale="force_N",
-    )
 
 
 END_STOP_CONTACT = Effect(
     name="end_stop_contact",
     symptom="The force breaks away from the model within a small distance from one end of the travel, at any current.",
     parameters=(
-        _stop(
-            "near_flat",
-            "Push of a flat stop at the smallest distance, as a part of the largest force.",
-            "a stop pushes the body away with {size} at the smallest distance",
-        ),
-        _stop(
-            "near_round",
-            "The same for a rounded stop.",
-            "a rounded stop pushes the body away with {size} at the smallest distance",
-        ),
-        _stop(
-            "far_flat",
-            "Push of a flat stop at the largest distance, as a part of the largest force.",
-            "a stop pushes the body back with {size} at the largest distance",
+        *(
+            parameter_of(name, limits=(0.0, 0.0, 1.0, 100.0), description=description, words=words, scale="force_N")
+            for name, description, words in (
+                (
+                    "near_flat",
+                    "Push of a flat stop at the smallest distance, as a part of the largest force.",
+                    "a stop pushes the body away with {size} at the smallest distance",
+                ),
+                (
+                    "near_round",
+                    "The same for a rounded stop.",
+                    "a rounded stop pushes the body away with {size} at the smallest distance",
+                ),
+                (
+                    "far_flat",
+                    "Push of a flat stop at the largest distance, as a part of the largest force.",
+                    "a stop pushes the body back with {size} at the largest distance",
+                ),
+            )
         ),
         parameter_of(
             "reach",

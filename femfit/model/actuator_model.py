@@ -22,8 +22,8 @@ from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents, EddyMagnetics
 from femfit.model.equations import Equations
 from femfit.model.hall import HallSensor, OtherSensor
-from femfit.model.impedance import impedances_at
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics, Windings
+from femfit.model.readings import impedances_at
 from femfit.model.sample_step import SampleStep
 from femfit.model.several_magnetics import FORMULA, NETWORK, CoenergyMatrix, CoenergyTensor, NetworkMagnetics
 from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox

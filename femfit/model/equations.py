@@ -250,7 +250,8 @@ class Equations:
         driven : tuple of int
             The circuits whose currents have the rates in A/s that stand in the place of their voltages.
         """
-        return self._flow(self._moment(state, coulomb_N=0.0), values, 1.0, driven)
+        smooth = replace(self.model.require_motion(), coulomb_N=0.0)
+        return self._flow(self._moment(state, smooth), values, 1.0, driven)
 
     def _flow(self, at: _Moment, values: SX, free: SX | float, driven: tuple[int, ...]) -> tuple[SX, SX]:
         acceleration, places = free * at.acceleration, list(driven)
@@ -328,16 +329,22 @@ class Equations:
             core = replace(then, memory=memory)  # from the states at first
         return ca.vertcat(v, acceleration, rate, self._followed(core, rate, step.length))
 
-    def _moment(self, state: SX, **mechanics: float) -> _Moment:
+    def _moment(self, state: SX, mechanics: Mechanics | None = None) -> _Moment:
         """What moves a state, with other mechanics on demand."""
         model, windings = self.model, self.model.windings
+        mechanics = mechanics or model.require_motion()
         d, v, w, memory = self.parts(state)
         value = windings.magnetics.with_memory(memory)(d, w)
         linkage = ca.gradient(value, w)
         motional_constant = -ca.jacobian(linkage, d)
         conditions = self.conditions(v, memory, motional_constant * v)
-        further = SX(with_further_force(model.effects, 0.0, d, w[0] if w.numel() else SX(0.0), conditions))
-        force = further - ca.gradient(value, d)
+        first = w[0] if w.numel() else SX(0.0)
+        further = SX(with_further_force(model.effects, 0.0, d, first, conditions))
+        force, current, along = further - ca.gradient(value, d), SX(0.0), SX.zeros(len(memory))
+        if model.circuits:
+            current = first if model.eddy is None else model.eddy.acting(d, w)[0][0]
+            along = ca.jacobian(linkage[0], ca.vertcat(SX(0, 1), *memory.values())).T
+        turns, drift = ca.densify(ca.gradient(current, w)), ca.gradient(current, d) * v
         return _Moment(
             distance=d,
             velocity=v,
@@ -347,18 +354,9 @@ class Equations:
             motional_constant=motional_constant,
             force=force,
             pull=motional_constant + ca.gradient(further, w),
-            acceleration=replace(model.require_motion(), **mechanics).acceleration(d, v, force, model.sample_time_s),
-            core=self._core((d, v, w), memory, conditions, linkage),
+            acceleration=mechanics.acceleration(d, v, force, model.sample_time_s),
+            core=_Core(memory, conditions, first, current, turns, drift, along),
         )
-
-    def _core(self, body: tuple[SX, SX, SX], memory: Mapping[str, SX], conditions: Conditions, linkage: SX) -> _Core:
-        d, v, w = body
-        current, along = SX(0.0), SX.zeros(len(memory))
-        if self.model.circuits:
-            current = w[0] if self.model.eddy is None else self.model.eddy.acting(d, w)[0][0]
-            along = ca.jacobian(linkage[0], ca.vertcat(SX(0, 1), *memory.values())).T
-        turns, drift = ca.densify(ca.gradient(current, w)), ca.gradient(current, d) * v
-        return _Core(memory, conditions, w[0] if w.numel() else SX(0.0), current, turns, drift, along)
 
     def _beside(
         self, core: _Core, inductance: SX, driving: SX, imposed: tuple[list[int], SX] = ([], SX(0, 1))

@@ -15,7 +15,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_section import member_at, read_record, refusal, written
-from femfit.model.with_effects import sensor_without_effects, with_effects
+from femfit.model.with_effects import with_effects
 
 
 def write_model(model: ActuatorModel, path: str | Path) -> None:
@@ -97,8 +97,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data; of one with effects as it is without them, and the effects."""
     base = model.without_effects
     fitted = {name: getattr(base, name) for name in ("magnetics", "circuits", "motion", "sensor", "eddy")}
-    sensors = tuple(sensor_without_effects(sensor) for sensor in model.other_sensors)
-    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted, other_sensors=sensors))}
+    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted))}
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:

@@ -17,7 +17,7 @@ from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import evaluated
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
-from femfit.model.sensing import AnySensor, current_index, require_no_eddies
+from femfit.model.sensing import AnySensor, current_index, pickup_flux
 
 HALL = "hall"
 """Name of the Hall element of a model."""
@@ -180,10 +180,10 @@ def sampled_value(
     model: ActuatorModel, sensor: AnySensor, state: FloatArray, time: FloatArray | float = 0.0
 ) -> FloatArray:
     """The g of the module's head, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
-    if isinstance(sensor, PickupSensor):
-        require_no_eddies(model, sensor)
-        return sensor.flux.field(state[..., 0], model.currents_of(state))
-    return predict_sensor(model, sensor, state, time)
+    if not isinstance(sensor, PickupSensor):
+        return predict_sensor(model, sensor, state, time)
+    flux = model.equations.function(("flux", sensor), lambda x, *_: pickup_flux(model, sensor, x))
+    return evaluated(model, flux, state)[..., 0]
 
 
 def sampled_readings(model: ActuatorModel, sensor: AnySensor, states: FloatArray) -> FloatArray:
