@@ -75,19 +75,14 @@ def _recall(current: FloatArray, begins: BoolArray, nominal: Nominal) -> Mapping
     ends = np.append(np.flatnonzero(begins)[1:], len(current))
     states = np.empty((len(current), 2, len(radius)))
 
-    def moved(z: FloatArray, way: float) -> FloatArray:
-        return z if way == 0.0 else np.sign(way) - (np.sign(way) - z) * np.exp(-abs(way) / radius)
+    def moved(z: FloatArray, way: FloatArray) -> FloatArray:
+        return np.asarray(np.sign(way) - (np.sign(way) - z) * np.exp(-np.abs(way) / radius))
 
     for first, end in zip(np.flatnonzero(begins), ends, strict=True):
         run = current[first:end]
         # After many cycles z = -tanh(span / 2 r) at the lowest current
-        z = np.stack(
-            [
-                moved(-np.tanh(np.ptp(run) / (2.0 * radius)), run[0] - run.min()),
-                moved(np.zeros(len(radius)), run[0]),
-            ]
-        )
-        states[first] = z
+        z = np.stack([-np.tanh(np.ptp(run) / (2.0 * radius)), 0.0 * radius])
+        z = states[first] = moved(z, run[0] - np.array([[run.min()], [0.0]]))
         for k in range(first + 1, end):
             z = states[k] = moved(z, current[k] - current[k - 1])
     return {

@@ -240,8 +240,8 @@ class ActuatorModel(Plotted):
     @cached_property
     def diodes(self) -> list[tuple[int, float]]:
         """Circuits that a freewheel diode feeds, and its drop in V."""
-        drops = [None if circuit.drive.kind == "current" else circuit.drive.diode_V for circuit in self.circuits]
-        return [(k, drop) for k, drop in enumerate(drops) if drop is not None]
+        drives = [(k, circuit.drive) for k, circuit in enumerate(self.circuits) if circuit.drive.kind == "voltage"]
+        return [(k, drive.diode_V) for k, drive in drives if drive.diode_V is not None]
 
     @cached_property
     def sample_step(self) -> SampleStep:
@@ -350,13 +350,11 @@ class ActuatorModel(Plotted):
     @cached_property
     def windings(self) -> Windings:
         """Circuits and eddy currents together, as the equations of motion have them."""
-        n, eddy = len(self.circuits), self.eddy
-        if eddy is None:
-            return Windings(self.magnetics, self.resistances_ohm, self.series_inductances_H, n)
-        resistances = np.concatenate([self.resistances_ohm, eddy.resistances_ohm])
-        series = np.zeros((len(resistances),) * 2)
-        series[:n, :n] = self.series_inductances_H
-        return Windings(EddyMagnetics(self.magnetics, eddy), resistances, series, n)
+        n, eddy, magnetics, patterns = len(self.circuits), self.eddy, self.magnetics, np.zeros(0)
+        if eddy is not None:
+            magnetics, patterns = EddyMagnetics(magnetics, eddy), eddy.resistances_ohm
+        series = np.diag(np.append(np.diag(self.series_inductances_H), 0.0 * patterns))
+        return Windings(magnetics, np.append(self.resistances_ohm, patterns), series, n)
 
     @property
     def travel_m(self) -> tuple[float, float]:
@@ -389,7 +387,7 @@ class ActuatorModel(Plotted):
     @cached_property
     def series_inductances_H(self) -> FloatArray:  # noqa: N802  the unit
         """What is in series with the coils outside of the field, on the diagonal of a matrix of shape (n, n)."""
-        return np.diag([one.inductance_H for one in self.circuits]) if self.circuits else np.zeros((0, 0))
+        return np.diag(np.array([one.inductance_H for one in self.circuits]))
 
     def currents_of(self, state: FloatArray) -> FloatArray:
         """The circuits' currents (..., n) of states of shape (..., order)."""

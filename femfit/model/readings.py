@@ -262,9 +262,6 @@ def impedances_at(
         return GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
 
     points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
-    x = np.empty((2 + n, *points))
-    x[0], x[-1] = distance, frequency
-    for k in range(n):
-        x[1 + k] = currents[..., k]
-    real, imag = np.split(once(model, "impedances", made)(x.reshape(2 + n, -1)), 2)
+    x = [np.broadcast_to(one, points).ravel() for one in (distance, *np.moveaxis(currents, -1, 0), frequency)]
+    real, imag = np.split(once(model, "impedances", made)(np.stack(x)), 2)
     return np.asarray((real + 1j * imag).T.reshape(*points, n, n))

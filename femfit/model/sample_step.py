@@ -151,10 +151,8 @@ class SampleStep:
         if self.model.eddy is not None:
             coenergy = self.model.windings.magnetics.with_memory(self.model.equations.parts(state)[3])
             linked = of_variable(
-                lambda x: ca.vec(ca.hessian(coenergy(x[0], x[1:]), x)[0][1:, 1 + n :]),
-                ca.vertcat(state[0], state[2:end]),
+                lambda x: ca.hessian(coenergy(x[0], x[1:]), x)[0][1:, 1 + n :], ca.vertcat(state[0], state[2:end])
             )
-            linked = ca.reshape(linked, end - 2, end - 2 - n)
             lost = linked[:n, :].T @ (ca.vertcat(*currents[:n]) - state[2 : 2 + n])
             currents[n:] = ca.vertsplit(state[2 + n : end] - eliminated(linked[n:, :], lost))
         return ca.vertcat(state[:2], *currents, state[end:])
