@@ -350,11 +350,11 @@ class ActuatorModel(Plotted):
     @cached_property
     def windings(self) -> Windings:
         """Circuits and eddy currents together, as the equations of motion have them."""
-        n, eddy, magnetics, patterns = len(self.circuits), self.eddy, self.magnetics, np.zeros(0)
-        if eddy is not None:
-            magnetics, patterns = EddyMagnetics(magnetics, eddy), eddy.resistances_ohm
+        magnetics, patterns = self.magnetics, np.zeros(0)
+        if self.eddy is not None:
+            magnetics, patterns = EddyMagnetics(magnetics, self.eddy), self.eddy.resistances_ohm
         series = np.diag(np.append(np.diag(self.series_inductances_H), 0.0 * patterns))
-        return Windings(magnetics, np.append(self.resistances_ohm, patterns), series, n)
+        return Windings(magnetics, np.append(self.resistances_ohm, patterns), series)
 
     @property
     def travel_m(self) -> tuple[float, float]:

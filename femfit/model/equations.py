@@ -36,7 +36,6 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
 from femfit.model.decay import ResponseTable, decayed, eliminated, shares
 from femfit.model.drive import LEAST_SPEED_M_S, between, endless, met_stops
-from femfit.model.sensing import AnySensor, reading_expression
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
@@ -60,30 +59,16 @@ class Driver:
 
 
 @dataclass(frozen=True, eq=False)
-class _Core:
-    """The first circuit's core, whose effects have states."""
-
-    memory: Mapping[str, SX]  # The states
-    conditions: Conditions
-    first: SX  # The circuit's current
-    current: SX  # u, that it sees
-    turns: SX  # G
-    drift: SX  # u' at held currents
-    along: SX  # By which the circuit's flux linkage grows with the states; as G's first entry is 1
-
-    def rate(self, rate: SX) -> SX:
-        """The rate u' where all windings' currents have these."""
-        return ca.dot(self.turns, rate) + self.drift
-
-    def later(self, rate: SX, time: SX, memory: Mapping[str, SX], conditions: Conditions) -> "_Core":
-        """The same core a time in s later, at these rates, with the states and under the conditions of then."""
-        first, current = self.first + time * rate[0], self.current + time * self.rate(rate)
-        return replace(self, memory=memory, conditions=conditions, first=first, current=current)
-
-
-@dataclass(frozen=True, eq=False)
 class _Moment:
-    """A state, and what of W' and of the forces moves it."""
+    """A state, and what of W' and of the forces moves it; the states of effects are those of the first circuit's core.
+
+    Attributes
+    ----------
+    turns, drift : SX
+        G, and u' at held currents.
+    along : SX
+        By which the circuit's flux linkage grows with the states; as G's first entry is 1.
+    """
 
     distance: SX
     velocity: SX
@@ -94,12 +79,20 @@ class _Moment:
     force: SX  # All but the weight and what the mechanics add
     pull: SX  # By which it grows with the currents
     acceleration: SX
-    core: _Core
+    conditions: Conditions  # With the states of effects
+    core_current: SX  # u
+    turns: SX
+    drift: SX
+    along: SX
 
     def driving(self, circuits: tuple[SX, SX, SX], speed: SX) -> SX:
         """Voltages that change the currents of a body with a speed."""
         resistances, volts, _ = circuits
         return volts - resistances * self.currents + self.motional_constant * speed
+
+    def core_rate(self, rate: SX) -> SX:
+        """The rate u' where all windings' currents have these."""
+        return ca.dot(self.turns, rate) + self.drift
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,12 +179,6 @@ class Equations:
         key = "step", length
         return self.function(key, lambda x, u, h, _, free: self.step_at(x, u, h if length is None else length, free))
 
-    def reading(self, sensor: AnySensor) -> GraphFunction:
-        """What a sensor reads."""
-        return self.function(
-            ("reading", sensor), lambda x, u, _, time, *__: reading_expression(self, sensor, x, u, time)
-        )
-
     def function(self, key: Hashable, make: Callable[..., SX]) -> GraphFunction:
         """A function of the equations, made once of the expressions (state, voltage, step, time, free)."""
 
@@ -213,7 +200,7 @@ class Equations:
             d, v, w = SX.sym("d"), SX.sym("v"), SX.sym("w", self.model.windings.count)
             at = self._moment(ca.vertcat(d, v, w))
             of_distance = GraphFunction([d, w], ca.vec(at.inductance)).leaves_out(w)
-            taken = self._circuits(SX.sym("u", len(self.model.circuits)), w, at.core.conditions)[2]
+            taken = self._circuits(SX.sym("u", len(self.model.circuits)), w, at.conditions)[2]
             return np.array(ca.DM(taken)).ravel() if of_distance and taken.is_constant() else None
 
     def _responses(self, length: float) -> ResponseTable:
@@ -259,12 +246,12 @@ class Equations:
             return ca.vertcat(at.velocity, acceleration), values
         commanded, imposed = SX(values), values[places]
         commanded[places] = 0.0
-        circuits = self._circuits(commanded, at.currents, at.core.conditions)
-        inductance, driving = self._beside(at.core, at.inductance, at.driving(circuits, at.velocity), (places, imposed))
+        circuits = self._circuits(commanded, at.currents, at.conditions)
+        inductance, driving = self._beside(at, at.driving(circuits, at.velocity), (places, imposed))
         rate, more = _imposed(inductance, driving, places, imposed)
         if driven:
-            commanded[places] = self._commanded(circuits[1][places] + more, at.core)
-        return ca.vertcat(at.velocity, acceleration, rate, self._followed(at.core, rate)), commanded
+            commanded[places] = self._commanded(circuits[1][places] + more, at)
+        return ca.vertcat(at.velocity, acceleration, rate, self._followed(at, rate)), commanded
 
     def step_at(
         self,
@@ -312,22 +299,23 @@ class Equations:
 
     def _means(self, step: _Step, voltage: SX) -> SX:
         """Means of the state's rates over a step."""
-        at, half, memory = step.at, 0.5 * step.length, step.at.core.memory
-        conditions = self.conditions(at.velocity, memory, at.motional_constant * step.speed)
-        core, circuits = replace(at.core, conditions=conditions), self._circuits(voltage, at.currents, conditions)
+        at, half, memory = step.at, 0.5 * step.length, step.at.conditions.memory
+        then = replace(at, conditions=self.conditions(at.velocity, memory, at.motional_constant * step.speed))
+        circuits = self._circuits(voltage, at.currents, then.conditions)
         driving = at.driving(circuits, step.speed)
-        v, acceleration, rate = step.means(circuits[2], *self._beside(core, at.inductance, driving))
+        v, acceleration, rate = step.means(circuits[2], *self._beside(then, driving))
         if memory:  # the same beside the states and the current half-way
             z = ca.vertcat(*memory.values())
-            change = half * self._followed(core, rate, half)
+            change = half * self._followed(then, rate, half)
             stronger = step.mobility * (ca.jacobian(at.force, z) @ change)
             later, speed = dict(zip(memory, ca.vertsplit(z + change), strict=True)), step.speed + half * step.gain
             conditions = self.conditions(speed, later, at.motional_constant * speed)
-            then = core.later(rate, half, later, conditions)
-            v, acceleration, rate = step.means(circuits[2], *self._beside(then, at.inductance, driving))
+            current = at.core_current + half * at.core_rate(rate)
+            then = replace(at, conditions=conditions, currents=at.currents + half * rate, core_current=current)
+            v, acceleration, rate = step.means(circuits[2], *self._beside(then, driving))
             v, acceleration = v - step.length / 3.0 * stronger, acceleration - stronger
-            core = replace(then, memory=memory)  # from the states at first
-        return ca.vertcat(v, acceleration, rate, self._followed(core, rate, step.length))
+            then = replace(then, conditions=replace(conditions, memory=memory))  # from the states at first
+        return ca.vertcat(v, acceleration, rate, self._followed(then, rate, step.length))
 
     def _moment(self, state: SX, mechanics: Mechanics | None = None) -> _Moment:
         """What moves a state, with other mechanics on demand."""
@@ -344,7 +332,6 @@ class Equations:
         if model.circuits:
             current = first if model.eddy is None else model.eddy.acting(d, w)[0][0]
             along = ca.jacobian(linkage[0], ca.vertcat(SX(0, 1), *memory.values())).T
-        turns, drift = ca.densify(ca.gradient(current, w)), ca.gradient(current, d) * v
         return _Moment(
             distance=d,
             velocity=v,
@@ -355,42 +342,45 @@ class Equations:
             force=force,
             pull=motional_constant + ca.gradient(further, w),
             acceleration=mechanics.acceleration(d, v, force, model.sample_time_s),
-            core=_Core(memory, conditions, first, current, turns, drift, along),
+            conditions=conditions,
+            core_current=current,
+            turns=ca.densify(ca.gradient(current, w)),
+            drift=ca.gradient(current, d) * v,
+            along=along,
         )
 
-    def _beside(
-        self, core: _Core, inductance: SX, driving: SX, imposed: tuple[list[int], SX] = ([], SX(0, 1))
-    ) -> tuple[SX, SX]:
+    def _beside(self, at: _Moment, driving: SX, imposed: tuple[list[int], SX] = ([], SX(0, 1))) -> tuple[SX, SX]:
         """Inductance and driving voltages beside what states of effects do."""
-        if not core.memory:
-            return inductance, driving
-        still = self._memory_rates(core, SX(0.0))
-        driving = driving - core.turns * ca.dot(core.along, still)
-        share = ca.dot(core.turns, eliminated(inductance, core.turns))
-        rate, _ = _imposed(inductance, driving, *imposed)
-        sign = ca.if_else(core.rate(rate) < 0.0, -1.0, 1.0)
-        change = sign * (self._memory_rates(core, sign) - still)
-        taken = ca.fmax(ca.dot(core.along, change), (_LEAKAGE - 1.0) / share)
-        return inductance + taken * core.turns @ core.turns.T, driving - core.turns * (taken * core.drift)
+        if not at.conditions.memory:
+            return at.inductance, driving
+        still = self._memory_rates(at, SX(0.0))
+        driving = driving - at.turns * ca.dot(at.along, still)
+        share = ca.dot(at.turns, eliminated(at.inductance, at.turns))
+        rate, _ = _imposed(at.inductance, driving, *imposed)
+        sign = ca.if_else(at.core_rate(rate) < 0.0, -1.0, 1.0)
+        change = sign * (self._memory_rates(at, sign) - still)
+        taken = ca.fmax(ca.dot(at.along, change), (_LEAKAGE - 1.0) / share)
+        return at.inductance + taken * at.turns @ at.turns.T, driving - at.turns * (taken * at.drift)
 
-    def _followed(self, core: _Core, rate: SX, step: SX | None = None) -> SX:
+    def _followed(self, at: _Moment, rate: SX, step: SX | None = None) -> SX:
         """Rates z' where all windings' currents have these; over a step in s their means.
 
         A state with z' = a - b z moves by (a - b z) (1 - exp(-b h)) / b, however fast it decays.
         """
-        if not core.memory:
+        memory = at.conditions.memory
+        if not memory:
             return SX(0, 1)
 
         def followed(z: SX) -> SX:
-            states = dict(zip(core.memory, ca.vertsplit(z), strict=True))
-            rates = self._memory_rates(replace(core, memory=states), core.rate(rate), rate[0])
+            states = dict(zip(memory, ca.vertsplit(z), strict=True))
+            there = replace(at, conditions=replace(at.conditions, memory=states))
+            rates = self._memory_rates(there, at.core_rate(rate), rate[0])
             if step is None:
                 return rates
-            return rates * ca.vertcat(
-                *(shares(-step * slope)[0] for slope in ca.vertsplit(ca.diag(ca.jacobian(rates, z))))
-            )
+            decays = ca.vertsplit(ca.diag(ca.jacobian(rates, z)))
+            return rates * ca.vertcat(*(shares(-step * decay)[0] for decay in decays))
 
-        return of_variable(followed, ca.vertcat(*core.memory.values()))
+        return of_variable(followed, ca.vertcat(*memory.values()))
 
     def _circuits(self, voltage: SX, w: SX, conditions: Conditions) -> tuple[SX, SX, SX]:
         """Resistances of all windings, the voltages at them, and what each current takes from its own in ohm."""
@@ -402,15 +392,15 @@ class Equations:
             resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], w[0], conditions)
         return resistances, volts, -ca.diag(ca.jacobian(volts - resistances * w, w))  # a supply that sags takes, too
 
-    def _commanded(self, applied: SX, core: _Core) -> SX:
+    def _commanded(self, applied: SX, at: _Moment) -> SX:
         """The voltages to command so that these are applied, from beyond a driver's dead zone on."""
         model = self.model
         if len(model.circuits) > 1 or not any(added.effect.circuit for added in model.effects):
             return applied
-        far = applied + ca.if_else(applied < 0.0, -1.0, 1.0) * core.conditions.nominal.voltage_V
+        far = applied + ca.if_else(applied < 0.0, -1.0, 1.0) * at.conditions.nominal.voltage_V
 
         def driver(voltage: SX) -> SX:
-            return SX(circuit_of(model.effects, SX(0.0), voltage, core.first, core.conditions)[1])
+            return SX(circuit_of(model.effects, SX(0.0), voltage, at.currents[0], at.conditions)[1])
 
         return far + (applied - driver(far)) / slope(driver, far)
 
@@ -422,17 +412,17 @@ class Equations:
         volts = motional[0] if motional is not None and motional.numel() else SX(0.0)
         return replace(at, velocity_m_s=v, memory=memory, motional_V=volts)
 
-    def _memory_rates(self, core: _Core, rate: SX, of_circuit: SX | None = None) -> SX:
+    def _memory_rates(self, at: _Moment, rate: SX, of_circuit: SX | None = None) -> SX:
         """Rates z' at a rate of the core's current; a sensor's states follow the circuit's own, where that is given."""
         rates: dict[str, Expression] = {}
         for added in self.model.effects:
             if added.memory is None:
                 continue
             own = of_circuit is None or added.effect.coenergy is not None
-            current, its_rate = (core.current, rate) if own else (core.first, of_circuit)
-            conditions = replace(core.conditions, current_rate_A_s=its_rate)
-            rates |= added.memory.rate(core.memory, current, conditions, added.parameters)
-        return ca.vertcat(SX(0, 1), *(rates[name] for name in core.memory))
+            current, its_rate = (at.core_current, rate) if own else (at.currents[0], of_circuit)
+            conditions = replace(at.conditions, current_rate_A_s=its_rate)
+            rates |= added.memory.rate(conditions.memory, current, conditions, added.parameters)
+        return ca.vertcat(SX(0, 1), *(rates[name] for name in at.conditions.memory))
 
 
 def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:

@@ -144,7 +144,6 @@ class Windings:
     magnetics: Magnetics  # Of all their currents
     resistances_ohm: FloatArray  # Shape (n + r,)
     series_H: FloatArray  # In series outside of the field, on the diagonal of shape (n + r, n + r)
-    circuits: int  # n
 
     @property
     def count(self) -> int:

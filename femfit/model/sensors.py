@@ -17,7 +17,7 @@ from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import evaluated
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
-from femfit.model.sensing import AnySensor, current_index, pickup_flux
+from femfit.model.sensing import AnySensor, current_index, pickup_flux, reading_expression
 
 HALL = "hall"
 """Name of the Hall element of a model."""
@@ -154,7 +154,9 @@ def predict_sensor(
     if voltage is None:
         holding = model.resistances_ohm * model.currents_of(state)
         voltage = holding[..., 0] if len(model.circuits) == 1 else holding
-    return evaluated(model, model.equations.reading(sensor), state, voltage, time=time)[..., 0]
+    equations, key = model.equations, ("reading", sensor)
+    read = equations.function(key, lambda x, u, _, at, *__: reading_expression(equations, sensor, x, u, at))
+    return evaluated(model, read, state, voltage, time=time)[..., 0]
 
 
 WHOLE = 1e-6
