@@ -1,6 +1,6 @@
 """The actuator model: the one object that simulator, filters, comparison and every export read."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
@@ -128,6 +128,17 @@ class ActuatorModel(Plotted):
             changed["circuits"] = tuple(replace(circuit, resistance_ohm=ohm) for circuit, ohm in ohms)
             for name, part in changed.items():
                 object.__setattr__(self, name, part)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Parts of a file that do not go together."""
+        names, circuits = [sensor.name for sensor in self.other_sensors], self.circuit_names
+        for k, name in enumerate(names):
+            if names.count(name) > 1 or name == "hall":
+                yield f"other_sensors[{k}].name", "a name of its own, and not hall"
+        if self.motion is not None and not self.motion.ends[0] < self.motion.ends[1]:
+            yield "motion.far_stop", "at a larger distance than near_stop"
+        if self.eddy is not None and circuits and self.eddy.circuits != circuits:
+            yield "eddy.circuits", f"those of the model ({', '.join(circuits)}), in their order"
 
     def __str__(self) -> str:
         return sentence("model", "model", self)

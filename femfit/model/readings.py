@@ -52,10 +52,6 @@ class Point:
     conditions: Conditions
     effects: Sequence[AddedEffect]  # In place of the model's own
 
-    def parameters(self, names: Sequence[tuple[int, str]]) -> SX:
-        """Some parameters, each by the number of its effect and its name."""
-        return ca.vertcat(SX(0, 1), *(self.effects[k].parameters[name] for k, name in names))
-
     def resting(self, distance: Expression, currents: Expression) -> "Point":
         """The point at another setting, with the states that it lacks as on a slow sweep."""
         states = dict(self.conditions.memory)
@@ -177,7 +173,8 @@ def readings_by(
     wanted = tuple(parameters)
 
     def derived(point: Point, values: SX) -> SX:
-        return ca.horzcat(values, ca.jacobian(values, point.parameters(wanted)))
+        amplitudes = ca.vertcat(SX(0, 1), *(point.effects[k].parameters[name] for k, name in wanted))
+        return ca.horzcat(values, ca.jacobian(values, amplitudes))
 
     return _at_rows(("readings", wanted), derived, channels, at)
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from math import prod
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 from casadi import SX
 
@@ -21,7 +20,6 @@ from femfit.effects.catalogue import of_any_device, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, recorded, true_setting
-from femfit.model.decay import Complex, complex_array
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
@@ -200,27 +198,19 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     """The eddy currents of a base model beside magnets, turns and conductivities that effects scale."""
     if base.eddy is None:
         return None
-    magnets, *currents = source_scales(effects, base.eddy.circuits)
-    found = base.eddy
+    (magnets, *currents), found = source_scales(effects, base.eddy.circuits), base.eddy
     if any(scale != 1.0 for scale in (magnets, *currents)):
         found = found.scaled(magnets, np.array(currents))
-    for one in effects:
-        if one.effect.eddy is not None:
-            found = replace(found, resistances_ohm=found.resistances_ohm * one.effect.eddy(one.parameters))
-    return found
+    factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
+    return replace(found, resistances_ohm=factor * found.resistances_ohm)
 
 
 def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> EddyForms | None:
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None
-    found, (_, *currents) = base.eddy.patterns(distance), source_scales(effects, base.eddy.circuits)
     factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
-    return replace(
-        found,
-        coupling=found.coupling / complex_array(SX(ca.vertcat(*currents))),
-        resistances_ohm=found.resistances_ohm * Complex.of(factor),
-    )
+    return base.eddy.patterns(distance, source_scales(effects, base.eddy.circuits)[1:], factor)
 
 
 def resistance_of(
