@@ -12,6 +12,9 @@ from femfit.core.graph import Expression, of_variable
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Coenergy, CoenergyChange, EffectPoint
 
+Place = tuple[Expression, Expression, Conditions]
+"""Distance, current of the first circuit, and conditions."""
+
 _STEPS = 6
 """Numerical: with them a characteristic that is bent by a fifth is undone to rounding."""
 
@@ -94,8 +97,8 @@ def _changed(inner: Coenergy, act: CoenergyChange, added: AddedEffect, condition
     return act(lambda d, i, h: inner(d, ca.vertcat(before, i, after), h), point)
 
 
-def with_further_force(effects: Iterable[AddedEffect], force: Expression, *place: Any) -> Expression:
-    """The magnetic force and what acts beside it at a place, as of :func:`recorded`."""
+def with_further_force(effects: Iterable[AddedEffect], force: Expression, *place: *Place) -> Expression:
+    """The magnetic force and what acts beside it at a place."""
     for act, added in _acting(effects, "force"):
         force = force + act(EffectPoint(*place, added.parameters))
     return force
@@ -110,11 +113,11 @@ def circuit_of(
     return ohms, voltage
 
 
-def recorded(effects: Iterable[AddedEffect], values: Mapping[str, Any], *place: Any) -> Mapping[str, Any]:
-    """What sensors record of true readings, by channel, at a place: distance, first current and conditions."""
+def recorded(effects: Iterable[AddedEffect], values: Mapping[str, Any], *place: *Place) -> dict[str, Any]:
+    """What sensors record of true readings, by channel, at a place."""
     for act, added in _acting(effects, "readings"):
         values = act(values, EffectPoint(*place, added.parameters))
-    return values
+    return dict(values)
 
 
 def changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *others: Any) -> Any:

@@ -19,7 +19,7 @@ LEAST = -0.9
 NEAREST = 0.5
 """Numerical: part of the smallest swept distance, with what adds to it as the flux's path, that a face may close."""
 
-NEEDS = ("force_N|flux_linkage_Wb|inductance_H|hall_V",)
+NEEDS: tuple[str, ...] = ("force_N|flux_linkage_Wb|inductance_H|hall_V",)
 
 HARMONIC_NEEDS = "frequency_Hz", "inductance_H|resistance_ohm"
 """Of a number without a part in the static field, as a conductivity."""

@@ -232,7 +232,7 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
             entry = Complex.of(column)
             values |= {resistance_column(name): entry.real} if ohms else {}
             values[name] = entry.imag / w
-    return dict(recorded(effects, values, d, first, conditions))
+    return recorded(effects, values, d, first, conditions)
 
 
 def hall_seen(seen: MagneticState, at: Point) -> FloatArray:
