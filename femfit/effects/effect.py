@@ -6,7 +6,7 @@ An effect acts at the stages that it gives a function for, in this order:
 ``setting``    the bench: recorded distance and current, each by itself -> those that body and winding really have;
                a sensor of the model reads what is recorded
 ``coenergy``   the magnetics: W' -> W', from which force, flux linkage, back-EMF and Hall field follow together
-``energy``     potential of a further force, for which the magnetics give way: W' less that energy
+``energy``     potential energy of a further force on the moving part, which W' is less by
 ``force``      further force on the moving part, along ``force_N`` (positive towards the electromagnet)
 ``circuit``    resistance of the winding and voltage that the driver really applies
 ``mass``       the moving mass

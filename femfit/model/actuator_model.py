@@ -210,12 +210,8 @@ class ActuatorModel(Plotted):
 
     def _squeezed(self, values: Values, axes: int = 0) -> Values:
         """Without the axes of circuits where there are not several: a number for two numbers."""
-        count = len(self.validity.current_limits_A)
-        if count == 1:
-            values = np.asarray(values.reshape(values.shape[: values.ndim - axes]))
-        elif not count and axes:
-            values = np.zeros_like(values, shape=values.shape[:-axes])
-        return values[()]
+        several = len(self.validity.current_limits_A) > 1
+        return values[()] if several else values.sum(axis=tuple(range(-axes, 0)))  # of one entry, or of none
 
     def _points(self, distance: ArrayLike, current: ArrayLike, extrapolate: bool) -> tuple[FloatArray, FloatArray]:
         """Distances (...) and currents (..., n) from what a caller gives, in the domain unless it says otherwise."""
@@ -310,9 +306,8 @@ class ActuatorModel(Plotted):
         Zero for steel alone, which a current of either sign attracts; the lowest current where a magnet gives the force
         its sign.
         """
-        domain = self.validity
-        currents = np.unique(np.append(np.linspace(domain.current_min_A, domain.current_max_A, 41), 0.0))
-        currents = currents[(currents >= domain.current_min_A) & (currents <= domain.current_max_A)]
+        domain, ends = self.validity, (self.validity.current_min_A, self.validity.current_max_A)
+        currents = np.unique(np.append(np.linspace(*ends, 41), np.clip(0.0, *ends)))
         d, i = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 41), currents)
         return float(currents[np.argmin(self.magnetics.force(d, i[..., None]).mean(axis=1))])
 

@@ -71,11 +71,10 @@ class SampleStep:
         speed = SPEED * (box.distance_max_m - box.distance_min_m) / model.sample_time_s
         limits = np.array([(circuit.voltage_min_V, circuit.voltage_max_V) for circuit in model.circuits]).T
         limits = np.where(np.isfinite(limits), limits, box.current_limits_A[:n].T * model.resistances_ohm)
-        cases = [(v, u) for v in (-speed, speed) for u in limits]
-        states = np.zeros((model.order, len(cases), len(distance)))
-        states[0], states[2 : 2 + n] = distance, currents[:, :n].T[:, None]
-        states[1] = np.array([v for v, _ in cases])[:, None]
-        volts = np.repeat(np.array([u for _, u in cases]).T[..., None], len(distance), axis=2)
+        states = np.zeros((model.order, 2, 2, len(distance)))
+        states[0], states[1] = distance, np.reshape([-speed, speed], (2, 1, 1))
+        states[2 : 2 + n] = currents[:, :n].T[:, None, None]
+        volts = np.broadcast_to(limits.T[:, None, :, None], (n, *states.shape[1:]))
         return states.reshape(model.order, -1), volts.reshape(n, -1)
 
     def _after(self, states: FloatArray, volts: FloatArray, count: int) -> tuple[FloatArray, BoolArray]:
