@@ -118,19 +118,20 @@ class _Step:
             more = driver_voltages(drivers, w + h * rates[:, 0], h * rates[:, 1:])
             driving, drivers = driving + units @ more, [of.beside(more[k]) for k, of in enumerate(drivers)]
         both, against = ca.horzcat(driving, at.motional_constant * self.gain, units), ca.diag(resistances)
-        tabled = None if self.table is None else self.table.at(at.distance)
+
+        def responses(volts: SX) -> Sequence[SX]:
+            if self.table is None:
+                return decayed(inductance, against, volts, h)
+            return [response @ volts for response in self.table.at(at.distance)]
+
         if self.linear:  # dL/dt of the way, by the currents' mean rates
-            growth = decayed(inductance, against, driving, h)[0] if tabled is None else tabled[0] @ driving
-            both[:, 1] += self.speed * slope_by_currents @ growth
+            both[:, 1] += self.speed * slope_by_currents @ responses(driving)[0]
         else:
             direction = SX.sym("r", w.numel())  # dL/dt of currents with these rates, (m, m)
             change = ca.jacobian(ca.jtimes(at.linkage, w, direction), w)
             change = ca.substitute(change, direction, eliminated(inductance, driving)) - self.speed * slope_by_currents
             against += _slowed(change, ca.diag(inductance) / h + resistances)
-        if tabled is None:
-            ends, means, ways = decayed(inductance, against, both, h)
-        else:
-            ends, means, ways = (response @ both for response in tabled)
+        ends, means, ways = responses(both)
         if drivers:
             more = driver_voltages(drivers, w + h * (ends[:, 0] + h * means[:, 1]), h * ends[:, 2:])
             for parts in (ends, means, ways):
