@@ -11,7 +11,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect, Effect, Memory, Parameters
 from femfit.effects.friction import REST
-from femfit.effects.stages import changed_by
+from femfit.effects.stages import recorded
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import state_derivative
 from femfit.model.readings import predict_readings
@@ -131,7 +131,7 @@ def _readings_on_stops(
 ) -> dict[str, FloatArray]:
     """The distance that is recorded on the stop that is nearer to each point."""
     near, far = base.require_motion().ends
-    return changed_by([added], "readings", {REST: np.where(d - near < far - d, near, far)}, d, i, conditions)
+    return recorded([added], {REST: np.where(d - near < far - d, near, far)}, d, i, conditions)
 
 
 def typical_parameters(effect: Effect) -> dict[str, float]:

@@ -28,17 +28,15 @@ import numpy as np
 
 from femfit.core.graph import Expression
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
-from femfit.effects.conditions import Conditions, like, warmth
-from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters, effect_of
+from femfit.effects.conditions import like, warmth
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectPoint, effect_of, parameter_of
 
 
-def _circuit(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
-) -> tuple[FloatArray, FloatArray]:
-    coil = warmth(conditions.coil_temperature_C)
-    warming = 1.0 if conditions.running else -np.expm1(-like(conditions.time_s, current) / p["warming_time"])
-    unrecorded = COPPER_TEMPERATURE_COEFFICIENT * (p["warmer_K"] + p["warming_K"] * warming)
-    growth = p["coefficient_per_K"] * coil.kelvin + (1.0 if conditions.running else coil.unknown) * unrecorded
+def _circuit(resistance: FloatArray, voltage: FloatArray, at: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    coil = warmth(at.conditions.coil_temperature_C)
+    warming = 1.0 if at.conditions.running else -np.expm1(-like(at.conditions.time_s, at.i) / at.p["warming_time"])
+    unrecorded = COPPER_TEMPERATURE_COEFFICIENT * (at.p["warmer_K"] + at.p["warming_K"] * warming)
+    growth = at.p["coefficient_per_K"] * coil.kelvin + (1.0 if at.conditions.running else coil.unknown) * unrecorded
     return resistance * (1.0 + growth), voltage
 
 
@@ -46,35 +44,30 @@ COIL_TEMPERATURE = Effect(
     name="coil_temperature",
     symptom="The voltage at a given current grows as the coil gets warm; force, flux linkage and Hall voltage do not.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "coefficient_per_K",
-            bounds=(-0.01, 0.02),
-            plausible=(2e-3, 6e-3),
+            limits=(-0.01, 2e-3, 6e-3, 0.02),
             description="Relative change of the resistance per kelvin of the recorded temperature over 20 °C.",
             words="the resistance {grows|falls} by {size} of the recorded temperature",
         ),
-        EffectParameter(
+        parameter_of(
             "warmer_K",
-            bounds=(-60.0, 250.0),
-            plausible=(-10.0, 100.0),
+            limits=(-60.0, -10.0, 100.0, 250.0),
             description="Where its temperature was not recorded: the coil's over 20 °C, by 0.393 % a kelvin.",
             words="the winding is {size} {warmer|colder} than 20 °C",
         ),
-        EffectParameter(
+        parameter_of(
             "warming_K",
-            bounds=(-60.0, 250.0),
-            plausible=(-10.0, 100.0),
+            limits=(-60.0, -10.0, 100.0, 250.0),
             description="Where its temperature was not recorded: final warming since the start of the run.",
             words="the winding {warms|cools} by {size} in a run",
         ),
-        EffectParameter(
+        parameter_of(
             "warming_time",
             unit="readings or s",
-            bounds=(1.0, 1e4),
-            plausible=(20.0, 500.0),
+            limits=(1.0, 20.0, 500.0, 1e4),
             description="Time constant of the warming, in readings where the data have no clock.",
-            null=100.0,
-            nonlinear=True,
+            usual=100.0,
         ),
     ),
     needs=("~current_A|resistance_ohm", "voltage_V|resistance_ohm"),
@@ -101,30 +94,28 @@ _ROUNDING = 1e-2
 
 
 def _circuit_of_driver_dead_zone(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
+    resistance: FloatArray, voltage: FloatArray, at: EffectPoint
 ) -> tuple[FloatArray, FloatArray]:
-    nominal = conditions.nominal
-    zone, drop = p["dead_zone"] * nominal.voltage_V, p["drop"] * nominal.voltage_V
+    nominal = at.nominal
+    zone, drop = at.p["dead_zone"] * nominal.voltage_V, at.p["drop"] * nominal.voltage_V
     applied = voltage - np.clip(voltage, -zone, zone)
-    return resistance, applied - drop * np.tanh(current / (_ROUNDING * nominal.peak_current_A))
+    return resistance, applied - drop * np.tanh(at.i / (_ROUNDING * nominal.peak_current_A))
 
 
 DRIVER_DEAD_ZONE = Effect(
     name="driver_dead_zone",
     symptom="The current is too small by the same amount at any commanded voltage, and none at a small one.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "dead_zone",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 0.2),
+            limits=(0.0, 0.0, 0.2, 1.0),
             description="Commanded voltage up to which nothing comes, as a part of the largest.",
             words="the driver gives nothing up to {size}",
             scale="voltage_V",
         ),
-        EffectParameter(
+        parameter_of(
             "drop",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 0.3),
+            limits=(0.0, 0.0, 0.3, 1.0),
             description="Voltage lost in the switches against the current, as a part of the largest.",
             words="the driver's switches lose {size}",
             scale="voltage_V",
@@ -141,20 +132,17 @@ DRIVER_DEAD_ZONE = Effect(
 SUPPLY_SAG = effect_of(
     name="supply_sag",
     symptom="The current falls short of the commanded voltage the more, the larger it is; at rest as after a step.",
-    parameter=EffectParameter(
-        "inner_resistance",
-        bounds=(0.0, 10.0),
-        plausible=(0.0, 0.3),
-        description="Inner resistance of supply, driver and leads before the terminals, over the winding's.",
-        words="supply and driver have an inner resistance of {size} of the winding's",
-    ),
+    parameter="inner_resistance",
+    limits=(0.0, 0.0, 0.3, 10.0),
+    description="Inner resistance of supply, driver and leads before the terminals, over the winding's.",
+    words="supply and driver have an inner resistance of {size} of the winding's",
     needs=("time_s", "voltage_V", "~current_A", "voltage driver"),
     experiment="Command a constant voltage and read that across the winding, with the body held, at a small and a "
     "large current.",
     reference="Horowitz and Hill, The Art of Electronics (2015), section 1.2 (Thevenin's equivalent of a source)",
-    circuit=lambda resistance, voltage, i, conditions, p: (
+    circuit=lambda resistance, voltage, at: (
         resistance,
-        voltage - p["inner_resistance"] * conditions.nominal.resistance_ohm * i,
+        voltage - at.p["inner_resistance"] * at.nominal.resistance_ohm * at.i,
     ),
     read=(5e-3, 10.0),
 )
@@ -163,17 +151,14 @@ SUPPLY_SAG = effect_of(
 MOTIONAL_EMF = effect_of(
     name="motional_emf",
     symptom="The current departs from the model while the body moves, in step with its velocity.",
-    parameter=EffectParameter(
-        "share",
-        bounds=(-2.0, 5.0),
-        plausible=(-1.0, 1.0),
-        description="Further induced voltage over the model's own.",
-        words="the motion induces {size} {more|less} voltage than in the model",
-    ),
+    parameter="share",
+    limits=(-2.0, -1.0, 1.0, 5.0),
+    description="Further induced voltage over the model's own.",
+    words="the motion induces {size} {more|less} voltage than in the model",
     needs=("time_s", "voltage_V", "current_A", "distance_m|hall_V"),
     experiment="Move the body by hand with the winding open and record distance and voltage.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 2.2",
-    circuit=lambda resistance, voltage, i, conditions, p: (resistance, voltage + p["share"] * conditions.motional_V),
+    circuit=lambda resistance, voltage, at: (resistance, voltage + at.p["share"] * at.conditions.motional_V),
 )
 
 
@@ -185,17 +170,14 @@ def remanence_scaled(base: Coenergy, scale: Expression, d: Expression, i: Expres
 REMANENCE = effect_of(
     name="remanence",
     symptom="The magnet's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
-    parameter=EffectParameter(
-        "remanence_error",
-        bounds=(-0.5, 0.3),
-        plausible=(-0.15, 0.1),
-        description="True over drawn remanence, less one.",
-        words="the magnet is {size} {stronger|weaker} than drawn",
-    ),
+    parameter="remanence_error",
+    limits=(-0.5, -0.15, 0.1, 0.3),
+    description="True over drawn remanence, less one.",
+    words="the magnet is {size} {stronger|weaker} than drawn",
     needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
     experiment="Take the magnet out at 20 °C and compare its field on the axis with the data sheet's by a gaussmeter.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1; IEC 60404-8-1 (grades)",
-    coenergy=lambda base, at, p: remanence_scaled(base, 1.0 + p["remanence_error"], at.d, at.i, at.h),
+    coenergy=lambda base, at: remanence_scaled(base, 1.0 + at.p["remanence_error"], at.d, at.i, at.h),
     read=(0.01, 40.0),
     also={"magnet_demagnetisation": {"loss": -1.0}},
 )
@@ -204,17 +186,14 @@ REMANENCE = effect_of(
 RESISTANCE = effect_of(
     name="resistance",
     symptom="The voltage across the winding is larger or smaller than drawn at every current and temperature.",
-    parameter=EffectParameter(
-        "resistance_error",
-        bounds=(-0.9, 9.0),
-        plausible=(-0.2, 0.5),
-        description="True over drawn resistance at 20 °C, leads included, less one.",
-        words="the winding's resistance is {size} {larger|smaller} than drawn",
-    ),
+    parameter="resistance_error",
+    limits=(-0.9, -0.2, 0.5, 9.0),
+    description="True over drawn resistance at 20 °C, leads included, less one.",
+    words="the winding's resistance is {size} {larger|smaller} than drawn",
     needs=("~current_A|resistance_ohm", "voltage_V|resistance_ohm"),
     experiment="Measure the cold winding's resistance with four wires, at the terminals that the driver feeds.",
     reference="IEC 60317-0-1 (2013), resistance of round wire",
-    circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["resistance_error"]), voltage),
+    circuit=lambda resistance, voltage, at: (resistance * (1.0 + at.p["resistance_error"]), voltage),
     read=(2e-3, 10.0),
     also={"turns": {"turns_error": 1.0}},
 )
@@ -223,18 +202,15 @@ RESISTANCE = effect_of(
 TURNS = effect_of(
     name="turns",
     symptom="The current's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
-    parameter=EffectParameter(
-        "turns_error",
-        bounds=(-0.5, 1.0),
-        plausible=(-0.1, 0.1),
-        description="True over drawn number of turns, less one.",
-        words="the winding has {size} {more|fewer} turns than drawn",
-    ),
+    parameter="turns_error",
+    limits=(-0.5, -0.1, 0.1, 1.0),
+    description="True over drawn number of turns, less one.",
+    words="the winding has {size} {more|fewer} turns than drawn",
     needs=("~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage "
     "of the ten turns: their ratio is that of the turns.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
-    coenergy=lambda base, at, p: base(at.d, (1.0 + p["turns_error"]) * at.i, at.h),
-    circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["turns_error"]), voltage),
+    coenergy=lambda base, at: base(at.d, (1.0 + at.p["turns_error"]) * at.i, at.h),
+    circuit=lambda resistance, voltage, at: (resistance * (1.0 + at.p["turns_error"]), voltage),
     read=(2e-3, 40.0),
 )

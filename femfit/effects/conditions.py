@@ -121,33 +121,28 @@ class Conditions:
     @property
     def numbers(self) -> dict[str, Any]:
         """What is known of a point as numbers by name, none of which is NaN for a temperature."""
-        coil, magnet = warmth(self.coil_temperature_C), warmth(self.magnet_temperature_C)
+        found = {name: getattr(self, name) for name in _PLAIN}
+        for name, part in _TEMPERATURES.items():
+            recorded = warmth(getattr(self, name))
+            found |= {f"{part}_K": recorded.kelvin, f"{part}_unknown": recorded.unknown}
         low, high = self.current_turn_A
-        temperatures = {
-            "coil_K": coil.kelvin,
-            "coil_unknown": coil.unknown,
-            "magnet_K": magnet.kelvin,
-            "magnet_unknown": magnet.unknown,
-        }
-        plain = {name: getattr(self, name) for name in _PLAIN}
-        return {**plain, **temperatures, "turn_low_A": low, "turn_high_A": high, **self.memory, **self.recalled}
+        return {**found, "turn_low_A": low, "turn_high_A": high, **self.memory, **self.recalled}
 
     def with_numbers(self, numbers: Mapping[str, SX]) -> "Conditions":
         """The conditions with expressions in place of their :attr:`numbers`."""
-        plain: dict[str, Any] = {name: numbers[name] for name in _PLAIN}
-        return replace(
-            self,
-            coil_temperature_C=Warmth(numbers["coil_K"], numbers["coil_unknown"]),
-            magnet_temperature_C=Warmth(numbers["magnet_K"], numbers["magnet_unknown"]),
-            current_turn_A=(numbers["turn_low_A"], numbers["turn_high_A"]),
-            memory={name: numbers[name] for name in self.memory},
-            recalled={name: numbers[name] for name in self.recalled},
-            **plain,
-        )
+        own: dict[str, Any] = {name: numbers[name] for name in _PLAIN}
+        for name, part in _TEMPERATURES.items():
+            own[name] = Warmth(numbers[f"{part}_K"], numbers[f"{part}_unknown"])
+        for name in ("memory", "recalled"):
+            own[name] = {state: numbers[state] for state in getattr(self, name)}
+        return replace(self, current_turn_A=(numbers["turn_low_A"], numbers["turn_high_A"]), **own)
 
 
 _PLAIN = ("branch", "time_s", "elapsed", "frequency_Hz", "velocity_m_s", "current_rate_A_s", "motional_V")
 """Conditions that are one number each."""
+
+_TEMPERATURES = {"coil_temperature_C": "coil", "magnet_temperature_C": "magnet"}
+"""Conditions that are two numbers each, whose names begin with these."""
 
 
 def like(value: Any, points: Any) -> Any:

@@ -6,6 +6,7 @@ An effect acts at the stages that it gives a function for, in this order:
 ``setting``    the bench: recorded distance and current, each by itself -> those that body and winding really have;
                a sensor of the model reads what is recorded
 ``coenergy``   the magnetics: W' -> W', from which force, flux linkage, back-EMF and Hall field follow together
+``energy``     potential energy of a further force on the moving part, which W' is less by
 ``force``      further force on the moving part, along ``force_N`` (positive towards the electromagnet)
 ``circuit``    resistance of the winding and voltage that the driver really applies
 ``mass``       the moving mass
@@ -23,7 +24,7 @@ from typing import Any, SupportsIndex
 
 from femfit.core.graph import Expression
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import Conditions, Nominal, like
 
 Parameters = Mapping[str, Any]
 
@@ -77,6 +78,19 @@ class EffectParameter:
     def width(self) -> float:
         """Width of the plausible range, by which fits scale the parameter."""
         return self.plausible[1] - self.plausible[0]
+
+
+Limits = tuple[float, float, float, float]
+"""What physics allows and, between its ends, what is plausible: ascending."""
+
+
+def parameter_of(
+    name: str, limits: Limits, description: str, *, usual: float | None = None, **further: str
+) -> EffectParameter:
+    """An amplitude, or a nonlinear parameter where it has a usual value."""
+    least, low, high, largest = limits
+    null, nonlinear = usual or 0.0, usual is not None
+    return EffectParameter(name, (least, largest), (low, high), description, null=null, nonlinear=nonlinear, **further)
 
 
 @dataclass(frozen=True)
@@ -138,38 +152,44 @@ def current_lag(
     return Memory((name,), (amplitude,), spread, lambda d, i, conditions, p: {name: 0.0 * i}, rate)
 
 
-Setting = Callable[[Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
 Coenergy = Callable[[Expression, Expression, Expression], Expression]
 """W'(d, i, h) in J, with h a test current in a coil of unit area-turns at the Hall element: dW'/dh is the field."""
 
 
 @dataclass(frozen=True, eq=False)
-class FieldPoint:
-    """Where an effect changes the co-energy: distance d in m, current i and test current h in A, and conditions."""
+class EffectPoint:
+    """Where an effect acts, and how much: what every stage is given beside the value that it changes."""
 
-    d: Expression
-    i: Expression
-    h: Expression
+    d: Expression  # Distance in m
+    i: Expression  # Current in A, of the effect's circuit
     conditions: Conditions
+    p: Parameters
+    h: Expression = 0.0  # Test current in A m^2, of a co-energy
 
     @property
     def nominal(self) -> Nominal:
         """Facts of the base model."""
         return self.conditions.nominal
 
+    @property
+    def velocity(self) -> Expression:
+        """In m/s, at every point."""
+        return like(self.conditions.velocity_m_s, self.d)
 
-CoenergyChange = Callable[[Coenergy, FieldPoint, Parameters], Expression]
-Force = Callable[[Expression, Expression, Conditions, Parameters], Expression]
-CircuitChange = Callable[[Expression, Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
-FurtherImpedance = Callable[[Expression, Expression, Expression, Conditions, Parameters], Any]
-Readings = Callable[
-    [Mapping[str, Expression], Expression, Expression, Conditions, Parameters], Mapping[str, Expression]
-]
+
+Setting = Callable[[EffectPoint], tuple[Expression, Expression]]
+CoenergyChange = Callable[[Coenergy, EffectPoint], Expression]
+Force = Callable[[EffectPoint], Expression]
+CircuitChange = Callable[[Expression, Expression, EffectPoint], tuple[Expression, Expression]]
+FurtherImpedance = Callable[[Expression, EffectPoint], Any]
+Readings = Callable[[Mapping[str, Expression], EffectPoint], Mapping[str, Expression]]
+Words = Callable[[Parameters, Nominal], Sequence[str]]
 
 
 _ACTS_ON = {
     "setting": "bench",
     "coenergy": "magnetics",
+    "energy": "force",
     "force": "force",
     "circuit": "circuit",
     "mass": "motion",
@@ -203,16 +223,14 @@ class Effect:
         The measurement that isolates it, as an instruction.
     words : callable or None
         (p, nominal) -> clauses that say what all parameters together mean, in place of each parameter's own.
-    setting, coenergy, force, circuit, impedance, readings : callable or None
-        The stages where it acts; see the module's table. ``coenergy`` depends on distance and current, and of the
-        conditions on temperatures and the effect's own states alone. ``circuit`` maps (resistance in ohm, voltage in
-        V) at a current in A.
+    setting, coenergy, energy, force, circuit, impedance, hall_point, readings : callable or None
+        The stages where it acts, of an :class:`EffectPoint`; see the module's table. ``coenergy`` depends on distance
+        and current, and of the conditions on temperatures and the effect's own states alone. ``circuit`` maps
+        (resistance in ohm, voltage in V), and ``impedance`` a frequency in Hz.
     mass : callable or None
         (mass in kg, p) -> mass in kg.
     ends : callable or None
         ((near, far) in m, nominal, p) -> (near, far) in m: where the body is stopped.
-    hall_point : callable or None
-        Maps (distance, current) as ``setting`` does.
     eddy : callable or None
         p -> factor of the resistances of the drawing's eddy currents.
     calibrations : tuple of Calibration
@@ -228,6 +246,7 @@ class Effect:
     reference: str = ""
     setting: Setting | None = None
     coenergy: CoenergyChange | None = None
+    energy: Force | None = None
     force: Force | None = None
     circuit: CircuitChange | None = None
     mass: Callable[[float, Parameters], float] | None = None
@@ -238,7 +257,7 @@ class Effect:
     memory: Memory | None = None
     hall_point: Setting | None = None
     calibrations: tuple[Calibration, ...] = ()
-    words: Callable[[Parameters, Nominal], Sequence[str]] | None = None
+    words: Words | None = None
     # What stands with it in the model file, of an effect that no name finds; see :mod:`femfit.model.carried`
     carried: object | None = None
     of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.catalogue`
@@ -248,6 +267,8 @@ class Effect:
     def __post_init__(self) -> None:
         places = dict.fromkeys(place for stage, place in _ACTS_ON.items() if getattr(self, stage) is not None)
         object.__setattr__(self, "acts_on", self.acts_on or tuple(places))
+        if (energy := self.energy) is not None:
+            object.__setattr__(self, "coenergy", lambda base, at: base(at.d, at.i, at.h) - energy(at))
         read = (one if one.instruction else replace(one, instruction=self.experiment) for one in self.calibrations)
         object.__setattr__(self, "calibrations", tuple(read))
 
@@ -279,20 +300,28 @@ class Effect:
 
 def effect_of(
     *,
-    parameter: EffectParameter,
+    parameter: str,
+    limits: Limits,
+    description: str,
+    words: str | Words = "",
+    scale: str = "",
     read: tuple[float, float] | None = None,
     also: Mapping[str, Mapping[str, float]] | None = None,
     **declared: Any,
 ) -> Effect:
-    """An effect of one parameter, declared as an :class:`Effect` is.
+    """An effect of one parameter, declared as an :class:`Effect` and an :class:`EffectParameter` are.
 
     Parameters
     ----------
+    parameter : str
+        The parameter's name; its limits, description, words and scale stand beside the effect's own.
     read, also : optional
         Of a :class:`Calibration` that reads the parameter: its standard uncertainty and its cost, and what else shows.
     """
-    calibrations = () if read is None else (Calibration({parameter.name: read[0]}, read[1], also=also or {}),)
-    return Effect(parameters=(parameter,), calibrations=calibrations, **declared)
+    clause, of_effect = (words, None) if isinstance(words, str) else ("", words)
+    amplitude = parameter_of(parameter, limits, description, words=clause, scale=scale)
+    calibrations = () if read is None else (Calibration({parameter: read[0]}, read[1], also=also or {}),)
+    return Effect(parameters=(amplitude,), words=of_effect, calibrations=calibrations, **declared)
 
 
 @dataclass(frozen=True)
@@ -313,14 +342,10 @@ class AddedEffect:
         return memory if needed else None
 
 
-def in_channel(
-    name: str, change: Callable[[Expression, Expression, Expression, Conditions, Parameters], Expression]
-) -> Readings:
-    """A ``readings`` stage that changes one channel, where it is among the readings, at a distance and a current."""
+def in_channel(name: str, change: Callable[[Expression, EffectPoint], Expression]) -> Readings:
+    """A ``readings`` stage that changes one channel, where it is among the readings."""
 
-    def readings(
-        values: Mapping[str, Expression], d: Expression, i: Expression, conditions: Conditions, p: Parameters
-    ) -> Mapping[str, Expression]:
-        return {**values, name: change(values[name], d, i, conditions, p)} if name in values else values
+    def readings(values: Mapping[str, Expression], at: EffectPoint) -> Mapping[str, Expression]:
+        return {**values, name: change(values[name], at)} if name in values else values
 
     return readings

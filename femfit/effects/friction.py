@@ -18,44 +18,40 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
-from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, effect_of, in_channel
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import Calibration, Effect, EffectPoint, Parameters, effect_of, in_channel, parameter_of
 
 
-def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    v, weight = like(conditions.velocity_m_s, d), conditions.nominal.weight_N
-    level = p["level"] + p["breakaway"] * np.exp(-((v / (10.0 * p["creep_m_s"])) ** 2))
-    return weight * level * np.tanh(v / p["creep_m_s"])
+def _force(at: EffectPoint) -> FloatArray:
+    v, weight = at.velocity, at.nominal.weight_N
+    level = at.p["level"] + at.p["breakaway"] * np.exp(-((v / (10.0 * at.p["creep_m_s"])) ** 2))
+    return weight * level * np.tanh(v / at.p["creep_m_s"])
 
 
 COULOMB_FRICTION = Effect(
     name="coulomb_friction",
     symptom="The body sticks: it answers small changes late or not at all, and stops short.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "level",
-            bounds=(-0.05, 5.0),
-            plausible=(0.0, 0.5),
+            limits=(-0.05, 0.0, 0.5, 5.0),
             description="Friction as a part of the body's weight.",
             words="dry friction brakes with {signed}",
             scale="weight_N",
         ),
-        EffectParameter(
+        parameter_of(
             "breakaway",
-            bounds=(-0.05, 5.0),
-            plausible=(0.0, 0.3),
+            limits=(-0.05, 0.0, 0.3, 5.0),
             description="Further friction at small speeds, as a part of the body's weight.",
             words="it takes {size} {more|less} to start",
             scale="weight_N",
         ),
-        EffectParameter(
+        parameter_of(
             "creep_m_s",
             unit="m/s",
-            bounds=(1e-5, 0.1),
-            plausible=(3e-4, 3e-3),
+            limits=(1e-5, 3e-4, 3e-3, 0.1),
             description="Speed at which the friction has 76 % of its level.",
-            null=1e-3,
-            nonlinear=True,
+            usual=1e-3,
         ),
     ),
     needs=("time_s", "distance_m|hall_V"),
@@ -69,18 +65,13 @@ COULOMB_FRICTION = Effect(
 VISCOUS_FRICTION = effect_of(
     name="viscous_friction",
     symptom="Oscillations die out faster than the model's.",
-    parameter=EffectParameter(
-        "damping_per_s",
-        bounds=(-10.0, 1e4),
-        plausible=(0.0, 50.0),
-        description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
-    ),
+    parameter="damping_per_s",
+    limits=(-10.0, 0.0, 50.0, 1e4),
+    description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
     needs=("time_s", "distance_m|hall_V"),
     experiment="Let the body swing on a spring, the coil open, and record how its amplitude falls.",
     reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
-    force=lambda d, i, conditions, p: (
-        p["damping_per_s"] * conditions.nominal.mass_kg * like(conditions.velocity_m_s, d)
-    ),
+    force=lambda at: at.p["damping_per_s"] * at.nominal.mass_kg * at.velocity,
     read=(0.5, 60.0),
     words=lambda p, nominal: [f"friction brakes with {amount(p['damping_per_s'] * nominal.mass_kg, 'N')} at 1 m/s"],
 )
@@ -89,21 +80,13 @@ VISCOUS_FRICTION = effect_of(
 FLUID_DRAG = effect_of(
     name="fluid_drag",
     symptom="Fast strokes take longer than the model's, slow ones do not.",
-    parameter=EffectParameter(
-        "drag_per_m",
-        bounds=(-10.0, 1e6),
-        plausible=(0.0, 200.0),
-        description="Drag over the model's mass and the velocity squared.",
-    ),
+    parameter="drag_per_m",
+    limits=(-10.0, 0.0, 200.0, 1e6),
+    description="Drag over the model's mass and the velocity squared.",
     needs=("time_s", "distance_m|hall_V"),
     experiment="Repeat a fast stroke in air, or with the ports of the fluid open, and compare its time.",
     reference="Batchelor, An Introduction to Fluid Dynamics (1967), section 5.11",
-    force=lambda d, i, conditions, p: (
-        p["drag_per_m"]
-        * conditions.nominal.mass_kg
-        * np.abs(conditions.velocity_m_s)
-        * like(conditions.velocity_m_s, d)
-    ),
+    force=lambda at: at.p["drag_per_m"] * at.nominal.mass_kg * np.abs(at.velocity) * at.velocity,
     words=lambda p, nominal: [
         f"a fluid brakes with {amount(p['drag_per_m'] * nominal.mass_kg, 'N')} at 1 m/s, with the square of the speed"
     ],
@@ -114,23 +97,20 @@ _CREEP_M_S = 1e-3
 """Assumed: speed at which the friction has 76 % of its level, the usual one of dry friction."""
 
 
-def _force_of_side_pull_friction(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    nominal = conditions.nominal
-    pressed = nominal.force_N * (i / (nominal.peak_current_A or 1.0)) ** 2
-    return p["share"] * pressed * np.tanh(like(conditions.velocity_m_s, d) / _CREEP_M_S)
+def _force_of_side_pull_friction(at: EffectPoint) -> FloatArray:
+    nominal = at.nominal
+    pressed = nominal.force_N * (at.i / (nominal.peak_current_A or 1.0)) ** 2
+    return at.p["share"] * pressed * np.tanh(at.velocity / _CREEP_M_S)
 
 
 SIDE_PULL_FRICTION = effect_of(
     name="side_pull_friction",
     symptom="The body sticks the more, the larger the current; without current it slides as it should.",
-    parameter=EffectParameter(
-        "share",
-        bounds=(-0.02, 2.0),
-        plausible=(0.0, 0.2),
-        description="Friction at the largest current, as a part of the largest force.",
-        words="the guide brakes with {size} at the largest current",
-        scale="force_N",
-    ),
+    parameter="share",
+    limits=(-0.02, 0.0, 0.2, 2.0),
+    description="Friction at the largest current, as a part of the largest force.",
+    words="the guide brakes with {size} at the largest current",
+    scale="force_N",
     needs=("time_s", "distance_m|hall_V", "~current_A", "iron"),
     experiment="Pull the body slowly along its guide in both directions with a force sensor, without current and at a "
     "large one.",
@@ -144,11 +124,11 @@ REST = "rest_distance_m"
 """The channel of a record that reads a stop's place: the distance while the body rests on it."""
 
 
-def _moved(rest: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    nominal = conditions.nominal
+def _moved(rest: FloatArray, at: EffectPoint) -> FloatArray:
+    nominal = at.nominal
     near, far = nominal.stops_m
-    at_near = np.abs(d - near) < np.abs(d - far)
-    moved = np.where(at_near, float(p["near"]), float(p["far"]))
+    at_near = np.abs(at.d - near) < np.abs(at.d - far)
+    moved = np.where(at_near, float(at.p["near"]), float(at.p["far"]))
     return rest + nominal.travel_m * moved
 
 
@@ -156,22 +136,21 @@ def _ends(ends: tuple[float, float], nominal: Nominal, p: Parameters) -> tuple[f
     return ends[0] + p["near"] * nominal.travel_m, ends[1] + p["far"] * nominal.travel_m
 
 
-def _stop(name: str) -> EffectParameter:
-    return EffectParameter(
-        name,
-        bounds=(-0.5, 0.5),
-        plausible=(-0.05, 0.05),
-        description=f"True less drawn distance of the {name} stop, as a part of the width of the range of distances.",
-        words=f"the {name} stop stands {{size}} {{further away|nearer}} than drawn",
-        scale="travel_m",
-    )
-
-
 STOP_POSITION = Effect(
     name="stop_position",
     symptom="The body comes to rest before or behind the distance at which its stop is drawn.",
     acts_on=("motion",),
-    parameters=(_stop("near"), _stop("far")),
+    parameters=tuple(
+        parameter_of(
+            name,
+            limits=(-0.5, -0.05, 0.05, 0.5),
+            description=f"True less drawn distance of the {name} stop, as a part of the width of the range of "
+            "distances.",
+            words=f"the {name} stop stands {{size}} {{further away|nearer}} than drawn",
+            scale="travel_m",
+        )
+        for name in ("near", "far")
+    ),
     needs=("time_s", "stop", REST),
     experiment="Press the body against each stop and measure by a depth gauge how far it is from the fixed part's "
     "face.",

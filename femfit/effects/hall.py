@@ -10,43 +10,39 @@ The coil's leads and their supply disturb the Hall reading: in step with the cur
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.effects.conditions import Conditions, like, warmth
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, current_lag, in_channel
+from femfit.effects.conditions import like, warmth
+from femfit.effects.effect import Calibration, Effect, EffectPoint, current_lag, in_channel, parameter_of
 
 
-def _warmed(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    coil, magnet = warmth(conditions.coil_temperature_C).kelvin, warmth(conditions.magnet_temperature_C).kelvin
-    warmer = p["coil_share"] * coil + (1.0 - p["coil_share"]) * magnet
-    swing = volts - conditions.nominal.hall_quiescent_V
-    return volts + warmer * (p["offset_V_per_K"] + p["sensitivity_per_K"] * swing)
+def _warmed(volts: FloatArray, at: EffectPoint) -> FloatArray:
+    coil, magnet = warmth(at.conditions.coil_temperature_C).kelvin, warmth(at.conditions.magnet_temperature_C).kelvin
+    warmer = at.p["coil_share"] * coil + (1.0 - at.p["coil_share"]) * magnet
+    swing = volts - at.nominal.hall_quiescent_V
+    return volts + warmer * (at.p["offset_V_per_K"] + at.p["sensitivity_per_K"] * swing)
 
 
 HALL_TEMPERATURE = Effect(
     name="hall_temperature",
     symptom="The Hall voltage goes with the temperature; force and flux linkage do not.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "offset_V_per_K",
-            bounds=(-0.1, 0.1),
-            plausible=(-5e-3, 5e-3),
+            limits=(-0.1, -5e-3, 5e-3, 0.1),
             description="Change of the quiescent voltage per kelvin.",
             words="the Hall voltage at no field changes by {signed}",
         ),
-        EffectParameter(
+        parameter_of(
             "sensitivity_per_K",
-            bounds=(-0.02, 0.02),
-            plausible=(-3e-3, 3e-3),
+            limits=(-0.02, -3e-3, 3e-3, 0.02),
             description="Relative change of the sensitivity per kelvin.",
             words="the Hall element's sensitivity changes by {signed}",
         ),
-        EffectParameter(
+        parameter_of(
             "coil_share",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 1.0),
+            limits=(0.0, 0.0, 1.0, 1.0),
             description="How far the element's temperature follows the coil's instead of the magnet's.",
             words="its temperature follows the winding's by {size}",
-            null=1.0,
-            nonlinear=True,
+            usual=1.0,
         ),
     ),
     needs=("hall_V", "~coil_temperature_C|~magnet_temperature_C"),
@@ -62,53 +58,47 @@ _UNIT_OF_TIME = 1000.0
 """Ramps count in thousands of readings, or of seconds where the data have a clock."""
 
 
-def _drifted(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    elapsed, run_time = like(conditions.elapsed, volts), like(conditions.time_s, volts)
-    ramps = (p["ramp_V"] * elapsed + p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
-    settled = [-np.expm1(-time / p["settling_time"]) for time in (elapsed, run_time)]
-    return volts + ramps + p["settling_V"] * settled[0] + p["run_settling_V"] * settled[1]
+def _drifted(volts: FloatArray, at: EffectPoint) -> FloatArray:
+    elapsed, run_time = like(at.conditions.elapsed, volts), like(at.conditions.time_s, volts)
+    ramps = (at.p["ramp_V"] * elapsed + at.p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
+    settled = [-np.expm1(-time / at.p["settling_time"]) for time in (elapsed, run_time)]
+    return volts + ramps + at.p["settling_V"] * settled[0] + at.p["run_settling_V"] * settled[1]
 
 
 HALL_DRIFT = Effect(
     name="hall_drift",
     symptom="The Hall voltage wanders with time, whatever the distance and current.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "ramp_V",
-            bounds=(-20.0, 20.0),
-            plausible=(-0.2, 0.2),
+            limits=(-20.0, -0.2, 0.2, 20.0),
             description="Drift over 1000 readings (or seconds) of the campaign.",
             words="the Hall voltage drifts by {signed} in 1000 readings or seconds of the campaign",
         ),
-        EffectParameter(
+        parameter_of(
             "run_ramp_V",
-            bounds=(-20.0, 20.0),
-            plausible=(-0.2, 0.2),
+            limits=(-20.0, -0.2, 0.2, 20.0),
             description="Drift over 1000 readings (or seconds) of a run, zero at its start.",
             words="the Hall voltage drifts by {signed} in 1000 readings or seconds of each run",
         ),
-        EffectParameter(
+        parameter_of(
             "settling_V",
-            bounds=(-10.0, 10.0),
-            plausible=(-0.1, 0.1),
+            limits=(-10.0, -0.1, 0.1, 10.0),
             description="Final drift of a warm-up that begins with the campaign.",
             words="the Hall voltage settles by {signed} from the start of the campaign",
         ),
-        EffectParameter(
+        parameter_of(
             "run_settling_V",
-            bounds=(-10.0, 10.0),
-            plausible=(-0.1, 0.1),
+            limits=(-10.0, -0.1, 0.1, 10.0),
             description="Final drift of a warm-up that begins with each run.",
             words="the Hall voltage settles by {signed} from the start of each run",
         ),
-        EffectParameter(
+        parameter_of(
             "settling_time",
             unit="readings or s",
-            bounds=(1.0, 1e4),
-            plausible=(20.0, 500.0),
+            limits=(1.0, 20.0, 500.0, 1e4),
             description="Time constant of a warm-up, in readings where the data have no clock.",
-            null=100.0,
-            nonlinear=True,
+            usual=100.0,
         ),
     ),
     needs=("hall_V", "~elapsed"),
@@ -128,39 +118,35 @@ def _beyond(excess: FloatArray) -> FloatArray:
     return 0.5 * (excess + np.sqrt(excess**2 + _ROUNDING**2))
 
 
-def _limited(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    swing, knee = conditions.nominal.hall_swing_V, p["knee"]
-    x = (volts - conditions.nominal.hall_quiescent_V) / swing
+def _limited(volts: FloatArray, at: EffectPoint) -> FloatArray:
+    swing, knee = at.nominal.hall_swing_V, at.p["knee"]
+    x = (volts - at.nominal.hall_quiescent_V) / swing
     # Odd in x and zero at zero
     limited = _beyond(x - knee) - _beyond(-x - knee)
-    return volts - swing * (p["cubic_loss"] * x**3 + p["limited_loss"] * limited)
+    return volts - swing * (at.p["cubic_loss"] * x**3 + at.p["limited_loss"] * limited)
 
 
 HALL_SATURATION = Effect(
     name="hall_saturation",
     symptom="The Hall voltage falls behind the model where it is far from its quiescent value.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "cubic_loss",
-            bounds=(-0.05, 0.33),
-            plausible=(0.0, 0.2),
+            limits=(-0.05, 0.0, 0.2, 0.33),
             description="Lost part of the largest swing, growing with the cube of the field.",
             words="the Hall voltage {loses|gains} {size} at its largest swing",
         ),
-        EffectParameter(
+        parameter_of(
             "limited_loss",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 1.0),
+            limits=(0.0, 0.0, 1.0, 1.0),
             description="Lost part of the sensitivity beyond the knee; 1 is a hard limit.",
             words="the Hall element loses {size} of its sensitivity beyond a knee",
         ),
-        EffectParameter(
+        parameter_of(
             "knee",
-            bounds=(0.1, 1.2),
-            plausible=(0.4, 1.0),
+            limits=(0.1, 0.4, 1.0, 1.2),
             description="Where the limit begins, as a part of the model's largest swing.",
-            null=0.8,
-            nonlinear=True,
+            usual=0.8,
         ),
     ),
     needs=("hall_V",),
@@ -171,31 +157,29 @@ HALL_SATURATION = Effect(
 )
 
 
-def _picked_up(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    nominal = conditions.nominal
-    if "pickup_lag" in conditions.memory:
-        rate = conditions.memory["pickup_lag"] / nominal.sample_time_s
+def _picked_up(volts: FloatArray, at: EffectPoint) -> FloatArray:
+    nominal = at.nominal
+    if "pickup_lag" in at.conditions.memory:
+        rate = at.conditions.memory["pickup_lag"] / nominal.sample_time_s
     else:
-        rate = like(conditions.current_rate_A_s, i) / nominal.peak_current_A
-    return volts + p["pickup_V"] * i / nominal.peak_current_A + p["induced_V_s"] * rate
+        rate = like(at.conditions.current_rate_A_s, at.i) / nominal.peak_current_A
+    return volts + at.p["pickup_V"] * at.i / nominal.peak_current_A + at.p["induced_V_s"] * rate
 
 
 HALL_COIL_PICKUP = Effect(
     name="hall_coil_pickup",
     symptom="The Hall voltage has a further part in step with the current; force and flux linkage are right.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "pickup_V",
-            bounds=(-5.0, 5.0),
-            plausible=(-0.3, 0.3),
+            limits=(-5.0, -0.3, 0.3, 5.0),
             description="Further voltage at the largest current.",
             words="the Hall voltage changes by {signed} at the largest current",
         ),
-        EffectParameter(
+        parameter_of(
             "induced_V_s",
             unit="V s",
-            bounds=(-0.1, 0.1),
-            plausible=(-1e-3, 1e-3),
+            limits=(-0.1, -1e-3, 1e-3, 0.1),
             description="Further voltage while the current changes by its largest value in a second.",
             words="the leads induce {signed} in the Hall reading when the largest current is switched",
         ),

@@ -25,7 +25,7 @@ from femfit.core.graph import Expression, is_number, slope
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Coenergy, Effect, EffectParameter, FieldPoint, Memory, Parameters, States
+from femfit.effects.effect import Coenergy, Effect, EffectPoint, Memory, Parameters, States, parameter_of
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
@@ -75,19 +75,14 @@ def _recall(current: FloatArray, begins: BoolArray, nominal: Nominal) -> Mapping
     ends = np.append(np.flatnonzero(begins)[1:], len(current))
     states = np.empty((len(current), 2, len(radius)))
 
-    def moved(z: FloatArray, way: float) -> FloatArray:
-        return z if way == 0.0 else np.sign(way) - (np.sign(way) - z) * np.exp(-abs(way) / radius)
+    def moved(z: FloatArray, way: FloatArray) -> FloatArray:
+        return np.asarray(np.sign(way) - (np.sign(way) - z) * np.exp(-np.abs(way) / radius))
 
     for first, end in zip(np.flatnonzero(begins), ends, strict=True):
         run = current[first:end]
         # After many cycles z = -tanh(span / 2 r) at the lowest current
-        z = np.stack(
-            [
-                moved(-np.tanh(np.ptp(run) / (2.0 * radius)), run[0] - run.min()),
-                moved(np.zeros(len(radius)), run[0]),
-            ]
-        )
-        states[first] = z
+        z = np.stack([-np.tanh(np.ptp(run) / (2.0 * radius)), 0.0 * radius])
+        z = states[first] = moved(z, run[0] - np.array([[run.min()], [0.0]]))
         for k in range(first + 1, end):
             z = states[k] = moved(z, current[k] - current[k - 1])
     return {
@@ -110,19 +105,19 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return result
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
     states, nominal = at.conditions.memory, at.nominal
     if not all(f"hysteresis_{name}" in states for name in _RADII):
         return base(at.d, at.i, at.h)
-    lag = nominal.peak_current_A * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
+    lag = nominal.peak_current_A * sum(at.p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
     energy = base(at.d, at.i - lag, at.h)
-    if not is_number(p["hall_share"], 1.0):
-        inside = at.i - p["hall_share"] * lag
+    if not is_number(at.p["hall_share"], 1.0):
+        inside = at.i - at.p["hall_share"] * lag
         energy = base(at.d, at.i - lag, 0.0) + base(at.d, inside, at.h) - base(at.d, inside, 0.0)
-    if is_number(p["taper"], 0.0):
+    if is_number(at.p["taper"], 0.0):
         return energy
-    linkage = slope(lambda i: base(at.d, i, p["hall_share"] * at.h), at.i - lag)
-    taper = nominal.peak_current_A * p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
+    linkage = slope(lambda i: base(at.d, i, at.p["hall_share"] * at.h), at.i - lag)
+    taper = nominal.peak_current_A * at.p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
     return energy - 0.5 * taper * linkage**2
 
 
@@ -141,46 +136,39 @@ HYSTERESIS = Effect(
     symptom="Force, flux linkage and Hall voltage differ between rising and falling current and meet at the ends.",
     parameters=(
         *(
-            EffectParameter(
-                name=f"width_{name}",
-                # A state that turns faster than the current would reverse the core's permeability
-                bounds=(-part, part),
-                plausible=(-0.5 * part, 0.5 * part),
+            parameter_of(
+                f"width_{name}",
+                limits=(-part, -0.5 * part, 0.5 * part, part),
                 description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
                 "currents' span.",
                 scale="peak_current_A",
             )
             for name, part in _RADII.items()
         ),
-        EffectParameter(
-            name="taper",
-            bounds=(-0.2, 0.2),
-            plausible=(-0.08, 0.08),
+        parameter_of(
+            "taper",
+            limits=(-0.2, -0.08, 0.08, 0.2),
             description="Growth of the half width from no flux to the largest, as a part of the largest current.",
             scale="peak_current_A",
         ),
-        EffectParameter(
-            name="hall_share",
-            bounds=(-1.0, 3.0),
-            plausible=(0.0, 1.5),
+        parameter_of(
+            "hall_share",
+            limits=(-1.0, 0.0, 1.5, 3.0),
             description="Loop at the Hall element over that of the flux, both relative to the current's part.",
-            null=1.0,
-            nonlinear=True,
+            usual=1.0,
         ),
-        EffectParameter(
-            name="fade",
-            bounds=(0.0, 6.0),
-            plausible=(0.0, 4.0),
+        parameter_of(
+            "fade",
+            limits=(0.0, 0.0, 4.0, 6.0),
             description="Largest current over the current at which 58 % of the lag have gone.",
-            nonlinear=True,
+            usual=0.0,
         ),
-        EffectParameter(
-            name="virgin",
-            bounds=(0.0, 1.0),
-            plausible=(0.0, 1.0),
+        parameter_of(
+            "virgin",
+            limits=(0.0, 0.0, 1.0, 1.0),
             description="0 where the current was cycled before each run of a bench table, 1 where the core was "
             "demagnetised.",
-            nonlinear=True,
+            usual=0.0,
         ),
     ),
     needs=("~current_A", "~branch", "force_N|flux_linkage_Wb|hall_V"),

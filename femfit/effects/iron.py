@@ -38,7 +38,7 @@ from casadi import SX
 from femfit.core.graph import Expression, GraphFunction, building, is_number, settled, slope
 from femfit.core.text import amount
 from femfit.effects.conditions import Nominal
-from femfit.effects.effect import Coenergy, Effect, EffectParameter, FieldPoint, Parameters, effect_of
+from femfit.effects.effect import Coenergy, Effect, EffectPoint, Parameters, effect_of, parameter_of
 
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
@@ -47,14 +47,14 @@ _ITERATIONS = 12
 """Numerical: Newton's steps from above, which converge to rounding for all amplitudes within their bounds."""
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
     nominal = at.nominal
 
     def linkage(current: Expression, hall: Expression) -> Expression:
         return slope(lambda i: base(at.d, i, hall), current)
 
-    flux = linkage(at.i, p["hall_share"] * at.h) + (p["magnet_share"] - 1.0) * linkage(0.0 * at.i, 0.0)
-    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(p[f"mmf_loss_{n}"], 0.0)}
+    flux = linkage(at.i, at.p["hall_share"] * at.h) + (at.p["magnet_share"] - 1.0) * linkage(0.0 * at.i, 0.0)
+    amplitudes = {n: at.p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(at.p[f"mmf_loss_{n}"], 0.0)}
     if not amplitudes:
         return base(at.d, at.i, at.h)
     share = np.maximum(slope(lambda i: linkage(i, at.h), at.i) / nominal.inductance_H, _LEAST_INDUCTANCE)
@@ -117,30 +117,25 @@ CORE_SATURATION = Effect(
     symptom="Force, flux linkage and inductance fall behind the model where the flux is largest.",
     parameters=(
         *(
-            EffectParameter(
-                name=f"mmf_loss_{n}",
-                bounds=(0.0, upper),
-                plausible=(0.0, usual),
+            parameter_of(
+                f"mmf_loss_{n}",
+                limits=(0.0, 0.0, usual, upper),
                 description="Part of the largest ampere turns that the core takes at the largest flux, growing with "
                 f"its power {n - 1}.",
             )
             for n, usual, upper in zip(_EXPONENTS, (0.3, 1.0, 10.0), (10.0, 100.0, 1000.0), strict=True)
         ),
-        EffectParameter(
-            name="magnet_share",
-            bounds=(0.0, 2.0),
-            plausible=(0.65, 1.25),
+        parameter_of(
+            "magnet_share",
+            limits=(0.0, 0.65, 1.25, 2.0),
             description="How far the magnet's flux passes the saturating part, against the coil's.",
-            null=0.85,
-            nonlinear=True,
+            usual=0.85,
         ),
-        EffectParameter(
-            name="hall_share",
-            bounds=(-2.0, 4.0),
-            plausible=(-0.5, 1.5),
+        parameter_of(
+            "hall_share",
+            limits=(-2.0, -0.5, 1.5, 4.0),
             description="Loss of field at the Hall element over the loss of flux linkage, both relative.",
-            null=0.5,
-            nonlinear=True,
+            usual=0.5,
         ),
     ),
     needs=("~current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
@@ -155,19 +150,16 @@ CORE_SATURATION = Effect(
 CORE_REMANENCE = effect_of(
     name="core_remanence",
     symptom="Force and flux linkage remain without current, and differ between the two signs of a current.",
-    parameter=EffectParameter(
-        "mmf",
-        bounds=(-1.0, 1.0),
-        plausible=(-0.05, 0.05),
-        description="Ampere turns that the core keeps, as a part of those of the largest current.",
-        words="the core keeps a flux as {signed} in the winding would drive it",
-        scale="peak_current_A",
-    ),
+    parameter="mmf",
+    limits=(-1.0, -0.05, 0.05, 1.0),
+    description="Ampere turns that the core keeps, as a part of those of the largest current.",
+    words="the core keeps a flux as {signed} in the winding would drive it",
+    scale="peak_current_A",
     needs=("force_N|flux_linkage_Wb|inductance_H", "iron"),
     experiment="Read the field at the core's face without current, before and after a slowly falling alternating "
     "current has demagnetised it.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (remanence of a circuit with a gap)",
-    coenergy=lambda base, at, p: base(at.d, at.i + p["mmf"] * at.nominal.peak_current_A, at.h),
+    coenergy=lambda base, at: base(at.d, at.i + at.p["mmf"] * at.nominal.peak_current_A, at.h),
     read=(2e-3, 30.0),
 )
 
@@ -175,15 +167,15 @@ CORE_REMANENCE = effect_of(
 _POWERS = (1, 3, 6)
 
 
-def _coenergy_of_position_dependent_inductance(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy_of_position_dependent_inductance(base: Coenergy, at: EffectPoint) -> Expression:
     nominal = at.nominal
     # Of distances of nought and less, where no face is: from one travel behind the nearest
     behind = 0.0 if nominal.distance_min_m > 0.0 else nominal.travel_m - nominal.distance_min_m
     nearness = (nominal.distance_min_m + behind) / (at.d + behind)
-    increase = nominal.inductance_H * sum(p[f"increase_{power}"] * nearness**power for power in _POWERS)
+    increase = nominal.inductance_H * sum(at.p[f"increase_{power}"] * nearness**power for power in _POWERS)
     current = at.i
     if np.isfinite(nominal.hall_T_per_A):
-        current = at.i + at.h * (p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
+        current = at.i + at.h * (at.p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
     return base(at.d, at.i, at.h) + 0.5 * ca.sumsqr(current) * increase
 
 
@@ -199,10 +191,9 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
     "with its square.",
     parameters=(
         *(
-            EffectParameter(
-                name=f"increase_{power}",
-                bounds=(-0.5, 5.0),
-                plausible=(-0.05, 0.5),
+            parameter_of(
+                f"increase_{power}",
+                limits=(-0.5, -0.05, 0.5, 5.0),
                 description="Increase of the inductance at the smallest distance, as a part of the model's, falling "
                 f"with the power {power} of the distance; where that may be 0 or less, counted from one travel behind "
                 "the nearest.",
@@ -210,13 +201,11 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
             )
             for power in _POWERS
         ),
-        EffectParameter(
-            name="hall_share",
-            bounds=(-10.0, 200.0),
-            plausible=(0.0, 40.0),
+        parameter_of(
+            "hall_share",
+            limits=(-10.0, 0.0, 40.0, 200.0),
             description="Change of the coil's field at the Hall element over that of its flux, both relative.",
-            null=20.0,
-            nonlinear=True,
+            usual=20.0,
         ),
     ),
     needs=("~distance_m", "~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H"),

@@ -29,14 +29,14 @@ from femfit.effects.effect import (
     Calibration,
     Coenergy,
     Effect,
-    EffectParameter,
-    FieldPoint,
+    EffectPoint,
     Memory,
     Parameters,
     States,
     current_lag,
     effect_of,
     in_channel,
+    parameter_of,
 )
 
 _MODES = {"ring": 1.0, "diffusion": 9.0}
@@ -50,8 +50,8 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
-    induced = sum(p[f"{mode}_share"] * at.conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
+    induced = sum(at.p[f"{mode}_share"] * at.conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
     return base(at.d, at.i - at.nominal.peak_current_A * induced, at.h)
 
 
@@ -60,28 +60,24 @@ EDDY_CURRENT_LAG = Effect(
     symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
     parameters=(
         # The winding's own leakage, here at least a twentieth, keeps the current from jumping
-        EffectParameter(
+        parameter_of(
             "ring_share",
-            bounds=(0.0, 0.95),
-            plausible=(0.0, 0.5),
+            limits=(0.0, 0.0, 0.5, 0.95),
             description="Part of the flux that one closed path around it delays.",
             words="one closed path delays {size} of the flux",
         ),
-        EffectParameter(
+        parameter_of(
             "diffusion_share",
-            bounds=(0.0, 0.95),
-            plausible=(0.0, 0.5),
+            limits=(0.0, 0.0, 0.5, 0.95),
             description="Part that the next mode of diffusion delays, nine times as fast.",
             words="{size} of it follow nine times as fast",
         ),
-        EffectParameter(
-            name="time_s",
-            bounds=(1e-4, 1.0),
-            plausible=(5e-4, 0.02),
+        parameter_of(
+            "time_s",
+            limits=(1e-4, 5e-4, 0.02, 1.0),
             description="Time constant of the slowest path.",
             words="the time constant is {size}",
-            null=3e-3,
-            nonlinear=True,
+            usual=3e-3,
         ),
     ),
     needs=("time_s|frequency_Hz", "current_A|voltage_V", "force_N|hall_V|distance_m"),
@@ -101,26 +97,23 @@ EDDY_CURRENT_LAG = Effect(
 )
 
 
-def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
-    delay = p["delay_s"]
-    if "delay_lag" in conditions.memory:
-        lag = conditions.nominal.peak_current_A * like(conditions.memory["delay_lag"], i)
-        late = delay / np.maximum(delay, conditions.nominal.sample_time_s) * lag
+def _hall_point(at: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    delay = at.p["delay_s"]
+    if "delay_lag" in at.conditions.memory:
+        lag = at.nominal.peak_current_A * like(at.conditions.memory["delay_lag"], at.i)
+        late = delay / np.maximum(delay, at.nominal.sample_time_s) * lag
     else:
-        late = delay * like(conditions.current_rate_A_s, i)
-    return d - delay * like(conditions.velocity_m_s, d), i - late
+        late = delay * like(at.conditions.current_rate_A_s, at.i)
+    return at.d - delay * at.velocity, at.i - late
 
 
 SENSOR_DELAY = effect_of(
     name="sensor_delay",
     symptom="The Hall voltage follows distance and current late; at rest it is right.",
-    parameter=EffectParameter(
-        "delay_s",
-        bounds=(0.0, 0.05),
-        plausible=(0.0, 5e-3),
-        description="Age of what a reading shows.",
-        words="the Hall reading is {size} late",
-    ),
+    parameter="delay_s",
+    limits=(0.0, 0.0, 5e-3, 0.05),
+    description="Age of what a reading shows.",
+    words="the Hall reading is {size} late",
     needs=("time_s", "hall_V", "current_A|voltage_V|distance_m"),
     experiment="Feed a step from a signal generator in the Hall element's place, and record step and reading on one "
     "clock.",
@@ -133,34 +126,32 @@ SENSOR_DELAY = effect_of(
 )
 
 
-def _drifted(flux: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+def _drifted(flux: FloatArray, at: EffectPoint) -> FloatArray:
     """With what an integrated offset, and one that drifts itself over the campaign, have become since the run's start.
 
     Of the offset o + o' T at the time T of the campaign, the integral from a run's start T_0 to T_0 + t is
     o t + o' (t^2 + 2 T_0 t) / 2.
     """
-    time = conditions.time_s / 1000.0
-    start = conditions.elapsed / 1000.0 - time
-    drift = p["ramp"] * time + p["bend"] * time * (time + 2.0 * start)
-    return flux + conditions.nominal.flux_linkage_Wb * drift
+    time = at.conditions.time_s / 1000.0
+    start = at.conditions.elapsed / 1000.0 - time
+    drift = at.p["ramp"] * time + at.p["bend"] * time * (time + 2.0 * start)
+    return flux + at.nominal.flux_linkage_Wb * drift
 
 
 FLUX_INTEGRATOR_DRIFT = Effect(
     name="flux_integrator_drift",
     symptom="The flux linkage wanders off from the start of each run; force and Hall voltage do not.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "ramp",
-            bounds=(-100.0, 100.0),
-            plausible=(-0.5, 0.5),
+            limits=(-100.0, -0.5, 0.5, 100.0),
             description="Drift over the first 1000 readings (or seconds), as a part of the largest flux linkage.",
             words="the fluxmeter drifts by {signed} in 1000 readings or seconds",
             scale="flux_linkage_Wb",
         ),
-        EffectParameter(
+        parameter_of(
             "bend",
-            bounds=(-100.0, 100.0),
-            plausible=(-0.5, 0.5),
+            limits=(-100.0, -0.5, 0.5, 100.0),
             description="What it grows by in that time, as the offset itself drifts from run to run.",
             words="its drift grows by {signed} in the first 1000 readings or seconds",
             scale="flux_linkage_Wb",

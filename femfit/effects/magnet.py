@@ -33,7 +33,7 @@ from femfit.core.graph import Expression, slope
 from femfit.core.text import amount
 from femfit.effects.circuit import remanence_scaled
 from femfit.effects.conditions import Nominal, warmth
-from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, FieldPoint, Parameters
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectPoint, Parameters, parameter_of
 
 USUAL_COEFFICIENT = -1.1e-3
 """Relative change of NdFeB's remanence per kelvin, by which an unrecorded warming is counted (IEC 60404-8-1)."""
@@ -42,10 +42,10 @@ _LEAST = 0.05
 """Part of the remanence that is left, whatever a fit tries."""
 
 
-def _warm(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _warm(base: Coenergy, at: EffectPoint) -> Expression:
     magnet, coil = warmth(at.conditions.magnet_temperature_C), warmth(at.conditions.coil_temperature_C)
-    known = p["coefficient_per_K"] * magnet.kelvin + p["curvature_per_K2"] * magnet.kelvin**2
-    unrecorded = USUAL_COEFFICIENT * (p["warmer_K"] + p["coil_share"] * coil.kelvin)
+    known = at.p["coefficient_per_K"] * magnet.kelvin + at.p["curvature_per_K2"] * magnet.kelvin**2
+    unrecorded = USUAL_COEFFICIENT * (at.p["warmer_K"] + at.p["coil_share"] * coil.kelvin)
     scale = 1.0 + known + (1.0 if at.conditions.running else magnet.unknown) * unrecorded
     return remanence_scaled(base, np.maximum(scale, _LEAST), at.d, at.i, at.h)
 
@@ -54,31 +54,27 @@ MAGNET_TEMPERATURE = Effect(
     name="magnet_temperature",
     symptom="Force, flux linkage and Hall voltage shrink together in the magnet's share as it gets warm.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "coefficient_per_K",
-            bounds=(-0.01, 0.005),
-            plausible=(-3e-3, 0.0),
+            limits=(-0.01, -3e-3, 0.0, 0.005),
             description="Relative change of the remanence per kelvin of the recorded temperature over 20 °C.",
             words="the remanence {grows|falls} by {size} of the recorded temperature",
         ),
-        EffectParameter(
+        parameter_of(
             "curvature_per_K2",
-            bounds=(-1e-4, 1e-4),
-            plausible=(-1e-5, 1e-5),
+            limits=(-1e-4, -1e-5, 1e-5, 1e-4),
             description="The same per kelvin squared.",
             words="it {grows|falls} by {size} besides",
         ),
-        EffectParameter(
+        parameter_of(
             "warmer_K",
-            bounds=(-60.0, 150.0),
-            plausible=(-10.0, 60.0),
+            limits=(-60.0, -10.0, 60.0, 150.0),
             description="Where its temperature was not recorded: the magnet's over 20 °C, by -0.11 % a kelvin.",
             words="the magnet is {size} {warmer|colder} than 20 °C",
         ),
-        EffectParameter(
+        parameter_of(
             "coil_share",
-            bounds=(0.0, 2.0),
-            plausible=(0.0, 1.0),
+            limits=(0.0, 0.0, 1.0, 2.0),
             description="Where its temperature was not recorded: the part of the coil's warming that it follows.",
             words="the magnet follows {size} of the winding's warming",
         ),
@@ -91,36 +87,32 @@ MAGNET_TEMPERATURE = Effect(
 )
 
 
-def _demagnetised(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
-    lost = p["layer_m"] / p["magnet_height_m"]
-    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), at.d + 0.5 * p["layer_m"], at.i, at.h)
+def _demagnetised(base: Coenergy, at: EffectPoint) -> Expression:
+    lost = at.p["layer_m"] / at.p["magnet_height_m"]
+    return remanence_scaled(base, (1.0 - at.p["loss"]) * (1.0 - lost), at.d + 0.5 * at.p["layer_m"], at.i, at.h)
 
 
 MAGNET_DEMAGNETISATION = Effect(
     name="magnet_demagnetisation",
     symptom="The magnet's share of force, flux linkage and Hall voltage is too small everywhere, at any temperature.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "loss",
-            bounds=(-0.1, 0.8),
-            plausible=(-0.03, 0.3),
+            limits=(-0.1, -0.03, 0.3, 0.8),
             description="Lost part of the remanence; negative for a magnet that is stronger than its grade.",
             words="the magnet has {lost|gained} {size} of its remanence",
         ),
-        EffectParameter(
+        parameter_of(
             "layer_m",
-            bounds=(0.0, 2e-3),
-            plausible=(0.0, 1e-3),
+            limits=(0.0, 0.0, 1e-3, 2e-3),
             description="Thickness of the demagnetised layer next to the face.",
             words="a layer of {size} at the magnet's face is demagnetised",
         ),
-        EffectParameter(
+        parameter_of(
             "magnet_height_m",
-            bounds=(3e-3, 0.05),
-            plausible=(3e-3, 0.02),
+            limits=(3e-3, 3e-3, 0.02, 0.05),
             description="Height of the whole magnet.",
-            null=5e-3,
-            nonlinear=True,
+            usual=5e-3,
         ),
     ),
     needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
@@ -141,33 +133,30 @@ MAGNET_DEMAGNETISATION = Effect(
 )
 
 
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
     if np.isnan(at.nominal.hall_T_per_A):
         raise MissingPartError(
             "A model must have a Hall element for external_field; it has none. Leave that effect out."
         )
-    equivalent = p["core_share"] * p["field_T"] / at.nominal.hall_T_per_A
-    return base(at.d, at.i + equivalent, at.h) + at.h * p["field_T"]
+    equivalent = at.p["core_share"] * at.p["field_T"] / at.nominal.hall_T_per_A
+    return base(at.d, at.i + equivalent, at.h) + at.h * at.p["field_T"]
 
 
 EXTERNAL_FIELD = Effect(
     name="external_field",
     symptom="The Hall voltage is wrong by a constant, and force and flux linkage as if a small current were added.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "field_T",
-            bounds=(-0.05, 0.05),
-            plausible=(-2e-3, 2e-3),
+            limits=(-0.05, -2e-3, 2e-3, 0.05),
             description="Uniform field along the axis.",
             words="a field of {signed} from elsewhere acts along the axis",
         ),
-        EffectParameter(
+        parameter_of(
             "core_share",
-            bounds=(0.05, 2.0),
-            plausible=(0.05, 0.6),
+            limits=(0.05, 0.05, 0.6, 2.0),
             description="Field at the Hall element that the core adds to it, over the field itself.",
-            null=0.25,
-            nonlinear=True,
+            usual=0.25,
         ),
     ),
     needs=("hall_V", "force_N|flux_linkage_Wb"),
@@ -179,14 +168,14 @@ EXTERNAL_FIELD = Effect(
 )
 
 
-def _coenergy_off_axis(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _coenergy_off_axis(base: Coenergy, at: EffectPoint) -> Expression:
     """Without a magnet W' + (i_max / lambda_max) g lambda^2 / 2, g = a + n (1 - x)^2 + m (1 - x^2), x = d / d_max."""
     nominal = at.nominal
     if nominal.has_magnet:
-        bend = slope(lambda d: base(d, at.i, at.h) - (1.0 - p["image_share"]) * base(d, 0.0 * at.i, 0.0), at.d, 2)
-        return base(at.d, at.i, at.h) - 0.25 * p["offset_squared_m2"] * bend
+        bend = slope(lambda d: base(d, at.i, at.h) - (1.0 - at.p["image_share"]) * base(d, 0.0 * at.i, 0.0), at.d, 2)
+        return base(at.d, at.i, at.h) - 0.25 * at.p["offset_squared_m2"] * bend
     x = at.d / nominal.distance_max_m
-    growth = p["gap_all"] + p["gap_near"] * (1.0 - x) ** 2 + p["gap_middle"] * (1.0 - x * x)
+    growth = at.p["gap_all"] + at.p["gap_near"] * (1.0 - x) ** 2 + at.p["gap_middle"] * (1.0 - x * x)
     linkage = slope(lambda i: base(at.d, i, at.h), at.i)
     return base(at.d, at.i, at.h) + 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * growth * linkage**2
 
@@ -206,18 +195,16 @@ LATERAL_MISALIGNMENT = Effect(
     symptom="Near the electromagnet the magnet's share of every channel is too small, most where it bends; without "
     "a magnet, force and flux linkage are too large there together.",
     parameters=(
-        EffectParameter(
-            name="offset_squared_m2",
+        parameter_of(
+            "offset_squared_m2",
             unit="m^2",
-            bounds=(0.0, 4e-5),
-            plausible=(0.0, 9e-6),
+            limits=(0.0, 0.0, 9e-6, 4e-5),
             description="Square of the lateral offset of the magnet from the coil's axis.",
         ),
         *(
-            EffectParameter(
-                name=f"gap_{part}",
-                bounds=(0.0, 0.4),
-                plausible=(0.0, 0.2),
+            parameter_of(
+                f"gap_{part}",
+                limits=(0.0, 0.0, 0.2, 0.4),
                 description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
                 f"of it; what {course}.",
             )
@@ -227,13 +214,11 @@ LATERAL_MISALIGNMENT = Effect(
                 ("middle", "falls most at the largest distance"),
             )
         ),
-        EffectParameter(
-            name="image_share",
-            bounds=(-0.2, 1.0),
-            plausible=(0.0, 0.8),
+        parameter_of(
+            "image_share",
+            limits=(-0.2, 0.0, 0.8, 1.0),
             description="Share of the term that applies to the attraction between magnet and core.",
-            null=0.4,
-            nonlinear=True,
+            usual=0.4,
         ),
     ),
     needs=("~distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),

@@ -22,48 +22,29 @@ import casadi as ca
 from casadi import SX
 
 from femfit.core.graph import Expression
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import (
-    Calibration,
-    Coenergy,
-    Effect,
-    EffectParameter,
-    FieldPoint,
-    Parameters,
-    effect_of,
-    in_channel,
-)
+from femfit.effects.effect import Calibration, Effect, EffectPoint, effect_of, in_channel, parameter_of
 
 
-def spring_coenergy(d: Expression, conditions: Conditions, stiffness: Expression, preload: Expression) -> Expression:
-    """The co-energy of a spring of a stiffness in N/m and a preload in N at the largest distance."""
-    room = d - conditions.nominal.distance_max_m
-    return preload * room - 0.5 * stiffness * room**2
-
-
-def _coenergy(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
-    nominal = at.nominal
-    stiffness, preload = p["stiffness"] * nominal.stiffness_N_per_m, p["preload"] * nominal.force_N
-    return base(at.d, at.i, at.h) + spring_coenergy(at.d, at.conditions, stiffness, preload)
+def _energy(at: EffectPoint) -> Expression:
+    room = at.d - at.nominal.distance_max_m
+    stiffness, preload = at.p["stiffness"] * at.nominal.stiffness_N_per_m, at.p["preload"] * at.nominal.force_N
+    return 0.5 * stiffness * room**2 - preload * room
 
 
 SPRING = Effect(
     name="spring",
     symptom="The force has a further part that is a straight line over the distance, the same at any current.",
-    acts_on=("force",),
     parameters=(
-        EffectParameter(
+        parameter_of(
             "stiffness",
-            bounds=(0.0, 100.0),
-            plausible=(0.0, 1.0),
+            limits=(0.0, 0.0, 1.0, 100.0),
             description="Stiffness, as a part of the largest force over the width of the range of distances.",
             words="a spring of {size} that the drawing lacks acts on the body",
             scale="stiffness_N_per_m",
         ),
-        EffectParameter(
+        parameter_of(
             "preload",
-            bounds=(-100.0, 100.0),
-            plausible=(-0.5, 1.0),
+            limits=(-100.0, -0.5, 1.0, 100.0),
             description="Push of the spring at the largest distance, as a part of the largest force.",
             words="the spring {pushes the body away|pulls the body back} with {size} at the largest distance",
             scale="force_N",
@@ -73,7 +54,7 @@ SPRING = Effect(
     needs=("~distance_m", "force_N|time_s", "no spring"),
     experiment="Switch the current off and push the body through its travel with a spring balance.",
     reference="Hooke's law; Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10",
-    coenergy=_coenergy,
+    energy=_energy,
     calibrations=(Calibration({"stiffness": 2e-3, "preload": 2e-3}, 30.0),),
 )
 
@@ -85,18 +66,14 @@ _REFERENCE = "Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015
 SPRING_STIFFNESS = effect_of(
     name="spring_stiffness",
     symptom="The force has a further part in proportion to that of the drawn spring, at any current.",
-    acts_on=("force",),
-    parameter=EffectParameter(
-        "stiffness_error",
-        bounds=(-1.0, 9.0),
-        plausible=(-0.3, 0.3),
-        description="True over drawn stiffness of all springs, less one; their free lengths are the drawn ones.",
-        words="the spring is {size} {stiffer|softer} than drawn",
-    ),
+    parameter="stiffness_error",
+    limits=(-1.0, -0.3, 0.3, 9.0),
+    description="True over drawn stiffness of all springs, less one; their free lengths are the drawn ones.",
+    words="the spring is {size} {stiffer|softer} than drawn",
     needs=("time_s", "~distance_m", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    coenergy=lambda base, at, p: base(at.d, at.i, at.h) - p["stiffness_error"] * at.nominal.spring_energy(at.d),
+    energy=lambda at: at.p["stiffness_error"] * at.nominal.spring_energy(at.d),
     read=(0.01, 20.0),
 )
 
@@ -104,21 +81,15 @@ SPRING_STIFFNESS = effect_of(
 SPRING_PRELOAD = effect_of(
     name="spring_preload",
     symptom="The body is pushed by the same further force wherever it is, and lifts off at another current.",
-    acts_on=("force",),
-    parameter=EffectParameter(
-        "preload",
-        bounds=(-10.0, 10.0),
-        plausible=(-0.1, 0.1),
-        description="True minus drawn push of the springs away from the electromagnet, as a part of the largest force.",
-        words="the spring's preload is {size} {larger|smaller} than drawn",
-        scale="force_N",
-    ),
+    parameter="preload",
+    limits=(-10.0, -0.1, 0.1, 10.0),
+    description="True minus drawn push of the springs away from the electromagnet, as a part of the largest force.",
+    words="the spring's preload is {size} {larger|smaller} than drawn",
+    scale="force_N",
     needs=("time_s", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    coenergy=lambda base, at, p: (
-        base(at.d, at.i, at.h) + spring_coenergy(at.d, at.conditions, 0.0, p["preload"] * at.nominal.force_N)
-    ),
+    energy=lambda at: -at.p["preload"] * at.nominal.force_N * (at.d - at.nominal.distance_max_m),
     read=(1e-3, 20.0),
 )
 
@@ -126,47 +97,37 @@ SPRING_PRELOAD = effect_of(
 SPRING_IN_FORCE = effect_of(
     name="spring_in_force",
     symptom="Every force differs from the magnetic one by the force of the drawn spring.",
-    parameter=EffectParameter(
-        "share",
-        bounds=(-2.0, 2.0),
-        plausible=(0.0, 1.2),
-        description="Part of the drawn spring's force that the force sensor carries.",
-        words="the force sensor carries {signed} of the drawn spring's force as well",
-    ),
+    parameter="share",
+    limits=(-2.0, 0.0, 1.2, 2.0),
+    description="Part of the drawn spring's force that the force sensor carries.",
+    words="the force sensor carries {signed} of the drawn spring's force as well",
     needs=("force_N", "~distance_m", "spring"),
     experiment="Take the spring out and read the force again, the current off.",
     reference=f"{_REFERENCE}; how the sensor is mounted",
-    readings=in_channel(
-        "force_N", lambda force, d, i, conditions, p: force - p["share"] * conditions.nominal.push_of_springs(d)
-    ),
+    readings=in_channel("force_N", lambda force, at: force - at.p["share"] * at.nominal.push_of_springs(at.d)),
 )
 
 
 CONSTANT_FORCE = effect_of(
     name="constant_force",
     symptom="The body is pulled by the same further force wherever it is and whatever the current.",
-    acts_on=("force",),
-    parameter=EffectParameter(
-        "pull",
-        bounds=(-1.0, 1.0),
-        plausible=(-0.05, 0.05),
-        description="Further force towards the electromagnet, as a part of the largest force.",
-        words="a further force of {size} {pulls the body towards|pushes the body away from} the electromagnet",
-        scale="force_N",
-    ),
+    parameter="pull",
+    limits=(-1.0, -0.05, 0.05, 1.0),
+    description="Further force towards the electromagnet, as a part of the largest force.",
+    words="a further force of {size} {pulls the body towards|pushes the body away from} the electromagnet",
+    scale="force_N",
     needs=("force_N|time_s",),
     experiment="Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
     "balance.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    coenergy=lambda base, at, p: base(at.d, at.i, at.h) - p["pull"] * at.nominal.force_N * at.d,
+    energy=lambda at: at.p["pull"] * at.nominal.force_N * at.d,
     read=(1e-3, 30.0),
 )
 
 
-def _coenergy_of_mechanical_force(base: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+def _energy_of_stops(at: EffectPoint) -> Expression:
     near, far = at.nominal.distance_min_m, at.nominal.distance_max_m
-    reach = p["reach"] * (far - near)
-    result = base(at.d, at.i, at.h)
+    reach, energy = at.p["reach"] * (far - near), 0.0
     for name, power, start, sign in (
         ("near_flat", 1.0, near + reach, -1.0),
         ("near_round", 1.5, near + reach, -1.0),
@@ -175,54 +136,45 @@ def _coenergy_of_mechanical_force(base: Coenergy, at: FieldPoint, p: Parameters)
         # Compression over reach; its force A c^power has the potential A reach c^(power + 1) / (power + 1)
         compression = SX(sign * (at.d - start) / reach)
         touched = ca.if_else(compression > 0.0, compression ** (power + 1.0), 0.0)
-        result = result - p[name] * at.nominal.force_N * reach / (power + 1.0) * touched
-    return result
-
-
-def _stop(name: str, description: str, words: str) -> EffectParameter:
-    return EffectParameter(
-        name,
-        bounds=(0.0, 100.0),
-        plausible=(0.0, 1.0),
-        description=description,
-        words=words,
-        scale="force_N",
-    )
+        energy = energy + at.p[name] * at.nominal.force_N * reach / (power + 1.0) * touched
+    return energy
 
 
 END_STOP_CONTACT = Effect(
     name="end_stop_contact",
     symptom="The force breaks away from the model within a small distance from one end of the travel, at any current.",
-    acts_on=("force",),
     parameters=(
-        _stop(
-            "near_flat",
-            "Push of a flat stop at the smallest distance, as a part of the largest force.",
-            "a stop pushes the body away with {size} at the smallest distance",
+        *(
+            parameter_of(name, limits=(0.0, 0.0, 1.0, 100.0), description=description, words=words, scale="force_N")
+            for name, description, words in (
+                (
+                    "near_flat",
+                    "Push of a flat stop at the smallest distance, as a part of the largest force.",
+                    "a stop pushes the body away with {size} at the smallest distance",
+                ),
+                (
+                    "near_round",
+                    "The same for a rounded stop.",
+                    "a rounded stop pushes the body away with {size} at the smallest distance",
+                ),
+                (
+                    "far_flat",
+                    "Push of a flat stop at the largest distance, as a part of the largest force.",
+                    "a stop pushes the body back with {size} at the largest distance",
+                ),
+            )
         ),
-        _stop(
-            "near_round",
-            "The same for a rounded stop.",
-            "a rounded stop pushes the body away with {size} at the smallest distance",
-        ),
-        _stop(
-            "far_flat",
-            "Push of a flat stop at the largest distance, as a part of the largest force.",
-            "a stop pushes the body back with {size} at the largest distance",
-        ),
-        EffectParameter(
-            name="reach",
-            bounds=(0.005, 0.9),
-            plausible=(0.02, 0.3),
+        parameter_of(
+            "reach",
+            limits=(0.005, 0.02, 0.3, 0.9),
             description="Part of the travel over which the stop is touched.",
             words="it is touched over {size} of the travel",
-            null=0.1,
-            nonlinear=True,
+            usual=0.1,
             scale="travel_m",
         ),
     ),
     needs=("~distance_m", "force_N|time_s"),
     experiment="Measure the force every few hundredths of a millimetre near the stop, the current off.",
     reference="Johnson, Contact Mechanics (1985), section 4.2",
-    coenergy=_coenergy_of_mechanical_force,
+    energy=_energy_of_stops,
 )

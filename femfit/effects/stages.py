@@ -1,6 +1,6 @@
 """Applies effects stage by stage: the one place that knows the order in which they act."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,10 @@ from casadi import SX
 
 from femfit.core.graph import Expression, of_variable
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, Coenergy, CoenergyChange, FieldPoint
+from femfit.effects.effect import AddedEffect, Coenergy, CoenergyChange, EffectPoint
+
+Place = tuple[Expression, Expression, Conditions]
+"""Distance, current of the first circuit, and conditions."""
 
 _STEPS = 6
 """Numerical: with them a characteristic that is bent by a fifth is undone to rounding."""
@@ -44,7 +47,7 @@ def _at_another(
         n = len(columns)
         columns = columns or [0.0 * distance]
         k = conditions.nominal.circuits.index(of) if of else 0
-        distance, columns[k] = setting(distance, columns[k], conditions, added.parameters)
+        distance, columns[k] = setting(EffectPoint(distance, columns[k], conditions, added.parameters))
         currents = ca.vertcat(SX(0, 1), *columns[:n]) if symbolic else np.stack(columns, axis=-1)[..., :n]
     return distance, currents
 
@@ -87,45 +90,38 @@ def _changed(inner: Coenergy, act: CoenergyChange, added: AddedEffect, condition
     """W'(d, i, h) at these under one effect more."""
     d, i, h = at
     if not added.effect.of:
-        return act(inner, FieldPoint(d, i, h, conditions), added.parameters)
+        return act(inner, EffectPoint(d, i, conditions, added.parameters, h))
     k = conditions.nominal.circuits.index(added.effect.of)  # an effect of one circuit knows that one's current alone
     before, own, after = ca.vertsplit(i, [0, k, k + 1, i.numel()])
-    point = FieldPoint(d, own, h, conditions)
-    return act(lambda d, i, h: inner(d, ca.vertcat(before, i, after), h), point, added.parameters)
+    point = EffectPoint(d, own, conditions, added.parameters, h)
+    return act(lambda d, i, h: inner(d, ca.vertcat(before, i, after), h), point)
 
 
-def with_further_force(
-    effects: Iterable[AddedEffect],
-    force: Expression,
-    distance: Expression,
-    current: Expression,
-    conditions: Conditions,
-) -> Expression:
-    """The magnetic force and what acts beside it."""
+def with_further_force(effects: Iterable[AddedEffect], force: Expression, *place: *Place) -> Expression:
+    """The magnetic force and what acts beside it at a place."""
     for act, added in _acting(effects, "force"):
-        force = force + act(distance, current, conditions, added.parameters)
+        force = force + act(EffectPoint(*place, added.parameters))
     return force
 
 
 def circuit_of(
-    effects: Iterable[AddedEffect],
-    resistance: Expression,
-    voltage: Expression,
-    current: Expression,
-    conditions: Conditions,
+    effects: Iterable[AddedEffect], ohms: Expression, voltage: Expression, current: Expression, conditions: Conditions
 ) -> tuple[Expression, Expression]:
     """Resistance of the winding, and voltage that the driver applies where this one was commanded."""
     for act, added in _acting(effects, "circuit"):
-        resistance, voltage = act(resistance, voltage, current, conditions, added.parameters)
-    return resistance, voltage
+        ohms, voltage = act(ohms, voltage, EffectPoint(0.0 * current, current, conditions, added.parameters))
+    return ohms, voltage
+
+
+def recorded(effects: Iterable[AddedEffect], values: Mapping[str, Any], *place: *Place) -> dict[str, Any]:
+    """What sensors record of true readings, by channel, at a place."""
+    for act, added in _acting(effects, "readings"):
+        values = act(values, EffectPoint(*place, added.parameters))
+    return dict(values)
 
 
 def changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *others: Any) -> Any:
-    """What the functions that effects give for a stage make of a value, one after the other.
-
-    Of ``mass`` in kg; of ``ends`` (near, far) in m, with the nominal facts; of ``readings`` by channel what sensors
-    record of true ones, with distance, current and conditions.
-    """
+    """What effects make of the ``mass`` in kg, or of the ``ends`` (near, far) in m with the nominal facts."""
     for act, added in _acting(effects, stage):
         value = act(value, *others, added.parameters)
     return value

@@ -12,23 +12,19 @@ both ends of the travel and largest between them, and by an S, zero in the middl
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, effect_of, in_channel
+from femfit.effects.effect import Calibration, Effect, EffectPoint, effect_of, in_channel, parameter_of
 
 DISTANCE_OFFSET = effect_of(
     name="distance_offset",
     symptom="Every channel looks as if measured at another distance, the same amount everywhere.",
-    parameter=EffectParameter(
-        "offset_m",
-        bounds=(-5e-3, 5e-3),
-        plausible=(-1e-3, 1e-3),
-        description="True minus recorded distance.",
-        words="the gap is {size} {larger|smaller} than recorded",
-    ),
+    parameter="offset_m",
+    limits=(-5e-3, -1e-3, 1e-3, 5e-3),
+    description="True minus recorded distance.",
+    words="the gap is {size} {larger|smaller} than recorded",
     needs=("distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
     experiment="Rest the moving part on a thin gauge block of known height and compare the stage's reading.",
     reference="First-order error of a stage's zero; JCGM 100:2008 (GUM), section 3.2.4",
-    setting=lambda d, i, conditions, p: (d + p["offset_m"], i),
+    setting=lambda at: (at.d + at.p["offset_m"], at.i),
     read=(1e-5, 10.0),
     also={"distance_scale": {"scale_error": 1e-3}},  # a block of 1 mm
 )
@@ -37,17 +33,14 @@ DISTANCE_OFFSET = effect_of(
 DISTANCE_SCALE = effect_of(
     name="distance_scale",
     symptom="Every channel looks as if measured at another distance, the more so the further away.",
-    parameter=EffectParameter(
-        "scale_error",
-        bounds=(-0.3, 0.3),
-        plausible=(-0.05, 0.05),
-        description="True over recorded distance, less one.",
-        words="distances are {size} {larger|smaller} than recorded",
-    ),
+    parameter="scale_error",
+    limits=(-0.3, -0.05, 0.05, 0.3),
+    description="True over recorded distance, less one.",
+    words="distances are {size} {larger|smaller} than recorded",
     needs=("~distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
     experiment="Read the stage over two gauge blocks, the shortest and the longest that fit.",
     reference="Linear error of a stage; ISO 230-2 (2014)",
-    setting=lambda d, i, conditions, p: ((1.0 + p["scale_error"]) * d, i),
+    setting=lambda at: ((1.0 + at.p["scale_error"]) * at.d, at.i),
     read=(1e-3, 20.0),
 )
 
@@ -55,18 +48,15 @@ DISTANCE_SCALE = effect_of(
 CURRENT_OFFSET = effect_of(
     name="current_offset",
     symptom="Every channel looks as if a constant current were added to the recorded one.",
-    parameter=EffectParameter(
-        "offset",
-        bounds=(-1.0, 1.0),
-        plausible=(-0.05, 0.05),
-        description="True minus recorded current, as a part of the largest current.",
-        words="the true current is {size} {larger|smaller} than the ammeter's reading",
-        scale="peak_current_A",
-    ),
+    parameter="offset",
+    limits=(-1.0, -0.05, 0.05, 1.0),
+    description="True minus recorded current, as a part of the largest current.",
+    words="the true current is {size} {larger|smaller} than the ammeter's reading",
+    scale="peak_current_A",
     needs=("current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Open the circuit and read the ammeter at zero current.",
     reference="JCGM 100:2008 (GUM), section 3.2.4",
-    setting=lambda d, i, conditions, p: (d, i + p["offset"] * conditions.nominal.peak_current_A),
+    setting=lambda at: (at.d, at.i + at.p["offset"] * at.nominal.peak_current_A),
     read=(1e-3, 5.0),
 )
 
@@ -74,17 +64,14 @@ CURRENT_OFFSET = effect_of(
 CURRENT_GAIN = effect_of(
     name="current_gain",
     symptom="Every channel looks as if the current were another, by the same percentage.",
-    parameter=EffectParameter(
-        "gain_error",
-        bounds=(-0.9, 2.0),
-        plausible=(-0.1, 0.1),
-        description="True over recorded current, less one.",
-        words="the true current is {size} {larger|smaller} than the ammeter's reading",
-    ),
+    parameter="gain_error",
+    limits=(-0.9, -0.1, 0.1, 2.0),
+    description="True over recorded current, less one.",
+    words="the true current is {size} {larger|smaller} than the ammeter's reading",
     needs=("~current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Read the current with a calibrated shunt in series.",
     reference="JCGM 100:2008 (GUM), section 4.3",
-    setting=lambda d, i, conditions, p: (d, (1.0 + p["gain_error"]) * i),
+    setting=lambda at: (at.d, (1.0 + at.p["gain_error"]) * at.i),
     read=(1e-3, 20.0),
 )
 
@@ -92,18 +79,15 @@ CURRENT_GAIN = effect_of(
 FORCE_OFFSET = effect_of(
     name="force_offset",
     symptom="Every force is wrong by the same amount, also far away and without current.",
-    parameter=EffectParameter(
-        "offset",
-        bounds=(-1.0, 1.0),
-        plausible=(-0.05, 0.05),
-        description="Recorded minus true force, as a part of the largest force.",
-        words="the force sensor reads {size} too {much|little}",
-        scale="force_N",
-    ),
+    parameter="offset",
+    limits=(-1.0, -0.05, 0.05, 1.0),
+    description="Recorded minus true force, as a part of the largest force.",
+    words="the force sensor reads {size} too {much|little}",
+    scale="force_N",
     needs=("force_N",),
     experiment="Take everything off the force sensor, and read it.",
     reference="JCGM 100:2008 (GUM), section 3.2.4; OIML R 60 (2000): a cell comes back to its zero to 1 part in 6000",
-    readings=in_channel("force_N", lambda force, d, i, conditions, p: force + p["offset"] * conditions.nominal.force_N),
+    readings=in_channel("force_N", lambda force, at: force + at.p["offset"] * at.nominal.force_N),
     read=(2e-4, 10.0),
 )
 
@@ -111,17 +95,14 @@ FORCE_OFFSET = effect_of(
 FORCE_GAIN = effect_of(
     name="force_gain",
     symptom="Every force is wrong by the same percentage; flux linkage and Hall voltage are right.",
-    parameter=EffectParameter(
-        "gain_error",
-        bounds=(-0.9, 2.0),
-        plausible=(-0.1, 0.1),
-        description="Recorded over true force, less one.",
-        words="the force sensor reads {size} too {much|little}",
-    ),
+    parameter="gain_error",
+    limits=(-0.9, -0.1, 0.1, 2.0),
+    description="Recorded over true force, less one.",
+    words="the force sensor reads {size} too {much|little}",
     needs=("force_N",),
     experiment="Hang a reference weight on the force sensor and compare its reading.",
     reference="JCGM 100:2008 (GUM), section 4.3; OIML R 111-1 (2004) for the weight",
-    readings=in_channel("force_N", lambda force, d, i, conditions, p: (1.0 + p["gain_error"]) * force),
+    readings=in_channel("force_N", lambda force, at: (1.0 + at.p["gain_error"]) * force),
     read=(1e-3, 20.0),
 )
 
@@ -129,17 +110,14 @@ FORCE_GAIN = effect_of(
 HALL_OFFSET = effect_of(
     name="hall_offset",
     symptom="The Hall voltage is wrong by the same amount everywhere; force and flux linkage are right.",
-    parameter=EffectParameter(
-        "offset_V",
-        bounds=(-1.0, 1.0),
-        plausible=(-0.1, 0.1),
-        description="Recorded minus expected voltage.",
-        words="the Hall voltage is {size} too {high|low}",
-    ),
+    parameter="offset_V",
+    limits=(-1.0, -0.1, 0.1, 1.0),
+    description="Recorded minus expected voltage.",
+    words="the Hall voltage is {size} too {high|low}",
     needs=("hall_V",),
     experiment="Put the Hall element into a zero-gauss chamber and read its voltage.",
     reference="E. Ramsden, Hall-Effect Sensors (Newnes, 2006), chapter 2",
-    readings=in_channel("hall_V", lambda volts, d, i, conditions, p: volts + p["offset_V"]),
+    readings=in_channel("hall_V", lambda volts, at: volts + at.p["offset_V"]),
     read=(1e-3, 15.0),
 )
 
@@ -147,13 +125,10 @@ HALL_OFFSET = effect_of(
 MASS_ERROR = effect_of(
     name="mass_error",
     symptom="The body hangs at another current and accelerates otherwise than the model's; bench readings are right.",
-    parameter=EffectParameter(
-        "mass_error",
-        bounds=(-0.9, 9.0),
-        plausible=(-0.3, 0.3),
-        description="True over the model's mass, less one.",
-        words="the moving mass is {size} {larger|smaller} than in the model",
-    ),
+    parameter="mass_error",
+    limits=(-0.9, -0.3, 0.3, 9.0),
+    description="True over the model's mass, less one.",
+    words="the moving mass is {size} {larger|smaller} than in the model",
     needs=("time_s", "distance_m|hall_V"),
     experiment="Weigh the moving part with everything that moves with it.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
@@ -165,17 +140,14 @@ MASS_ERROR = effect_of(
 DRIVER_GAIN = effect_of(
     name="driver_gain",
     symptom="The current goes to another value than the commanded voltage asks for, by the same percentage.",
-    parameter=EffectParameter(
-        "gain_error",
-        bounds=(-0.9, 2.0),
-        plausible=(-0.1, 0.1),
-        description="Applied over commanded voltage, less one.",
-        words="the driver gives {size} {more|less} voltage than commanded",
-    ),
+    parameter="gain_error",
+    limits=(-0.9, -0.1, 0.1, 2.0),
+    description="Applied over commanded voltage, less one.",
+    words="the driver gives {size} {more|less} voltage than commanded",
     needs=("time_s", "voltage_V", "current_A", "voltage driver"),
     experiment="Command a few constant voltages and read the voltage across the winding.",
     reference="JCGM 100:2008 (GUM), section 4.3",
-    circuit=lambda resistance, voltage, i, conditions, p: (resistance, (1.0 + p["gain_error"]) * voltage),
+    circuit=lambda resistance, voltage, at: (resistance, (1.0 + at.p["gain_error"]) * voltage),
     read=(1e-3, 10.0),
 )
 
@@ -183,44 +155,39 @@ DRIVER_GAIN = effect_of(
 POSITION_DELAY = effect_of(
     name="position_delay",
     symptom="The recorded distance follows the body late; at rest it is right.",
-    parameter=EffectParameter(
-        "delay_s",
-        bounds=(0.0, 0.05),
-        plausible=(0.0, 5e-3),
-        description="Age of what a recorded distance shows.",
-        words="the recorded distance is {size} late",
-    ),
+    parameter="delay_s",
+    limits=(0.0, 0.0, 5e-3, 0.05),
+    description="Age of what a recorded distance shows.",
+    words="the recorded distance is {size} late",
     needs=("time_s", "~distance_m"),
     experiment="Drop the body on its stop, and record its sensor and a microphone on one clock.",
     reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3 (delays)",
-    setting=lambda d, i, conditions, p: (d + p["delay_s"] * like(conditions.velocity_m_s, d), i),
+    setting=lambda at: (at.d + at.p["delay_s"] * at.velocity, at.i),
     read=(5e-5, 40.0),
 )
 
 
-def _straightened(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
-    nominal = conditions.nominal
-    u = np.clip((d - nominal.distance_min_m) / nominal.travel_m, 0.0, 1.0)
+def _straightened(at: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    nominal = at.nominal
+    u = np.clip((at.d - nominal.distance_min_m) / nominal.travel_m, 0.0, 1.0)
     bow, bend = 4.0 * u * (1.0 - u), 12.0 * np.sqrt(3.0) * u * (1.0 - u) * (0.5 - u)
-    return d + nominal.travel_m * (p["bow"] * bow + p["bend"] * bend), i
+    return at.d + nominal.travel_m * (at.p["bow"] * bow + at.p["bend"] * bend), at.i
 
 
 POSITION_NONLINEARITY = Effect(
     name="position_nonlinearity",
     symptom="The recorded distance is right at both ends of the travel and wrong between them.",
     parameters=(
-        EffectParameter(
+        parameter_of(
             "bow",
-            bounds=(-0.2, 0.2),
-            plausible=(-0.03, 0.03),
+            limits=(-0.2, -0.03, 0.03, 0.2),
             description="True minus recorded distance in the middle of the range, as a part of its width.",
             words="the body is {size} {further away|nearer} than recorded in the middle of the travel",
             scale="travel_m",
         ),
-        EffectParameter(
+        parameter_of(
             "bend",
-            bounds=(-0.1, 0.1),
-            plausible=(-0.03, 0.03),
+            limits=(-0.1, -0.03, 0.03, 0.1),
             description="The same at about a fifth of the range, with the other sign at four fifths.",
             words="the body is {size} {further away|nearer} than recorded at a fifth of the travel, and the other way "
             "round at four fifths",

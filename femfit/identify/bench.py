@@ -33,8 +33,7 @@ from femfit.identify.series.observations import series_observations
 from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import Point
-from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
+from femfit.model.readings import Parameter, Point, predict_readings, readings_by, setting_slopes
 from femfit.model.with_effects import nominal_of
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries

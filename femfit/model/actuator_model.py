@@ -1,6 +1,6 @@
 """The actuator model: the one object that simulator, filters, comparison and every export read."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
@@ -22,8 +22,8 @@ from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents, EddyMagnetics
 from femfit.model.equations import Equations
 from femfit.model.hall import HallSensor, OtherSensor
-from femfit.model.impedance import impedances_at
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics, Windings
+from femfit.model.readings import impedances_at
 from femfit.model.sample_step import SampleStep
 from femfit.model.several_magnetics import FORMULA, NETWORK, CoenergyMatrix, CoenergyTensor, NetworkMagnetics
 from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
@@ -129,6 +129,17 @@ class ActuatorModel(Plotted):
             for name, part in changed.items():
                 object.__setattr__(self, name, part)
 
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Parts of a file that do not go together."""
+        names, circuits = [sensor.name for sensor in self.other_sensors], self.circuit_names
+        for k, name in enumerate(names):
+            if names.count(name) > 1 or name == "hall":
+                yield f"other_sensors[{k}].name", "a name of its own, and not hall"
+        if self.motion is not None and not self.motion.ends[0] < self.motion.ends[1]:
+            yield "motion.far_stop", "at a larger distance than near_stop"
+        if self.eddy is not None and circuits and self.eddy.circuits != circuits:
+            yield "eddy.circuits", f"those of the model ({', '.join(circuits)}), in their order"
+
     def __str__(self) -> str:
         return sentence("model", "model", self)
 
@@ -199,12 +210,8 @@ class ActuatorModel(Plotted):
 
     def _squeezed(self, values: Values, axes: int = 0) -> Values:
         """Without the axes of circuits where there are not several: a number for two numbers."""
-        count = len(self.validity.current_limits_A)
-        if count == 1:
-            values = np.asarray(values.reshape(values.shape[: values.ndim - axes]))
-        elif not count and axes:
-            values = np.zeros_like(values, shape=values.shape[:-axes])
-        return values[()]
+        several = len(self.validity.current_limits_A) > 1
+        return values[()] if several else values.sum(axis=tuple(range(-axes, 0)))  # of one entry, or of none
 
     def _points(self, distance: ArrayLike, current: ArrayLike, extrapolate: bool) -> tuple[FloatArray, FloatArray]:
         """Distances (...) and currents (..., n) from what a caller gives, in the domain unless it says otherwise."""
@@ -240,8 +247,8 @@ class ActuatorModel(Plotted):
     @cached_property
     def diodes(self) -> list[tuple[int, float]]:
         """Circuits that a freewheel diode feeds, and its drop in V."""
-        drops = [None if circuit.drive.kind == "current" else circuit.drive.diode_V for circuit in self.circuits]
-        return [(k, drop) for k, drop in enumerate(drops) if drop is not None]
+        drives = [(k, circuit.drive) for k, circuit in enumerate(self.circuits) if circuit.drive.kind == "voltage"]
+        return [(k, drive.diode_V) for k, drive in drives if drive.diode_V is not None]
 
     @cached_property
     def sample_step(self) -> SampleStep:
@@ -299,9 +306,8 @@ class ActuatorModel(Plotted):
         Zero for steel alone, which a current of either sign attracts; the lowest current where a magnet gives the force
         its sign.
         """
-        domain = self.validity
-        currents = np.unique(np.append(np.linspace(domain.current_min_A, domain.current_max_A, 41), 0.0))
-        currents = currents[(currents >= domain.current_min_A) & (currents <= domain.current_max_A)]
+        domain, ends = self.validity, (self.validity.current_min_A, self.validity.current_max_A)
+        currents = np.unique(np.append(np.linspace(*ends, 41), np.clip(0.0, *ends)))
         d, i = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 41), currents)
         return float(currents[np.argmin(self.magnetics.force(d, i[..., None]).mean(axis=1))])
 
@@ -350,13 +356,11 @@ class ActuatorModel(Plotted):
     @cached_property
     def windings(self) -> Windings:
         """Circuits and eddy currents together, as the equations of motion have them."""
-        n, eddy = len(self.circuits), self.eddy
-        if eddy is None:
-            return Windings(self.magnetics, self.resistances_ohm, self.series_inductances_H, n)
-        resistances = np.concatenate([self.resistances_ohm, eddy.resistances_ohm])
-        series = np.zeros((len(resistances),) * 2)
-        series[:n, :n] = self.series_inductances_H
-        return Windings(EddyMagnetics(self.magnetics, eddy), resistances, series, n)
+        magnetics, patterns = self.magnetics, np.zeros(0)
+        if self.eddy is not None:
+            magnetics, patterns = EddyMagnetics(magnetics, self.eddy), self.eddy.resistances_ohm
+        series = np.diag(np.append(np.diag(self.series_inductances_H), 0.0 * patterns))
+        return Windings(magnetics, np.append(self.resistances_ohm, patterns), series)
 
     @property
     def travel_m(self) -> tuple[float, float]:
@@ -389,7 +393,7 @@ class ActuatorModel(Plotted):
     @cached_property
     def series_inductances_H(self) -> FloatArray:  # noqa: N802  the unit
         """What is in series with the coils outside of the field, on the diagonal of a matrix of shape (n, n)."""
-        return np.diag([one.inductance_H for one in self.circuits]) if self.circuits else np.zeros((0, 0))
+        return np.diag(np.array([one.inductance_H for one in self.circuits]))
 
     def currents_of(self, state: FloatArray) -> FloatArray:
         """The circuits' currents (..., n) of states of shape (..., order)."""

@@ -78,12 +78,6 @@ class TensorSpline:
         return spline_at(self, axes, self.coefficients[..., None], x, y)[0]
 
 
-def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
-    """Taylor coefficients of every basis function at points, shape (n, degree + 1, functions)."""
-    rows = [basis_matrix(points, knots, degree, k) / factorial(k) for k in range(degree + 1)]
-    return np.stack(rows, axis=1)
-
-
 Cells = tuple[FloatArray, FloatArray, FloatArray]
 """Of one axis: the borders between its cells, where each one's polynomials count from, and their Taylor coefficients,
 shape (cells, degree + 1, functions)."""
@@ -96,13 +90,13 @@ def cells_of(knots: FloatArray, degree: int, beyond: int | None = None) -> Cells
     ``beyond``, there is one cell below the knots and one above, which count from the first and the last knot.
     """
     breaks = np.unique(knots)
-    middles = 0.5 * (breaks[1:] + breaks[:-1])
-    if beyond is None or degree <= beyond:
-        return breaks[1:-1], middles, taylor_rows(middles, knots, degree)
-    origins = np.concatenate([breaks[:1], middles, breaks[-1:]])
-    rows = taylor_rows(origins, knots, degree)
-    rows[[0, -1], beyond + 1 :] = 0.0
-    return breaks, origins, rows
+    borders, origins, lower = breaks[1:-1], 0.5 * (breaks[1:] + breaks[:-1]), beyond is not None and degree > beyond
+    if lower:
+        borders, origins = breaks, np.concatenate([breaks[:1], origins, breaks[-1:]])
+    rows = np.stack([basis_matrix(origins, knots, degree, k) / factorial(k) for k in range(degree + 1)], axis=1)
+    if lower:
+        rows[[0, -1], (beyond or 0) + 1 :] = 0.0
+    return borders, origins, rows
 
 
 class CellTable:
@@ -212,16 +206,12 @@ class DistanceCoordinate:
 
     def with_slopes(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """u, du/dd in 1/m and d^2u/dd^2 in 1/m^2."""
+        u, d_0 = self.of(distance), self.reference_distance_m
         if self.stretch_m is not None:
-            x = (distance - self.reference_distance_m) / self.stretch_m
-            u = np.sinh(x)
-            return u, np.cosh(x) / self.stretch_m, u / self.stretch_m**2
-        if not self.inverse:
-            u = distance / self.reference_distance_m
-            return u, np.full_like(u, 1.0 / self.reference_distance_m), np.zeros_like(u)
-        shifted = distance + self.distance_shift_m
-        u = self.reference_distance_m / shifted
-        return u, -u / shifted, 2.0 * u / shifted**2
+            return u, np.sqrt(1.0 + u**2) / self.stretch_m, u / self.stretch_m**2
+        if self.inverse:
+            return u, -(u**2) / d_0, 2.0 * u**3 / d_0**2
+        return u, np.full_like(u, 1.0 / d_0), np.zeros_like(u)
 
 
 FLAT = {"flat": True}

@@ -19,8 +19,8 @@ from scipy.interpolate import BSpline
 
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
-from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import AddedEffect, Coenergy, Effect, EffectParameter, FieldPoint, Parameters
+from femfit.effects.conditions import like
+from femfit.effects.effect import AddedEffect, Coenergy, Effect, EffectParameter, EffectPoint, Parameters
 from femfit.model.bspline import functions, spline_at
 from femfit.model.hall import HallSpline
 from femfit.model.impedance import ImpedanceChange
@@ -69,17 +69,26 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Brake:
-    """A force D(|v|) tanh(|v| / v_0) >= 0 against the velocity."""
+    """The ``force`` stage of a force D(|v|) tanh(|v| / v_0) >= 0 against the velocity."""
 
     rounded_m_s: float = field(metadata={"positive": True})  # v_0, so that it goes through zero with the velocity
     against: Curve  # D over |v|
 
+    def __call__(self, at: EffectPoint) -> Expression:
+        """The force: towards the electromagnet where the body falls away."""
+        size = np.maximum(self.against.at(np.abs(at.velocity), at.p), 0.0)
+        return np.tanh(at.velocity / self.rounded_m_s) * size
+
 
 @dataclass(frozen=True)
 class Conductivity:
-    """All that conducts does so better by a share, so that eddy currents decay the later."""
+    """The ``eddy`` stage where all that conducts does so better by a share: eddy currents decay the later."""
 
     parameter: str
+
+    def __call__(self, p: Parameters) -> Expression:
+        """Factor of the eddy currents' resistances."""
+        return 1.0 / (1.0 + p[self.parameter])
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,24 +118,24 @@ class Carried:
 
     def unknown(self, parameters: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Faults of a file: parameters that an effect of these does not have."""
+        groups = {name: getattr(self, name) for name in ("setting", "readings", "branches")}
         holders: dict[str, Any] = {f"magnetics[{k}]": term for k, term in enumerate(self.magnetics or ())}
-        for group in ("setting", "readings", "branches"):
-            holders |= {f"{group}.{name}": curve for name, curve in getattr(self, group).items()}
+        holders |= {f"{group}.{name}": curve for group, curves in groups.items() for name, curve in curves.items()}
         holders |= {name: getattr(self, name) for name in ("resistance", "impedance", "conductivity")}
         holders["brake.against"] = self.brake and self.brake.against
         for path, holder in holders.items():
             if holder is not None and holder.parameter not in parameters:
                 yield f"{path}.parameter", f"one of the effect's ({', '.join(sorted(parameters))})"
 
-    def coenergy_stage(self, inner: Coenergy, at: FieldPoint, p: Parameters) -> Expression:
+    def coenergy_stage(self, inner: Coenergy, at: EffectPoint) -> Expression:
         """The changed co-energy."""
         value = inner(at.d, at.i, at.h)
         for term in self.magnetics or ():
             for spline, share in ((term.coenergy, 1.0), (term.hall, at.h)):
                 if spline is not None:
-                    value += term.size(p) * share * spline.expression(at.d, SX(at.i))
+                    value += term.size(at.p) * share * spline.expression(at.d, SX(at.i))
         if self.gap_m and self.magnetics:
-            shift = self.gap_m * p[self.magnetics[0].parameter]
+            shift = self.gap_m * at.p[self.magnetics[0].parameter]
 
             def still(d: Expression) -> Expression:
                 return inner(d, at.i, 0.0)
@@ -134,44 +143,29 @@ class Carried:
             value += still(at.d - shift) - still(at.d) + shift * slope(still, at.d)
         return value
 
-    def setting_stage(
-        self, d: Expression, i: Expression, _: Conditions, p: Parameters
-    ) -> tuple[Expression, Expression]:
+    def setting_stage(self, at: EffectPoint) -> tuple[Expression, Expression]:
         """True distance and current."""
         d, i = (
-            x + self.setting[name].at(x, p) if name in self.setting else x
-            for name, x in (("distance_m", d), ("current_A", i))
+            x + self.setting[name].at(x, at.p) if name in self.setting else x
+            for name, x in (("distance_m", at.d), ("current_A", at.i))
         )
         return d, i
 
-    def readings_stage(
-        self, values: Mapping[str, Expression], d: Expression, _: Expression, conditions: Conditions, p: Parameters
-    ) -> Mapping[str, Expression]:
+    def readings_stage(self, values: Mapping[str, Expression], at: EffectPoint) -> Mapping[str, Expression]:
         """The recorded readings."""
-        branch, result = like(conditions.branch, d), dict(values)
-        for curves, side in ((self.readings, 1.0), (self.branches, branch)):
+        result = dict(values)
+        for curves, side in ((self.readings, 1.0), (self.branches, like(at.conditions.branch, at.d))):
             for name, curve in curves.items():
                 if name in values:
-                    result[name] = result[name] + side * curve.at(values[name], p)
+                    result[name] = result[name] + side * curve.at(values[name], at.p)
         return result
 
-    def force_stage(self, d: Expression, _: Expression, conditions: Conditions, p: Parameters) -> Expression:
-        """The brake's force: towards the electromagnet where the body falls away."""
-        assert self.brake is not None  # noqa: S101  where there is the stage
-        v = like(conditions.velocity_m_s, d)
-        return np.tanh(v / self.brake.rounded_m_s) * np.maximum(self.brake.against.at(np.abs(v), p), 0.0)
-
     def circuit_stage(
-        self, resistance: Expression, voltage: Expression, current: Expression, _: Conditions, p: Parameters
+        self, resistance: Expression, voltage: Expression, at: EffectPoint
     ) -> tuple[Expression, Expression]:
         """Resistance in ohm, and the voltage as it is."""
-        assert self.resistance is not None  # noqa: S101  where there is the stage
-        return np.maximum(resistance + self.resistance.at(np.abs(current), p), 0.0), voltage
-
-    def eddy_stage(self, p: Parameters) -> Expression:
-        """Factor of the eddy currents' resistances."""
-        assert self.conductivity is not None  # noqa: S101  where there is the stage
-        return 1.0 / (1.0 + p[self.conductivity.parameter])
+        further = 0.0 if self.resistance is None else self.resistance.at(np.abs(at.i), at.p)
+        return np.maximum(resistance + further, 0.0), voltage
 
     def effect(self, name: str, symptom: str, parameters: Sequence[EffectParameter], **facts: Any) -> Effect:
         """The effect that acts as these data say, with further facts of it."""
@@ -182,10 +176,10 @@ class Carried:
             coenergy=self.coenergy_stage if self.magnetics is not None else None,
             setting=self.setting_stage if self.setting else None,
             readings=self.readings_stage if self.readings or self.branches else None,
-            force=self.force_stage if self.brake else None,
+            force=self.brake,
             circuit=self.circuit_stage if self.resistance else None,
             impedance=self.impedance,
-            eddy=self.eddy_stage if self.conductivity else None,
+            eddy=self.conductivity,
             carried=self,
             **facts,
         )

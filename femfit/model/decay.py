@@ -26,7 +26,7 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 from casadi import SX
-from numpy.polynomial import chebyshev
+from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
 from femfit.core.graph import GraphFunction, building, row_of, settled
@@ -211,8 +211,6 @@ class ResponseTable:
         self._count = len(resistances)
         nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
         between = np.cos(np.pi * np.arange(1, DEGREE + 1) / (DEGREE + 1))
-        fit = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
-        powers = np.array([np.pad(chebyshev.cheb2poly(row), (0, DEGREE))[: DEGREE + 1] for row in np.eye(DEGREE + 1)])
         rows, columns = np.triu_indices(self._count)
 
         def entries(distance: FloatArray) -> FloatArray:
@@ -226,12 +224,12 @@ class ResponseTable:
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             at = np.concatenate([nodes, between])
             values = entries(middle + half * at)
-            coefficients = fit @ values[: DEGREE + 1]
-            error = np.abs(chebyshev.chebvander(between, DEGREE) @ coefficients - values[DEGREE + 1 :]) / scale
+            coefficients = polyfit(nodes, values[: DEGREE + 1], DEGREE)
+            error = np.abs(polyval(between, coefficients).T - values[DEGREE + 1 :]) / scale
             if error.max() > ERROR and depth < MOST_HALVINGS:
                 waiting += [(middle, high, depth + 1), (low, middle, depth + 1)]  # the lower one comes next
             else:
-                cells.append((low, np.concatenate([[middle, 1.0 / half], (powers.T @ coefficients).T.ravel()])))
+                cells.append((low, np.concatenate([[middle, 1.0 / half], coefficients.T.ravel()])))
         self._borders = np.array([low for low, _ in cells[1:]])
         self._ends, self._table = ends, np.stack([row for _, row in cells])
 

@@ -19,7 +19,7 @@ LEAST = -0.9
 NEAREST = 0.5
 """Numerical: part of the smallest swept distance, with what adds to it as the flux's path, that a face may close."""
 
-NEEDS = ("force_N|flux_linkage_Wb|inductance_H|hall_V",)
+NEEDS: tuple[str, ...] = ("force_N|flux_linkage_Wb|inductance_H|hall_V",)
 
 HARMONIC_NEEDS = "frequency_Hz", "inductance_H|resistance_ohm"
 """Of a number without a part in the static field, as a conductivity."""
@@ -63,12 +63,17 @@ class DrawnEffect:
         """Nothing that it changes, or what another parameter changes."""
         if not (self.terms or self.impedance or self.conducts):
             yield "magnetics", "a list of objects, at least one"
-        yield from self._carried.unknown([self.parameter])
+        yield from self._carried().unknown([self.parameter])
 
     @property
     def parameter(self) -> str:
         """Name of the amplitude: true less drawn value in the drawing's unit, or as a share of it."""
         return parameter_name(self.unit)
+
+    def _carried(self) -> Carried:
+        terms = self.terms if self.terms or self.at_rest else None
+        conductivity = Conductivity(self.parameter) if self.conducts else None
+        return Carried(terms, impedance=self.impedance, conductivity=conductivity, gap_m=self.gap_m)
 
     @cached_property
     def effect(self) -> Effect:
@@ -86,31 +91,25 @@ class DrawnEffect:
             description=f"True less drawn value of {self.key}{'' if self.unit else ', over the drawn one'}.{also}",
             words=words,
         )
-        shown = "Impedances" if self._harmonic else "Force, flux linkage and Hall voltage"
-        shown = "Impedances and the lag of the field" if self.conducts else shown
+        shown, needs = "Force, flux linkage and Hall voltage", NEEDS
+        if self.conducts:
+            shown, needs = "Impedances and the lag of the field", EDDY_NEEDS
+        elif not self.terms:  # impedances alone show it
+            shown, needs = "Impedances", HARMONIC_NEEDS
         calibrations: tuple[Calibration, ...] = ()
         if self.unit == "mm" and not self.key.startswith(SENSORS):  # a dimension can be read on the part itself
             text = f"Measure {self.subject} on the device itself, to {MICROMETER_MM:g} mm."
             calibrations = (Calibration({self.parameter: MICROMETER_MM}, MICROMETER_COST, text),)
-        return self._carried.effect(
+        return self._carried().effect(
             self.key,
             f"{shown} are those of a device in which {self.key} is another number.",
             (change,),
-            needs=EDDY_NEEDS if self.conducts else HARMONIC_NEEDS if self._harmonic else NEEDS,
+            needs=needs,
             experiment=f"Measure {self.subject} on the device itself.",
             calibrations=calibrations,
             reference="Signature computed from the drawing's own field",
             title="" if self.subject == self.key else self.subject,
             stands_for=self.stands_for,
-        )
-
-    @property
-    def _carried(self) -> Carried:
-        return Carried(
-            self.terms if self.terms or self.at_rest else None,
-            impedance=self.impedance,
-            conductivity=Conductivity(self.parameter) if self.conducts else None,
-            gap_m=self.gap_m,
         )
 
     def _within(self, tolerances: float) -> tuple[float, float]:
@@ -122,11 +121,6 @@ class DrawnEffect:
                 room = NEAREST * u.reference_distance_m / (term.coenergy.spline.x_knots[-1] * abs(self.gap_m))
                 low, high = (low, min(high, room)) if self.gap_m > 0.0 else (max(low, -room), high)
         return low, high
-
-    @property
-    def _harmonic(self) -> bool:
-        """Whether impedances alone show it."""
-        return self.impedance is not None and not self.terms
 
 
 def parameter_name(unit: str) -> str:

@@ -19,10 +19,10 @@ A. Odabasioglu, M. Celik and L. T. Pileggi, IEEE Trans. CAD 17 (1998) 645: proje
 keeps them passive.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations_with_replacement
 from math import comb
 from typing import Any
@@ -31,6 +31,7 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
+from femfit.core.graph import Expression
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.model.bspline import FLAT, DistanceCoordinate, DistanceSplines, functions
 from femfit.model.decay import complex_array
@@ -160,11 +161,12 @@ class EddyCurrents:
             found.append(EddyForms(coupling, linkage, inductance, hall, self.resistances_ohm))
         return found
 
-    def patterns(self, distance: SX) -> EddyForms:
-        """What an impedance takes at the distance of an expression."""
+    def patterns(self, distance: SX, currents: Sequence[Expression], factor: Expression) -> EddyForms:
+        """What an impedance takes at an expression's distance, beside scaled numbers of turns and resistances."""
         coupling, linkage, hall, inductance = map(complex_array, self._entries(distance))
-        resistances = complex_array(SX(self.resistances_ohm))
-        return EddyForms(coupling, linkage, inductance[:, 0][self._places], hall, resistances[:, 0])
+        resistances = complex_array(factor * SX(self.resistances_ohm))[:, 0]
+        coupling = coupling / complex_array(SX(ca.vertcat(*currents)))
+        return EddyForms(coupling, linkage, inductance[:, 0][self._places], hall, resistances)
 
     def scaled(self, magnets: float, currents: FloatArray) -> "EddyCurrents":
         """The patterns beside magnets and numbers of turns that are scaled: W_s(d, s u) has u = i + C e / s."""
@@ -228,4 +230,8 @@ class EddyMagnetics(Magnetics):
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
-        return self.eddy.expression(self.static.expression, distance, currents)
+        return self.with_memory({})(distance, currents)
+
+    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
+        """The same where the states of effects are these."""
+        return partial(self.eddy.expression, self.static.with_memory(memory))

@@ -36,29 +36,12 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
 from femfit.model.decay import ResponseTable, decayed, eliminated, shares
 from femfit.model.drive import LEAST_SPEED_M_S, between, endless, met_stops
-from femfit.model.sensing import AnySensor, reading_expression
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
 
 _LEAKAGE = 0.05
 """Least part of the inductance that a changing state leaves: leakage flux passes air, whatever the core does."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Symbols:
-    """What the equations are written in."""
-
-    state: SX
-    voltage: SX
-    step: SX
-    time: SX
-    free: SX  # 1, or 0 of a body that goes on at its speed
-
-    @property
-    def inputs(self) -> list[SX]:
-        """As every function of the equations takes them."""
-        return [self.state, self.voltage, ca.vertcat(self.step, self.time, self.free)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,40 +59,88 @@ class Driver:
 
 
 @dataclass(frozen=True, eq=False)
-class _Core:
-    """The first circuit's core, whose effects have states."""
+class _Moment:
+    """A state, and what of W' and of the forces moves it; the states of effects are those of the first circuit's core.
 
-    memory: Mapping[str, SX]  # The states
-    conditions: Conditions
-    first: SX  # The circuit's current
-    current: SX  # u, that it sees
-    turns: SX  # G
-    drift: SX  # u' at held currents
-    along: SX  # By which the circuit's flux linkage grows with the states; as G's first entry is 1
-
-    def rate(self, rate: SX) -> SX:
-        """The rate u' where all windings' currents have these."""
-        return ca.dot(self.turns, rate) + self.drift
-
-    def later(self, rate: SX, time: SX, memory: Mapping[str, SX], conditions: Conditions) -> "_Core":
-        """The same core a time in s later, at these rates, with the states and under the conditions of then."""
-        first, current = self.first + time * rate[0], self.current + time * self.rate(rate)
-        return replace(self, memory=memory, conditions=conditions, first=first, current=current)
-
-
-@dataclass(frozen=True, eq=False)
-class _AtFirst:
-    """What a step of the filters begins with, taken where the body is half-way."""
+    Attributes
+    ----------
+    turns, drift : SX
+        G, and u' at held currents.
+    along : SX
+        By which the circuit's flux linkage grows with the states; as G's first entry is 1.
+    """
 
     distance: SX
     velocity: SX
     currents: SX
-    acceleration: SX
-    freedom: SX  # Nought of a body that goes on at its speed
-    way: tuple[SX, SX]  # The speed along which the body induces a voltage, and its growth
     linkage: SX
+    inductance: SX  # With what is in series
     motional_constant: SX
-    pull: SX  # By which all forces on the body grow with the currents
+    force: SX  # All but the weight and what the mechanics add
+    pull: SX  # By which it grows with the currents
+    acceleration: SX
+    conditions: Conditions  # With the states of effects
+    core_current: SX  # u
+    turns: SX
+    drift: SX
+    along: SX
+
+    def driving(self, circuits: tuple[SX, SX, SX], speed: SX) -> SX:
+        """Voltages that change the currents of a body with a speed."""
+        resistances, volts, _ = circuits
+        return volts - resistances * self.currents + self.motional_constant * speed
+
+    def core_rate(self, rate: SX) -> SX:
+        """The rate u' where all windings' currents have these."""
+        return ca.dot(self.turns, rate) + self.drift
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step of the filters, from what moves the body where it is half-way."""
+
+    at: _Moment
+    length: SX
+    mobility: SX  # Acceleration for each newton, nought of a body that goes on at its speed
+    speed: SX  # Along which the body induces a voltage
+    gain: SX  # That speed's growth
+    linear: bool  # Whether inductances depend on the distance alone
+    table: ResponseTable | None  # Of what the step makes of the currents
+    drivers: Sequence[Driver]
+
+    def means(self, resistances: SX, inductance: SX, driving: SX) -> tuple[SX, SX, SX]:
+        """Means of velocity, acceleration and the currents' rates, with these circuits at first."""
+        at, h, w, drivers = self.at, self.length, self.at.currents, self.drivers
+        slope_by_currents = ca.jacobian(at.motional_constant, w)
+        units = SX.eye(w.numel())[:, [driver.circuit for driver in drivers]]
+        if drivers:  # by Euler's implicit step, so that what follows has little to add
+            rates = eliminated(inductance + h * ca.diag(resistances), ca.horzcat(driving, units))
+            more = driver_voltages(drivers, w + h * rates[:, 0], h * rates[:, 1:])
+            driving, drivers = driving + units @ more, [of.beside(more[k]) for k, of in enumerate(drivers)]
+        both, against = ca.horzcat(driving, at.motional_constant * self.gain, units), ca.diag(resistances)
+
+        def responses(volts: SX) -> Sequence[SX]:
+            if self.table is None:
+                return decayed(inductance, against, volts, h)
+            return [response @ volts for response in self.table.at(at.distance)]
+
+        if self.linear:  # dL/dt of the way, by the currents' mean rates
+            both[:, 1] += self.speed * slope_by_currents @ responses(driving)[0]
+        else:
+            direction = SX.sym("r", w.numel())  # dL/dt of currents with these rates, (m, m)
+            change = ca.jacobian(ca.jtimes(at.linkage, w, direction), w)
+            change = ca.substitute(change, direction, eliminated(inductance, driving)) - self.speed * slope_by_currents
+            against += _slowed(change, ca.diag(inductance) / h + resistances)
+        ends, means, ways = responses(both)
+        if drivers:
+            more = driver_voltages(drivers, w + h * (ends[:, 0] + h * means[:, 1]), h * ends[:, 2:])
+            for parts in (ends, means, ways):
+                parts[:, 0] += parts[:, 2:] @ more
+        changed = h * (means[:, 0] + h * ways[:, 1])
+        curved = ca.dot(changed, slope_by_currents @ changed)  # the mean square of even growth is 4/3 of this
+        late = at.acceleration / 2.0 - self.mobility * (h * ca.dot(at.pull, ways[:, 0]) + curved / 6.0)
+        acceleration = at.acceleration - self.mobility * (ca.dot(at.pull, changed) + 2.0 / 3.0 * curved)
+        return at.velocity + h * late, acceleration, ends[:, 0] + h * means[:, 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +155,7 @@ class Equations:
     @property
     def rates(self) -> GraphFunction:
         """Time derivative of the state."""
-        return self._function("rates", lambda at: self._rates(at.state, at))
+        return self.function("rates", lambda x, u, _h, _t, free: self.rates_at(x, u, free))
 
     def flow(self, driven: tuple[int, ...] = (), *, slope: bool = False) -> GraphFunction:
         """Time derivative of the state without dry friction, and after it the voltages that the circuits' drivers give.
@@ -137,30 +168,24 @@ class Equations:
             Whether the Jacobian by the state and these inputs is asked for instead, column after column.
         """
 
-        def made(at: _Symbols) -> SX:
-            flow = ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
-            return ca.vec(ca.jacobian(flow, ca.vertcat(at.state, at.voltage))) if slope else flow
+        def made(x: SX, u: SX, *_: SX) -> SX:
+            flow = ca.vertcat(*self.flow_at(x, u, driven))
+            return ca.vec(ca.jacobian(flow, ca.vertcat(x, u))) if slope else flow
 
-        return self._function(("flow", driven, slope), made)
+        return self.function(("flow", driven, slope), made)
 
     def step(self, length: float | None) -> GraphFunction:
         """The state one step later; of one length in s, or of any that is given with each state where None."""
         length = None if self._losses is None else length
-        return self._function(("step", length), lambda at: self._step(at, length))
+        key = "step", length
+        return self.function(key, lambda x, u, h, _, free: self.step_at(x, u, h if length is None else length, free))
 
-    def reading(self, sensor: AnySensor) -> GraphFunction:
-        """What a sensor reads."""
-        return self._function(
-            ("reading", sensor), lambda at: reading_expression(self, sensor, at.state, at.voltage, at.time)
-        )
-
-    def _function(self, key: Hashable, make: Callable[[_Symbols], SX]) -> GraphFunction:
-        """A function of the equations, made once."""
+    def function(self, key: Hashable, make: Callable[..., SX]) -> GraphFunction:
+        """A function of the equations, made once of the expressions (state, voltage, step, time, free)."""
 
         def made() -> GraphFunction:
-            symbols = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
-            at = _Symbols(*symbols, *(SX.sym(name) for name in ("step", "time", "free")))
-            return GraphFunction(at.inputs, make(at))
+            x, u, others = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)), SX.sym("others", 3)
+            return GraphFunction([x, u, others], make(x, u, *ca.vertsplit(others)))
 
         return once(self, key, made)
 
@@ -170,15 +195,13 @@ class Equations:
 
         The inductances of all windings then depend on the distance alone, and what currents take on nothing.
         """
-        model = self.model
-        if model.eddy is None or model.memories:
+        if self.model.eddy is None or self.model.memories:
             return None
         with building():
-            d, v, w = SX.sym("d"), SX.sym("v"), SX.sym("w", model.windings.count)
-            linkage = ca.gradient(self.coenergy({})(d, w), w)
-            of_distance = GraphFunction([d, w], ca.vec(ca.jacobian(linkage, w))).leaves_out(w)
-            conditions = self.conditions(v, {}, -ca.jacobian(linkage, d) * v)
-            taken = self._circuits(SX.sym("u", len(model.circuits)), w, conditions)[2]
+            d, v, w = SX.sym("d"), SX.sym("v"), SX.sym("w", self.model.windings.count)
+            at = self._moment(ca.vertcat(d, v, w))
+            of_distance = GraphFunction([d, w], ca.vec(at.inductance)).leaves_out(w)
+            taken = self._circuits(SX.sym("u", len(self.model.circuits)), w, at.conditions)[2]
             return np.array(ca.DM(taken)).ravel() if of_distance and taken.is_constant() else None
 
     def _responses(self, length: float) -> ResponseTable:
@@ -191,9 +214,19 @@ class Equations:
         ends = box.distance_min_m, box.distance_max_m
         return once(self, ("responses", length), lambda: ResponseTable(inductance, losses, length, ends))
 
-    def rates_at(self, state: SX, voltage: SX) -> SX:
-        """Time derivative of an expression's state, of a free body."""
-        return self._rates(state, _expressed(state, voltage))
+    def parts(self, state: SX) -> tuple[SX, SX, SX, dict[str, SX]]:
+        """Distance, velocity, currents of all windings, and states of effects by name."""
+        end, names = self.model.windings.end, self.model.memory_names
+        return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
+
+    def _within(self, function: Callable[[SX], SX], distance: SX, state: SX) -> SX:
+        """A function of the state at a distance: of a body that its stops let no further, though it may be beyond."""
+        ends = self.model.require_motion().ends
+        return of_variable(function, ca.vertcat(between(distance, ends), state[1:]))
+
+    def rates_at(self, state: SX, voltage: SX, free: SX | float = 1.0) -> SX:
+        """Time derivative of an expression's state."""
+        return self._within(lambda x: self._flow(self._moment(x), voltage, free, ())[0], state[0], state)
 
     def flow_at(self, state: SX, values: SX, driven: tuple[int, ...]) -> tuple[SX, SX]:
         """Time derivative of an expression's state without dry friction, and the voltages that the drivers give.
@@ -205,9 +238,31 @@ class Equations:
         driven : tuple of int
             The circuits whose currents have the rates in A/s that stand in the place of their voltages.
         """
-        return self._flow(state, _expressed(state, values), driven=driven, dry_friction=False)
+        smooth = replace(self.model.require_motion(), coulomb_N=0.0)
+        return self._flow(self._moment(state, smooth), values, 1.0, driven)
 
-    def step_at(self, state: SX, voltage: SX, length: SX | float, free: SX | None = None, **options: Any) -> SX:
+    def _flow(self, at: _Moment, values: SX, free: SX | float, driven: tuple[int, ...]) -> tuple[SX, SX]:
+        acceleration, places = free * at.acceleration, list(driven)
+        if not at.currents.numel():  # no current that a state of an effect could follow
+            return ca.vertcat(at.velocity, acceleration), values
+        commanded, imposed = SX(values), values[places]
+        commanded[places] = 0.0
+        circuits = self._circuits(commanded, at.currents, at.conditions)
+        inductance, driving = self._beside(at, at.driving(circuits, at.velocity), (places, imposed))
+        rate, more = _imposed(inductance, driving, places, imposed)
+        if driven:
+            commanded[places] = self._commanded(circuits[1][places] + more, at)
+        return ca.vertcat(at.velocity, acceleration, rate, self._followed(at, rate)), commanded
+
+    def step_at(
+        self,
+        state: SX,
+        voltage: SX,
+        length: SX | float,
+        free: SX | float = 1.0,
+        stops: Mechanics | None = None,
+        drivers: Sequence[Driver] = (),
+    ) -> SX:
         """An expression's state a step in s later.
 
         Parameters
@@ -217,206 +272,116 @@ class Equations:
         drivers : sequence of Driver
             That end currents at values of their own.
         """
-        of_one_length = None if self._losses is None or isinstance(length, SX) else length
-        return self._step(_expressed(state, voltage, SX(length), free), of_one_length, **options)
-
-    def parts(self, state: SX) -> tuple[SX, SX, SX, dict[str, SX]]:
-        """Distance, velocity, currents of all windings, and states of effects by name."""
-        end, names = self.model.windings.end, self.model.memory_names
-        return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
-
-    def _step(
-        self, at: _Symbols, length: float | None, stops: Mechanics | None = None, drivers: Sequence[Driver] = ()
-    ) -> SX:
-        """The state one step later. With stops, the voltage that motion induces follows the body's way between them."""
-        h, state = at.step, at.state
-        middle = ca.vertcat(state[0] + 0.5 * h * state[1], state[1:])
+        h, table = SX(length), None
+        if self._losses is not None and not isinstance(length, SX):
+            table = self._responses(length)
 
         def way(v: SX, acceleration: SX) -> tuple[SX, SX]:
             if stops is None:
                 return v, acceleration
-            free = state[0] + h * (v + 0.5 * h * acceleration)
-            reached = met_stops(stops, (state[0], v), (free, v + h * acceleration), h)[0]
-            met = ca.fabs(reached - free) > 0.0
+            end = state[0] + h * (v + 0.5 * h * acceleration)
+            reached = met_stops(stops, (state[0], v), (end, v + h * acceleration), h)[0]
+            met = ca.fabs(reached - end) > 0.0
             return ca.if_else(met, (reached - state[0]) / h, v), ca.if_else(met, 0.0, acceleration)
 
-        return state + h * self._rates(middle, at, length=length, way=way, drivers=drivers)
+        def means(x: SX) -> SX:
+            at = self._moment(x)
+            freedom = free * shares(-h * _braking(at.acceleration, at.velocity, h))[0]
+            at = replace(at, acceleration=freedom * at.acceleration)
+            if not at.currents.numel():
+                return ca.vertcat(at.velocity + 0.5 * h * at.acceleration, at.acceleration)
+            along = way(at.velocity, at.acceleration)
+            step = _Step(
+                at, h, freedom / self.model.require_motion().mass_kg, *along, self._losses is not None, table, drivers
+            )
+            return self._means(step, voltage)
 
-    def _rates(self, state: SX, at: _Symbols, **options: Any) -> SX:
-        """Of a body that its stops let no further, though a stage of a step may."""
-        reached = ca.vertcat(between(state[0], self.model.require_motion().ends), state[1:])
-        return of_variable(lambda x: self._flow(x, at, **options)[0], reached)
+        return state + h * self._within(means, state[0] + 0.5 * h * state[1], state)
 
-    def _flow(
-        self,
-        state: SX,
-        at: _Symbols,
-        *,
-        length: float | None = None,
-        way: Callable[[SX, SX], tuple[SX, SX]] | None = None,
-        drivers: Sequence[Driver] = (),
-        driven: tuple[int, ...] = (),
-        dry_friction: bool = True,
-    ) -> tuple[SX, SX]:
-        """Rates of the state, or their means over a step; and the voltages that drivers give.
+    def _means(self, step: _Step, voltage: SX) -> SX:
+        """Means of the state's rates over a step."""
+        at, half, memory = step.at, 0.5 * step.length, step.at.conditions.memory
+        then = replace(at, conditions=self.conditions(at.velocity, memory, at.motional_constant * step.speed))
+        circuits = self._circuits(voltage, at.currents, then.conditions)
+        driving = at.driving(circuits, step.speed)
+        v, acceleration, rate = step.means(circuits[2], *self._beside(then, driving))
+        if memory:  # the same beside the states and the current half-way
+            z = ca.vertcat(*memory.values())
+            change = half * self._followed(then, rate, half)
+            stronger = step.mobility * (ca.jacobian(at.force, z) @ change)
+            later, speed = dict(zip(memory, ca.vertsplit(z + change), strict=True)), step.speed + half * step.gain
+            conditions = self.conditions(speed, later, at.motional_constant * speed)
+            current = at.core_current + half * at.core_rate(rate)
+            then = replace(at, conditions=conditions, currents=at.currents + half * rate, core_current=current)
+            v, acceleration, rate = step.means(circuits[2], *self._beside(then, driving))
+            v, acceleration = v - step.length / 3.0 * stronger, acceleration - stronger
+            then = replace(then, conditions=replace(conditions, memory=memory))  # from the states at first
+        return ca.vertcat(v, acceleration, rate, self._followed(then, rate, step.length))
 
-        Parameters
-        ----------
-        length : float or None
-            The step in s, where a table says what it makes of the currents.
-        way : callable or None
-            A speed and its growth, along which the body induces a voltage, from the speed at first and the
-            acceleration; None for rates at a moment.
-        driven : tuple of int
-            Circuits whose currents have the rates that stand in the voltages' places, at each moment.
-        """
-        model, motion, windings = self.model, self.model.require_motion(), self.model.windings
-        motion = motion if dry_friction else replace(motion, coulomb_N=0.0)
+    def _moment(self, state: SX, mechanics: Mechanics | None = None) -> _Moment:
+        """What moves a state, with other mechanics on demand."""
+        model, windings = self.model, self.model.windings
+        mechanics = mechanics or model.require_motion()
         d, v, w, memory = self.parts(state)
-        z = ca.vertcat(SX(0, 1), *memory.values())
-        coenergy = self.coenergy(memory)(d, w)
-        linkage = ca.gradient(coenergy, w)
-        force, motional_constant = -ca.gradient(coenergy, d), -ca.jacobian(linkage, d)
-        inductance = ca.jacobian(linkage, w) + windings.series_H
+        value = windings.magnetics.with_memory(memory)(d, w)
+        linkage = ca.gradient(value, w)
+        motional_constant = -ca.jacobian(linkage, d)
+        conditions = self.conditions(v, memory, motional_constant * v)
         first = w[0] if w.numel() else SX(0.0)
-        motional = motional_constant * v
-        conditions = self.conditions(v, memory, motional)
         further = SX(with_further_force(model.effects, 0.0, d, first, conditions))
-        force, pull = force + further, motional_constant + ca.gradient(further, w)
-        acceleration = motion.acceleration(d, v, force, model.sample_time_s)
-        freedom = at.free if way is None else at.free * shares(-at.step * _braking(acceleration, v, at.step))[0]
-        acceleration = freedom * acceleration
-        if not w.numel():  # no current that a state of an effect could follow
-            return ca.vertcat(v if way is None else v + 0.5 * at.step * acceleration, acceleration), at.voltage
-        speed, gain = (v, SX(0.0)) if way is None else way(v, acceleration)
-        if way is not None:
-            motional = motional_constant * speed
-            conditions = self.conditions(v, memory, motional)
-        places = list(driven)
-        commanded, imposed = SX(at.voltage), at.voltage[places]
-        commanded[places] = 0.0
-        resistances, volts, taken = self._circuits(commanded, w, conditions)
-        circuits = inductance, resistances if way is None else taken, volts - resistances * w + motional
-        core = self._core((d, v, w), memory, conditions, ca.jacobian(linkage[0], z).T)
-        if way is None:
-            total, _, driving = self._beside(core, circuits, (places, imposed))
-            rate, more = _imposed(total, driving, places, imposed)
-            if driven:
-                commanded[places] = self._commanded(volts[places] + more, first, conditions)
-        else:
-            at_first = _AtFirst(d, v, w, acceleration, freedom, (speed, gain), linkage, motional_constant, pull)
-            fed = self._beside(core, circuits)
-            v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
-            if memory:  # half-way
-                half = 0.5 * at.step
-                change = half * self._followed(core, rate, half)
-                stronger = freedom / motion.mass_kg * (ca.jacobian(force, z) @ change)
-                later, speed = dict(zip(memory, ca.vertsplit(z + change), strict=True)), speed + half * gain
-                core = core.later(rate, half, later, self.conditions(speed, later, motional_constant * speed))
-                fed = self._beside(core, circuits)
-                v, acceleration, rate = self._means(at, length, at_first, fed, drivers)
-                v, acceleration = v - at.step / 3.0 * stronger, acceleration - stronger
-        step = None if way is None else at.step
-        followed = self._followed(replace(core, memory=memory), rate, step)  # from the states at first
-        return ca.vertcat(v, acceleration, rate, followed), commanded
-
-    def _means(
-        self,
-        at: _Symbols,
-        length: float | None,
-        first: "_AtFirst",
-        circuits: tuple[SX, SX, SX],
-        drivers: Sequence[Driver],
-    ) -> tuple[SX, SX, SX]:
-        """Means over a step of velocity, acceleration and the currents' rates.
-
-        Parameters
-        ----------
-        circuits : tuple of (SX, SX, SX)
-            Inductance, resistances and driving voltages at first.
-        """
-        h, w, constant, speed, gain = at.step, first.currents, first.motional_constant, *first.way
-        inductance, resistances, driving = circuits
-        slope_by_currents = ca.jacobian(constant, w)
-        units = SX.eye(w.numel())[:, [driver.circuit for driver in drivers]]
-        if drivers:  # by Euler's implicit step, so that what follows has little to add
-            rates = eliminated(inductance + h * ca.diag(resistances), ca.horzcat(driving, units))
-            more = driver_voltages(drivers, w + h * rates[:, 0], h * rates[:, 1:])
-            driving, drivers = driving + units @ more, [of.beside(more[k]) for k, of in enumerate(drivers)]
-        both = ca.horzcat(driving, constant * gain, units)
-        against, responses = ca.diag(resistances), None
-        if length is not None:
-            responses = self._responses(length).at(first.distance)
-        if self._losses is not None:  # dL/dt of the way, by the currents' mean rates
-            growth = decayed(inductance, against, driving, h)[0] if responses is None else responses[0] @ driving
-            both[:, 1] += speed * slope_by_currents @ growth
-        else:
-            direction = SX.sym("r", w.numel())  # dL/dt of currents with these rates, (m, m)
-            change = ca.jacobian(ca.jtimes(first.linkage, w, direction), w)
-            change = ca.substitute(change, direction, eliminated(inductance, driving)) - speed * slope_by_currents
-            against += _slowed(change, ca.diag(inductance) / h + resistances)
-        if responses is None:
-            ends, means, ways = decayed(inductance, against, both, h)
-        else:
-            ends, means, ways = (response @ both for response in responses)
-        if drivers:
-            more = driver_voltages(drivers, w + h * (ends[:, 0] + h * means[:, 1]), h * ends[:, 2:])
-            for parts in (ends, means, ways):
-                parts[:, 0] += parts[:, 2:] @ more
-        changed, lag = h * (means[:, 0] + h * ways[:, 1]), first.freedom / self.model.require_motion().mass_kg
-        curved = ca.dot(changed, slope_by_currents @ changed)  # the mean square of even growth is 4/3 of this
-        late = first.acceleration / 2.0 - lag * (h * ca.dot(first.pull, ways[:, 0]) + curved / 6.0)
-        return (
-            first.velocity + h * late,
-            first.acceleration - lag * (ca.dot(first.pull, changed) + 2.0 / 3.0 * curved),
-            ends[:, 0] + h * means[:, 1],
+        force, current, along = further - ca.gradient(value, d), SX(0.0), SX.zeros(len(memory))
+        if model.circuits:
+            current = first if model.eddy is None else model.eddy.acting(d, w)[0][0]
+            along = ca.jacobian(linkage[0], ca.vertcat(SX(0, 1), *memory.values())).T
+        return _Moment(
+            distance=d,
+            velocity=v,
+            currents=w,
+            linkage=linkage,
+            inductance=ca.jacobian(linkage, w) + windings.series_H,
+            motional_constant=motional_constant,
+            force=force,
+            pull=motional_constant + ca.gradient(further, w),
+            acceleration=mechanics.acceleration(d, v, force, model.sample_time_s),
+            conditions=conditions,
+            core_current=current,
+            turns=ca.densify(ca.gradient(current, w)),
+            drift=ca.gradient(current, d) * v,
+            along=along,
         )
 
-    def coenergy(self, memory: Mapping[str, SX]) -> Any:
-        """W'(d, w) of all windings."""
-        magnetics, eddy = self.model.magnetics.with_memory(memory), self.model.eddy
-        return magnetics if eddy is None else lambda d, w: eddy.expression(magnetics, d, w)
+    def _beside(self, at: _Moment, driving: SX, imposed: tuple[list[int], SX] = ([], SX(0, 1))) -> tuple[SX, SX]:
+        """Inductance and driving voltages beside what states of effects do."""
+        if not at.conditions.memory:
+            return at.inductance, driving
+        still = self._memory_rates(at, SX(0.0))
+        driving = driving - at.turns * ca.dot(at.along, still)
+        share = ca.dot(at.turns, eliminated(at.inductance, at.turns))
+        rate, _ = _imposed(at.inductance, driving, *imposed)
+        sign = ca.if_else(at.core_rate(rate) < 0.0, -1.0, 1.0)
+        change = sign * (self._memory_rates(at, sign) - still)
+        taken = ca.fmax(ca.dot(at.along, change), (_LEAKAGE - 1.0) / share)
+        return at.inductance + taken * at.turns @ at.turns.T, driving - at.turns * (taken * at.drift)
 
-    def _core(self, body: tuple[SX, SX, SX], memory: Mapping[str, SX], conditions: Conditions, along: SX) -> _Core:
-        d, v, w = body
-        current = w[0] if self.model.circuits else SX(0.0)
-        if self.model.circuits and self.model.eddy is not None:
-            current = self.model.eddy.acting(d, w)[0][0]
-        turns, drift = ca.densify(ca.gradient(current, w)), ca.gradient(current, d) * v
-        return _Core(memory, conditions, w[0], current, turns, drift, along)
-
-    def _beside(
-        self, core: _Core, circuits: tuple[SX, SX, SX], imposed: tuple[list[int], SX] = ([], SX(0, 1))
-    ) -> tuple[SX, SX, SX]:
-        """Inductance, resistances and driving voltages beside what states of effects do."""
-        if not core.memory:
-            return circuits
-        inductance, resistances, driving = circuits
-        still = self._memory_rates(core, SX(0.0))
-        driving = driving - core.turns * ca.dot(core.along, still)
-        share = ca.dot(core.turns, eliminated(inductance, core.turns))
-        rate, _ = _imposed(inductance, driving, *imposed)
-        sign = ca.if_else(core.rate(rate) < 0.0, -1.0, 1.0)
-        change = sign * (self._memory_rates(core, sign) - still)
-        taken = ca.fmax(ca.dot(core.along, change), (_LEAKAGE - 1.0) / share)
-        return inductance + taken * core.turns @ core.turns.T, resistances, driving - core.turns * (taken * core.drift)
-
-    def _followed(self, core: _Core, rate: SX, step: SX | None) -> SX:
+    def _followed(self, at: _Moment, rate: SX, step: SX | None = None) -> SX:
         """Rates z' where all windings' currents have these; over a step in s their means.
 
         A state with z' = a - b z moves by (a - b z) (1 - exp(-b h)) / b, however fast it decays.
         """
+        memory = at.conditions.memory
+        if not memory:
+            return SX(0, 1)
 
         def followed(z: SX) -> SX:
-            states = dict(zip(core.memory, ca.vertsplit(z), strict=True))
-            rates = self._memory_rates(replace(core, memory=states), core.rate(rate), rate[0])
-            return rates if step is None else ca.vertcat(rates, -ca.diag(ca.jacobian(rates, z)))
+            states = dict(zip(memory, ca.vertsplit(z), strict=True))
+            there = replace(at, conditions=replace(at.conditions, memory=states))
+            rates = self._memory_rates(there, at.core_rate(rate), rate[0])
+            if step is None:
+                return rates
+            decays = ca.vertsplit(ca.diag(ca.jacobian(rates, z)))
+            return rates * ca.vertcat(*(shares(-step * decay)[0] for decay in decays))
 
-        if not core.memory:
-            return SX(0, 1)
-        found = of_variable(followed, ca.vertcat(*core.memory.values()))
-        rates, decays = found[: len(core.memory)], ca.vertsplit(found[len(core.memory) :])
-        return rates if step is None else rates * ca.vertcat(*(shares(step * decay)[0] for decay in decays))
+        return of_variable(followed, ca.vertcat(*memory.values()))
 
     def _circuits(self, voltage: SX, w: SX, conditions: Conditions) -> tuple[SX, SX, SX]:
         """Resistances of all windings, the voltages at them, and what each current takes from its own in ohm."""
@@ -428,15 +393,15 @@ class Equations:
             resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], w[0], conditions)
         return resistances, volts, -ca.diag(ca.jacobian(volts - resistances * w, w))  # a supply that sags takes, too
 
-    def _commanded(self, applied: SX, first: SX, conditions: Conditions) -> SX:
+    def _commanded(self, applied: SX, at: _Moment) -> SX:
         """The voltages to command so that these are applied, from beyond a driver's dead zone on."""
         model = self.model
         if len(model.circuits) > 1 or not any(added.effect.circuit for added in model.effects):
             return applied
-        far = applied + ca.if_else(applied < 0.0, -1.0, 1.0) * conditions.nominal.voltage_V
+        far = applied + ca.if_else(applied < 0.0, -1.0, 1.0) * at.conditions.nominal.voltage_V
 
         def driver(voltage: SX) -> SX:
-            return SX(circuit_of(model.effects, SX(0.0), voltage, first, conditions)[1])
+            return SX(circuit_of(model.effects, SX(0.0), voltage, at.currents[0], at.conditions)[1])
 
         return far + (applied - driver(far)) / slope(driver, far)
 
@@ -448,23 +413,17 @@ class Equations:
         volts = motional[0] if motional is not None and motional.numel() else SX(0.0)
         return replace(at, velocity_m_s=v, memory=memory, motional_V=volts)
 
-    def _memory_rates(self, core: _Core, rate: SX, of_circuit: SX | None = None) -> SX:
+    def _memory_rates(self, at: _Moment, rate: SX, of_circuit: SX | None = None) -> SX:
         """Rates z' at a rate of the core's current; a sensor's states follow the circuit's own, where that is given."""
         rates: dict[str, Expression] = {}
         for added in self.model.effects:
             if added.memory is None:
                 continue
             own = of_circuit is None or added.effect.coenergy is not None
-            current, its_rate = (core.current, rate) if own else (core.first, of_circuit)
-            conditions = replace(core.conditions, current_rate_A_s=its_rate)
-            rates |= added.memory.rate(core.memory, current, conditions, added.parameters)
-        return ca.vertcat(SX(0, 1), *(rates[name] for name in core.memory))
-
-
-def _expressed(state: SX, voltage: SX, step: SX | None = None, free: SX | None = None) -> _Symbols:
-    """The equations' inputs as expressions, at no certain time."""
-    zero = SX(0.0)
-    return _Symbols(state, voltage, zero if step is None else step, zero, SX(1.0) if free is None else free)
+            current, its_rate = (at.core_current, rate) if own else (at.currents[0], of_circuit)
+            conditions = replace(at.conditions, current_rate_A_s=its_rate)
+            rates |= added.memory.rate(conditions.memory, current, conditions, added.parameters)
+        return ca.vertcat(SX(0, 1), *(rates[name] for name in at.conditions.memory))
 
 
 def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:

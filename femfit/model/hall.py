@@ -35,20 +35,17 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
 from femfit.model.bspline import FLAT, LINE, DistanceCoordinate, TensorSpline, nested_shape, spline_at
-from femfit.model.magnetics import OfCurrents, current_of
+from femfit.model.magnetics import OfCurrents, current_of, part_of
 
 
 class HallField(OfCurrents):
     """B_z(d, i_1..i_n) in T at the Hall element; where the states of effects are given, apart from what these read."""
 
-    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """B_z in T, of shape (...)."""
-        return self.derived(distance, currents, "value")[0]
+    field = part_of("value")  # B_z in T, of shape (...)
 
-    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, ...]:
         """B_z in T and dB_z/dd in T/m, both (...), and dB_z/di_k in T/A, of shape (..., n)."""
-        value, in_distance, in_currents = self.derived(distance, currents, "value", "slope", "flux_linkage")
-        return value, in_distance, in_currents
+        return tuple(self.derived(distance, currents, "value", "slope", "flux_linkage"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,44 +11,28 @@ goes with ln(1 + a) where a is a share of the number. Of one part beside others 
 spline of its own times ln(1 + a)^2 / 2 adds the second.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import GraphFunction, once
 from femfit.core.numerics import ComplexArray, FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, Parameters
-from femfit.model.at_rest import Point
+from femfit.effects.effect import EffectPoint
 from femfit.model.bspline import FLAT, DistanceCoordinate, basis_matrix, functions, spline_at
 from femfit.model.decay import Complex, ComplexExpressions, complex_array, solved
 from femfit.model.eddy_currents import EddyForms
 from femfit.model.with_effects import patterns_with_sources
 
 if TYPE_CHECKING:
-    from femfit.model.actuator_model import ActuatorModel
+    from femfit.model.readings import Point
 
 
 SHORTED = "_shorted_H"
 """Ends the column of the inductance of a circuit beside another that is shorted."""
-
-
-def following_share(effects: Iterable[AddedEffect], s: Any) -> Any:
-    """Take h at s = j w in 1/s: how much of the flux linkage follows a small current, and how late.
-
-    Of an array, or of an expression as a :class:`~femfit.model.decay.Complex`.
-    """
-    share = 0.0 * s + 1.0
-    for added in effects:
-        memory = added.effect.memory
-        if memory is not None and memory.response is not None:
-            share = share - memory.response(s, added.parameters)
-    return share
 
 
 def induced_impedance(inductance: Any, s: Any, share: Any, patterns: EddyForms | None) -> Any:
@@ -61,7 +45,7 @@ def induced_impedance(inductance: Any, s: Any, share: Any, patterns: EddyForms |
     inductance : array, shape (..., n, n)
         In H, without what lags.
     s, share : array
-        j w, and how much of the flux linkage follows, as of :func:`following_share`.
+        j w, and how much of the flux linkage follows a small current, and how late.
     """
     s, share = (np.asarray(x)[..., None, None] for x in (s, share))
     following = share * inductance
@@ -97,43 +81,23 @@ def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
     return found
 
 
-def impedance_expression(at: Point, inductance: SX, s: Complex, resistances_ohm: Sequence[Any]) -> ComplexExpressions:
+def impedance_expression(at: "Point", inductance: SX, s: Complex, resistances_ohm: Sequence[Any]) -> ComplexExpressions:
     """Z in ohm, (n, n), of L (n, n) about a bias, at an expression's point."""
-    share = following_share(at.effects, s)
+    share = 0.0 * s + 1.0  # How much of the flux linkage follows, and how late
+    for added in at.effects:
+        if (memory := added.effect.memory) is not None and memory.response is not None:
+            share = share - memory.response(s, added.parameters)
     patterns = patterns_with_sources(at.model, at.effects, at.distance)
     z = induced_impedance(complex_array(inductance), s, share, patterns)
     for added in at.effects:
         if added.effect.impedance is not None:
             first, frequency = at.currents[0] if at.currents.numel() else SX(0.0), s.imag / (2.0 * np.pi)
-            further = added.effect.impedance(at.distance, first, frequency, at.conditions, added.parameters)
+            point = EffectPoint(at.distance, first, at.conditions, added.parameters)
+            further = added.effect.impedance(frequency, point)
             z = z + further.reshape(z.shape)
     series = [circuit.inductance_H for circuit in at.model.circuits] or [0.0] * len(z)
     beside = [s * henry + ohm for henry, ohm in zip(series, resistances_ohm, strict=True)]
     return np.asarray(z + np.diag(np.array(beside, dtype=object)))
-
-
-def impedances_at(
-    model: "ActuatorModel", distance: FloatArray, currents: FloatArray, frequency: FloatArray
-) -> ComplexArray:
-    """Impedances in ohm at distances (...), currents (..., n) and frequencies (...) in Hz, (..., n, n)."""
-    n = currents.shape[-1]
-
-    def made() -> GraphFunction:
-        d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
-        inductance = ca.hessian(SX(model.magnetics.expression(d, i)), i)[0]
-        at = Point(model.without_effects, d, i, cast("Conditions", model.conditions), model.effects)
-        s, ohms = Complex(SX(0.0), 2.0 * np.pi * f), model.resistances_ohm.tolist()
-        entries = impedance_expression(at, inductance, s, ohms).ravel()
-        parts = [*(x.real for x in entries), *(x.imag for x in entries)]
-        return GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
-
-    points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
-    x = np.empty((2 + n, *points))
-    x[0], x[-1] = distance, frequency
-    for k in range(n):
-        x[1 + k] = currents[..., k]
-    real, imag = np.split(once(model, "impedances", made)(x.reshape(2 + n, -1)), 2)
-    return np.asarray((real + 1j * imag).T.reshape(*points, n, n))
 
 
 CUBIC = 3
@@ -183,12 +147,12 @@ class ImpedanceChange:
         """Of u, of the current and of the frequency."""
         return self.u, self.current, self.log_frequency
 
-    def __call__(self, distance: SX, current: SX, frequency: SX, _: Conditions, p: Parameters) -> ComplexExpressions:
+    def __call__(self, frequency: SX, at: EffectPoint) -> ComplexExpressions:
         """Further ohm at an expression's point, an entry for each of the impedance's; none at the frequency 0."""
         low = np.exp(self.log_frequency.knots[0])
-        at = self.coordinate.of(distance), current, np.log(np.maximum(frequency, low))
-        inside = [np.clip(x, axis.knots[0], axis.knots[-1]) for x, axis in zip(at, self.axes, strict=True)]
-        size = np.log1p(p[self.parameter]) if self.share else p[self.parameter]
+        place = self.coordinate.of(at.d), at.i, np.log(np.maximum(frequency, low))
+        inside = [np.clip(x, axis.knots[0], axis.knots[-1]) for x, axis in zip(place, self.axes, strict=True)]
+        size = np.log1p(at.p[self.parameter]) if self.share else at.p[self.parameter]
         bend = np.zeros((2, *self.real_H.shape)) if self.bend_H is None else self.bend_H
         parts = [x.reshape(*self.real_H.shape[:3], -1) for x in (self.real_H, self.imaginary_H, *bend)]
         axes = [(axis.knots, axis.degree) for axis in self.axes]

@@ -14,8 +14,8 @@ from femfit.core.results import listing
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_section import member_at, read_record, refusal, written
-from femfit.model.with_effects import sensor_without_effects, with_effects
+from femfit.model.json_section import read_record, refusal, written
+from femfit.model.with_effects import with_effects
 
 
 def write_model(model: ActuatorModel, path: str | Path) -> None:
@@ -97,8 +97,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data; of one with effects as it is without them, and the effects."""
     base = model.without_effects
     fitted = {name: getattr(base, name) for name in ("magnetics", "circuits", "motion", "sensor", "eddy")}
-    sensors = tuple(sensor_without_effects(sensor) for sensor in model.other_sensors)
-    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted, other_sensors=sensors))}
+    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted))}
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:
@@ -130,35 +129,23 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
 
 def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
     filed = read_record(ActuatorModel, {key: data[key] for key in data if key != "schema"}, source)
-    box, circuits, motion, eddy = filed.validity, filed.circuit_names, filed.motion, filed.eddy
-    if not circuits and not box.current_limits_A.any():  # zeros of no winding
+    box = filed.validity
+    if not filed.circuits and not box.current_limits_A.any():  # zeros of no winding
         box = replace(box, current_limits_A=box.current_limits_A[:0])
     base = replace(filed, validity=box, effects=())
-
-    def refused(path: str, needed: str) -> ModelFileError:
-        return refusal(source, path, needed, member_at(data, path))
-
-    names = [sensor.name for sensor in base.other_sensors]
-    for k, name in enumerate(names):
-        if names.count(name) > 1 or name == "hall":
-            raise refused(f"other_sensors[{k}].name", "a name of its own, and not hall")
-    if motion is not None and not motion.ends[0] < motion.ends[1]:
-        raise refused("motion.far_stop", "at a larger distance than near_stop")
-    if eddy is not None and circuits and eddy.circuits != circuits:
-        raise refused("eddy.circuits", f"those of the model ({', '.join(circuits)}), in their order")
     drawn, added = {one.key: one.effect for one in base.drawn}, []
     for k, one in enumerate(filed.effects):
         effect = drawn.get(one.name) or (one.carried and one.carried.effect(one.name))  # type: ignore[attr-defined]
         effect = effect or effect_by_name(one.name)  # type: ignore[attr-defined]
         names = [p.name for p in effect.parameters]
         if not {*one.parameters, *one.ci95} <= set(names):
-            raise refused(f"effects[{k}]", f"of the parameters {', '.join(names)}")
+            raise refusal(source, f"effects[{k}]", f"of the parameters {', '.join(names)}", data["effects"][k])
         added.append(AddedEffect(effect, effect.null() | dict(one.parameters), one.ci95))
     return with_effects(base, added)
 
 
 def _faults(model: ActuatorModel) -> Iterator[str]:
-    """What no model can have: a domain that is none, and fields that are not finite in it (in 25 points)."""
+    """What no model can have: a domain that is none, and fields that are not finite all over it."""
     domain, limits, declared = model.validity, model.validity.current_limits_A, list(model.circuit_names)
     several = len(limits) > 1
     rises = limits[:, 0] < limits[:, 1] if several else limits[:, 0] <= limits[:, 1]
@@ -171,8 +158,7 @@ def _faults(model: ActuatorModel) -> Iterator[str]:
             f"magnetics, circuits and validity must be of the same circuits; instead received {listing(names)}, "
             f"{listing(declared)} and {len(limits)} ranges of currents"
         )
-    d, along = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 5), np.linspace(0.0, 1.0, 5))
-    i = limits[:, 0] + along[..., None] * (limits[:, 1] - limits[:, 0])
+    d, i = domain.grid(5, 5, several=3)
     # Coefficients near the largest float overflow here instead of in a filter
     with np.errstate(all="ignore"):
         state = model.magnetics.state(d, i)

@@ -144,17 +144,12 @@ def _member(hint: Any, limits: Mapping[str, Any], value: Any, path: str) -> Any:
     """A member of a type."""
     of = _alternatives(hint)[0]
     origin, inner, form = get_origin(of), get_args(of), limits.get("form")
-    items = inner[0] if origin is tuple else hint
-    kinds = limits.get("kinds") or tuple(filter(is_dataclass, (form,) if form else _alternatives(items)))
-    if origin is tuple and (kinds or items is str):
-        if not isinstance(value, list) or len(value) < limits.get("least", 0):
-            raise _Fault(path, f"a list of {'objects' if kinds else 'names'}", value)
-        places = [(entry, f"{path}[{k}]") for k, entry in enumerate(value)]
-        return tuple(_one_of(kinds, *place) if kinds else _plain(str, {}, *place) for place in places)
+    kinds = tuple(filter(is_dataclass, (form,) if form else _alternatives(inner[0] if origin is tuple else hint)))
+    kinds = limits.get("kinds") or kinds
+    if origin is tuple:
+        return tuple(_items(inner, kinds, limits.get("least", 0), value, path))
     if kinds:
         return _one_of(kinds, value, path)
-    if origin is tuple:
-        return _tuple(value, inner, path)
     if origin is np.ndarray:
         return _array(value, path, range(1, 9) if "shape" in limits else limits.get("dimensions", (1,)))
     if origin is not Mapping:
@@ -162,6 +157,19 @@ def _member(hint: Any, limits: Mapping[str, Any], value: Any, path: str) -> Any:
     if not isinstance(value, Mapping):
         raise _Fault(path, "an object", value)
     return {key: x if inner[1] is Any else _member(inner[1], {}, x, _below(path, key)) for key, x in value.items()}
+
+
+def _items(hints: tuple[Any, ...], kinds: tuple[Any, ...], least: int, value: Any, path: str) -> Iterator[Any]:
+    """The items of a list of any length, or of so many numbers; of a pair of these, null is a bound that is none."""
+    fixed = ... not in hints
+    if not isinstance(value, list) or len(value) < least or (fixed and len(value) != len(hints)):
+        names = "objects" if kinds else "names" if hints[0] is str else "numbers"
+        raise _Fault(path, f"{len(hints)} {names}" if fixed else f"a list of {names}", value)
+    for k, entry in enumerate(value):
+        if entry is None and hints == (float, float):
+            yield (-inf, inf)[k]
+        else:
+            yield _one_of(kinds, entry, f"{path}[{k}]") if kinds else _member(hints[0], {}, entry, f"{path}[{k}]")
 
 
 def _plain(of: Any, limits: Mapping[str, Any], value: Any, path: str) -> Any:
@@ -196,19 +204,6 @@ def _one_of(kinds: tuple[Any, ...], value: Any, path: str) -> Any:
         return _record(tags[value["kind"]], value, path)
     own = {kind: _keys(kind).difference(*(_keys(each) for each in kinds if each is not kind)) for kind in kinds}
     return _record(next((each for each in kinds if own[each] & set(value)), kinds[-1]), value, path)
-
-
-def _tuple(value: Any, hints: tuple[Any, ...], path: str) -> tuple[Any, ...]:
-    """Numbers, or pairs of them; of a pair, null is a bound that is none."""
-    if hints == (float, float) and isinstance(value, list) and len(value) == 2 and None in value:
-        low, high = _array([0.0 if x is None else x for x in value], path, (1,))
-        return -inf if value[0] is None else low, inf if value[1] is None else high
-    pairs = hints[0] is not float
-    array = _array(value, path, (2,) if pairs and value else (1,))
-    count = 2 if pairs else None if ... in hints else len(hints)
-    if value and count not in (None, array.shape[-1]):
-        raise _Fault(path, "pairs of numbers" if pairs else f"{count} numbers", value)
-    return tuple(map(tuple, array.tolist())) if pairs else tuple(array.tolist())
 
 
 def _array(value: Any, path: str, dimensions: Sequence[int]) -> FloatArray:

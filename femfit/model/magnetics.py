@@ -99,20 +99,24 @@ class OfCurrents(ABC):
         return pieces
 
 
+def part_of(name: str) -> Callable[[OfCurrents, FloatArray, FloatArray], FloatArray]:
+    """A method that gives one of :data:`AXES`."""
+
+    def part(function: OfCurrents, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        return function.derived(distance, currents, name)[0]
+
+    return part
+
+
 class Magnetics(OfCurrents):
     """A co-energy W'(d, i_1..i_n)."""
 
-    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """W' in J, up to a constant, of shape (...)."""
-        return self.derived(distance, currents, "value")[0]
-
-    def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """F = -dW'/dd in N, positive towards the electromagnet, of shape (...)."""
-        return self.derived(distance, currents, "force")[0]
-
-    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """dW'/di_k in Wb, of shape (..., n)."""
-        return self.derived(distance, currents, "flux_linkage")[0]
+    coenergy = part_of("value")  # W' in J, up to a constant, of shape (...)
+    force = part_of("force")  # F = -dW'/dd in N, positive towards the electromagnet, of shape (...)
+    flux_linkage = part_of("flux_linkage")  # dW'/di_k in Wb, of shape (..., n)
+    motional_constant = part_of("motional_constant")  # k_m = dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)
+    inductance = part_of("inductance")  # L = d(flux linkage_j)/di_k in H, of shape (..., n, n)
+    force_gradient = part_of("force_gradient")  # dF/dd in N/m, of shape (...)
 
     def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """Force, motional constants and inductances together, at the price of little more than one."""
@@ -123,24 +127,12 @@ class Magnetics(OfCurrents):
         names = "force", "motional_constant", "inductance", "force_gradient"
         return MagneticState(*self.derived(distance, currents, *names))
 
-    def motional_constant(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """k_m = dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
-        return self.state(distance, currents).motional_constant
-
-    def inductance(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """L = d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
-        return self.state(distance, currents).inductance
-
-    def force_gradient(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """dF/dd in N/m, of shape (...)."""
-        return self.slopes(distance, currents).force_gradient
-
     def at_distances(self, distance: FloatArray) -> ForceOfCurrents:
         """Force and motional constants as functions of the circuits' currents, for a search where the body stays."""
 
         def force(currents: FloatArray) -> tuple[FloatArray, FloatArray]:
-            state = self.state(distance, currents)
-            return state.force, state.motional_constant
+            force, motional_constant = self.derived(distance, currents, "force", "motional_constant")
+            return force, motional_constant
 
         return force
 
@@ -152,7 +144,6 @@ class Windings:
     magnetics: Magnetics  # Of all their currents
     resistances_ohm: FloatArray  # Shape (n + r,)
     series_H: FloatArray  # In series outside of the field, on the diagonal of shape (n + r, n + r)
-    circuits: int  # n
 
     @property
     def count(self) -> int:

@@ -1,28 +1,32 @@
 """What a bench would read of an actuator model: the one prediction of compare, diagnose, add and suggest.
 
-Readings are an expression of what is recorded and of the effects' parameters; values, slopes by the parameters and
-slopes by the setting are derived from it.
+What is asked of a model under effects at rest is one expression of the recorded setting, of the conditions and of the
+effects' parameters, so that one function serves all values of them; values, slopes by the parameters and slopes by the
+setting are derived from it.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any, cast
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import Expression
-from femfit.core.numerics import FloatArray
+from femfit.core.graph import Expression, GraphFunction, building, of_variable, once, slope
+from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.core.sweep_columns import flux_columns, resistance_column, voltage_columns
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import CHANNELS, AddedEffect
-from femfit.effects.stages import changed_by, hall_point, true_setting, with_further_force
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import Point, at_points, at_rest
+from femfit.effects.stages import changed_coenergy, hall_point, recorded, true_setting, with_further_force
 from femfit.model.decay import Complex
 from femfit.model.impedance import impedance_expression, impedances_by_column
-from femfit.model.magnetics import MagneticState
-from femfit.model.with_effects import resistance_of
+from femfit.model.magnetics import AXES, MagneticState, derivatives_of
+from femfit.model.with_effects import coenergy_of, resistance_of
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
 
 LOW_HZ = 1e-6
 """Numerical: of an impedance at no frequency; its eddy currents have died out, and a winding that is shorted carries
@@ -31,9 +35,105 @@ no current."""
 Parameter = tuple[int, str]
 """Of a sequence of effects: the number of one, and a name among its parameters."""
 
+SETS = 128
+"""Numerical: sets of effects whose functions a model keeps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Where a model under effects is asked: N points of arrays, or the symbols that an expression at one is written in.
+
+    Distances have the shape (N,), currents (N, n); those of an expression are one, and (n,).
+    """
+
+    model: "ActuatorModel"  # Its base counts
+    distance: Expression
+    currents: Expression
+    conditions: Conditions
+    effects: Sequence[AddedEffect]  # In place of the model's own
+
+    def resting(self, distance: Expression, currents: Expression) -> "Point":
+        """The point at another setting, with the states that it lacks as on a slow sweep."""
+        states = dict(self.conditions.memory)
+        first = currents[0] if currents.numel() else SX(0.0)
+        for added in self.effects:
+            memory = added.effect.memory
+            if added.effect.coenergy is not None and memory is not None and not set(memory.names) & set(states):
+                states |= memory.steady_state(distance, first, self.conditions, added.parameters)
+        return replace(self, distance=distance, currents=currents, conditions=replace(self.conditions, memory=states))
+
+    def magnetic(self, *, slopes: bool) -> dict[str, SX]:
+        """Force, flux linkages and field at the Hall element; on demand motional constants, and inductances (n n,)."""
+        coenergy = changed_coenergy(coenergy_of(self.model), self.effects, self.conditions)
+        names = "force", "flux_linkage", *(("motional_constant", "inductance") if slopes else ())
+
+        def derived(x: SX) -> SX:
+            d, i = x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:])
+            parts = derivatives_of(names, SX(coenergy(d, i, 0.0)), d, i)
+            return ca.vertcat(*parts.values(), ca.densify(slope(lambda h: coenergy(d, i, h), 0.0)))
+
+        found = of_variable(derived, ca.vertcat(self.distance, self.currents))
+        ends = accumulate((self.currents.numel() ** AXES[name] for name in names), initial=0)
+        return dict(zip((*names, "hall_T"), ca.vertsplit(found, [*ends, found.numel()]), strict=True))
+
+
+def at_points(what: Hashable, expressions: Callable[[Point], Mapping[str, SX]], at: Point) -> dict[str, FloatArray]:
+    """Expressions (entries,) by name at N points, each of shape (entries, N).
+
+    Parameters
+    ----------
+    what : hashable
+        What tells the expressions from others of the same model.
+    """
+    known: dict[Any, Any] = once(at.model.without_effects, at_points, dict)
+    numbers = at.conditions.numbers
+    key = what, tuple(id(added.effect) for added in at.effects), tuple(numbers), at.conditions.running
+    entry = known.get(key)
+    if entry is None:  # beside the effects themselves, so that their addresses stay theirs
+        entry = tuple(at.effects), *_function(expressions, at)
+        while len(known) >= SETS:
+            known.pop(next(iter(known)), None)
+        known[key] = entry
+    _, names, ends, function = entry
+    given = np.stack([np.broadcast_to(value, at.distance.shape) for value in numbers.values()])
+    sizes = [added.parameters[p.name] for added in at.effects for p in added.effect.parameters]
+    values = function(np.concatenate([at.distance[None], at.currents.T]), given, np.array(sizes, dtype=np.float64))
+    return dict(zip(names, np.split(values, ends), strict=True))
+
+
+def _function(
+    expressions: Callable[[Point], Mapping[str, SX]], at: Point
+) -> tuple[list[str], list[int], GraphFunction]:
+    """Names of the expressions, where each but the last ends, and ((d, currents), conditions, parameters) -> all."""
+    with building():
+        d, i, numbers = SX.sym("d"), SX.sym("i", at.currents.shape[1]), at.conditions.numbers
+        given, symbols, sizes = SX.sym("given", len(numbers)), [], []
+        for added in at.effects:
+            sizes.append(SX.sym(added.effect.name, len(added.effect.parameters)))
+            named = zip((p.name for p in added.effect.parameters), ca.vertsplit(sizes[-1]), strict=True)
+            symbols.append(replace(added, parameters=dict(named)))
+        conditions = at.conditions.with_numbers(dict(zip(numbers, ca.vertsplit(given), strict=True)))
+        point = Point(at.model.without_effects, d, i, conditions, tuple(symbols))
+        found = {name: ca.densify(ca.vec(value)) for name, value in expressions(point).items()}
+        ends = list(accumulate(value.numel() for value in found.values()))[:-1]
+        inputs = [ca.vertcat(d, i), given, ca.vertcat(SX(0, 1), *sizes)]
+        return list(found), ends, GraphFunction(inputs, ca.vertcat(*found.values()))
+
+
+def at_rest(at: Point) -> MagneticState:
+    """What effects make of a model at N points, without dF/dd; states that conditions lack are as on a slow sweep."""
+
+    def magnetic(point: Point) -> dict[str, SX]:
+        return point.resting(point.distance, point.currents).magnetic(slopes=True)
+
+    acting, points = tuple(added for added in at.effects if added.effect.coenergy is not None), at.currents.shape
+    values = at_points("at rest", magnetic, replace(at, effects=acting))
+    shapes = {name: (points[0], *points[1:] * AXES.get(name, 0)) for name in values}
+    return MagneticState(**{name: part.T.reshape(shapes[name]) for name, part in values.items()})
+
 
 def predict_readings(
-    model: ActuatorModel,
+    model: "ActuatorModel",
     distance: FloatArray,
     current: FloatArray,
     conditions: Conditions,
@@ -73,7 +173,8 @@ def readings_by(
     wanted = tuple(parameters)
 
     def derived(point: Point, values: SX) -> SX:
-        return ca.horzcat(values, ca.jacobian(values, point.parameters(wanted)))
+        amplitudes = ca.vertcat(SX(0, 1), *(point.effects[k].parameters[name] for k, name in wanted))
+        return ca.horzcat(values, ca.jacobian(values, amplitudes))
 
     return _at_rows(("readings", wanted), derived, channels, at)
 
@@ -131,7 +232,7 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
             entry = Complex.of(column)
             values |= {resistance_column(name): entry.real} if ohms else {}
             values[name] = entry.imag / w
-    return dict(changed_by(effects, "readings", values, d, first, conditions))
+    return recorded(effects, values, d, first, conditions)
 
 
 def hall_seen(seen: MagneticState, at: Point) -> FloatArray:
@@ -140,3 +241,24 @@ def hall_seen(seen: MagneticState, at: Point) -> FloatArray:
         return seen.hall_T
     distance, currents = hall_point(at.effects, at.distance, at.currents, at.conditions)
     return at_rest(replace(at, distance=distance, currents=currents)).hall_T
+
+
+def impedances_at(
+    model: "ActuatorModel", distance: FloatArray, currents: FloatArray, frequency: FloatArray
+) -> ComplexArray:
+    """Impedances in ohm at distances (...), currents (..., n) and frequencies (...) in Hz, (..., n, n)."""
+    n = currents.shape[-1]
+
+    def made() -> GraphFunction:
+        d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
+        inductance = ca.hessian(SX(model.magnetics.expression(d, i)), i)[0]
+        at = Point(model.without_effects, d, i, cast("Conditions", model.conditions), model.effects)
+        s, ohms = Complex(SX(0.0), 2.0 * np.pi * f), model.resistances_ohm.tolist()
+        entries = impedance_expression(at, inductance, s, ohms).ravel()
+        parts = [*(x.real for x in entries), *(x.imag for x in entries)]
+        return GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
+
+    points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
+    x = [np.broadcast_to(one, points).ravel() for one in (distance, *np.moveaxis(currents, -1, 0), frequency)]
+    real, imag = np.split(once(model, "impedances", made)(np.stack(x)), 2)
+    return np.asarray((real + 1j * imag).T.reshape(*points, n, n))

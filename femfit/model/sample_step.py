@@ -71,11 +71,10 @@ class SampleStep:
         speed = SPEED * (box.distance_max_m - box.distance_min_m) / model.sample_time_s
         limits = np.array([(circuit.voltage_min_V, circuit.voltage_max_V) for circuit in model.circuits]).T
         limits = np.where(np.isfinite(limits), limits, box.current_limits_A[:n].T * model.resistances_ohm)
-        cases = [(v, u) for v in (-speed, speed) for u in limits]
-        states = np.zeros((model.order, len(cases), len(distance)))
-        states[0], states[2 : 2 + n] = distance, currents[:, :n].T[:, None]
-        states[1] = np.array([v for v, _ in cases])[:, None]
-        volts = np.repeat(np.array([u for _, u in cases]).T[..., None], len(distance), axis=2)
+        states = np.zeros((model.order, 2, 2, len(distance)))
+        states[0], states[1] = distance, np.reshape([-speed, speed], (2, 1, 1))
+        states[2 : 2 + n] = currents[:, :n].T[:, None, None]
+        volts = np.broadcast_to(limits.T[:, None, :, None], (n, *states.shape[1:]))
         return states.reshape(model.order, -1), volts.reshape(n, -1)
 
     def _after(self, states: FloatArray, volts: FloatArray, count: int) -> tuple[FloatArray, BoolArray]:
@@ -119,7 +118,7 @@ class SampleStep:
         state = self.blocked(state)
         voltage, drivers = self._fed(command, state, length, driven)
         if not free:
-            after = equations.step_at(state, voltage, length, SX(0.0), drivers=drivers)
+            after = equations.step_at(state, voltage, length, 0.0, drivers=drivers)
             return self.blocked(after), after[0]
         state = ca.vertcat(between(state[0], motion.ends), state[1:])
         after = equations.step_at(state, voltage, length, stops=motion, drivers=drivers)
@@ -149,12 +148,10 @@ class SampleStep:
         for k, _ in self.model.diodes:
             currents[k] = ca.if_else(currents[k] < 0.0, 0.0, currents[k])
         if self.model.eddy is not None:
-            coenergy = self.model.equations.coenergy(self.model.equations.parts(state)[3])
+            coenergy = self.model.windings.magnetics.with_memory(self.model.equations.parts(state)[3])
             linked = of_variable(
-                lambda x: ca.vec(ca.hessian(coenergy(x[0], x[1:]), x)[0][1:, 1 + n :]),
-                ca.vertcat(state[0], state[2:end]),
+                lambda x: ca.hessian(coenergy(x[0], x[1:]), x)[0][1:, 1 + n :], ca.vertcat(state[0], state[2:end])
             )
-            linked = ca.reshape(linked, end - 2, end - 2 - n)
             lost = linked[:n, :].T @ (ca.vertcat(*currents[:n]) - state[2 : 2 + n])
             currents[n:] = ca.vertsplit(state[2 + n : end] - eliminated(linked[n:, :], lost))
         return ca.vertcat(state[:2], *currents, state[end:])

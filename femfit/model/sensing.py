@@ -4,6 +4,10 @@ A position sensor reads its characteristic of the distance, a current sensor gai
 d'', which is zero at rest, or d'' - g where it reads gravity, as accelerometers of silicon do; a force sensor the
 magnetic force, and a pickup coil the voltage that its flux linkage induces. Distance, current and force are those that
 the effects of the model have recorded.
+
+What magnets and currents make together is of the first degree in them where nothing saturates, so that a remanence and
+numbers of turns scale what a pickup coil sees as they scale W' (:mod:`femfit.effects.circuit`). Other effects on the
+magnetics are not followed to such a sensor; its value is then refused, and the model without it is as good as before.
 """
 
 from dataclasses import replace
@@ -16,8 +20,9 @@ from casadi import SX
 from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, row_of
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.effects.catalogue import SEPARATOR, source_scales
 from femfit.effects.conditions import Conditions
-from femfit.effects.stages import changed_by, hall_point, recorded_setting, with_further_force
+from femfit.effects.stages import hall_point, recorded, recorded_setting, with_further_force
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
 
 if TYPE_CHECKING:
@@ -49,9 +54,9 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
         if isinstance(sensor, HallSensor):
             name, value = "hall_V", _hall_voltage(model, d, w, at)
         else:
-            force = -ca.gradient(equations.coenergy(memory)(d, w), d)
+            force = -ca.gradient(model.windings.magnetics.with_memory(memory)(d, w), d)
             name, value = "force_N", with_further_force(model.effects, force, d, first, at)
-        return SX(changed_by(model.effects, "readings", {name: value}, d, first, at)[name])
+        return SX(recorded(model.effects, {name: value}, d, first, at)[name])
     if isinstance(sensor, PickupSensor):
         flux = pickup_flux(model, sensor, state)
         return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))
@@ -64,19 +69,34 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
     return found - motion.gravity_m_s2 if weighed else found
 
 
+SCALING = ("remanence", "turns")
+"""Effects that scale what makes the field."""
+
+
 def pickup_flux(model: "ActuatorModel", sensor: PickupSensor, state: SX) -> SX:
-    """The flux linkage of a pickup coil in Wb."""
-    require_no_eddies(model, sensor)
-    return sensor.flux.expression(state[0], state[2 : 2 + len(model.circuits)])
+    """The flux linkage of a pickup coil in Wb, of the first degree in all sources: s_0 f(d, i_1 s_1 / s_0, ..).
 
-
-def require_no_eddies(model: "ActuatorModel", sensor: PickupSensor) -> None:
-    """Refuse a pickup coil beside eddy currents."""
+    Raises
+    ------
+    MissingPartError
+        Beside eddy currents, and beside effects of which it is not known what they change of it.
+    """
+    magnetic = [added.effect for added in model.effects if "magnetics" in added.effect.acts_on]
+    named = ", ".join(effect.name for effect in magnetic if effect.name.partition(SEPARATOR)[0] not in SCALING)
     if model.eddy is not None:
         raise MissingPartError(
             f"The eddy currents of model {model.name!r} do not say what pickup coil {sensor.name!r} reads, which they "
             "change. Leave that out, or fit the model without eddy currents: take frequency_Hz out of [solver]."
         )
+    if named:
+        raise MissingPartError(
+            f"What the pickup coil {sensor.name!r} reads must be known under the model's effects; {named} changes the "
+            "field in a way that is followed to force and flux linkage only. Leave that sensor out, or take "
+            f"{named} out of the model."
+        )
+    magnets, *currents = source_scales(model.effects, model.circuit_names)
+    scales = ca.vertcat(SX(0, 1), *currents) / magnets
+    return magnets * sensor.flux.expression(state[0], state[2 : 2 + len(model.circuits)] * scales)
 
 
 def characteristic(sensor: PositionSensor, distance: Expression) -> Expression:

@@ -17,7 +17,7 @@ from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import evaluated
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
-from femfit.model.sensing import AnySensor, current_index, require_no_eddies
+from femfit.model.sensing import AnySensor, current_index, pickup_flux, reading_expression
 
 HALL = "hall"
 """Name of the Hall element of a model."""
@@ -91,43 +91,44 @@ def names_or_kinds(model: ActuatorModel, sensors: Sequence[str]) -> tuple[str, .
     return tuple(dict.fromkeys(found))
 
 
+_UNITS = {"acceleration": "m/s^2", "force": "N", "pickup_coil": "V"}
+
+_COLUMNS = {
+    "position": "position_V",
+    "pickup_coil": "pickup_V",
+    "acceleration": "acceleration_m_s2",
+    "force": "force_N",
+}
+"""Of records; a position in metres is a distance, and a current is named after its circuit."""
+
+
 def reading_of(model: ActuatorModel, name: str) -> Reading:
     """Unit, column, noise, range and timing of a sensor of a model."""
     sensor = sensor_named(model, name)
     if isinstance(sensor, HallSensor):
-        ends = sensor.output_min_V, sensor.output_max_V
-        return Reading(
-            name, "V", "hall_V", sensor.noise_V, *ends, sensor.adc_bits, sensor.delay_s, sensor.sample_time_s
-        )
+        ends, timing = (sensor.output_min_V, sensor.output_max_V), (sensor.delay_s, sensor.sample_time_s)
+        return Reading(name, "V", "hall_V", sensor.noise_V, *ends, sensor.adc_bits, *timing)
     low = -np.inf if sensor.minimum is None else sensor.minimum
     high = np.inf if sensor.maximum is None else sensor.maximum
-    units = {"current": "A", "acceleration": "m/s^2", "force": "N", "pickup_coil": "V"}
-    unit = sensor.unit if isinstance(sensor, PositionSensor) else units[sensor.kind]
-    column = _column(model, sensor)
+    kind, unit, _ = quantity = _quantity(model, sensor)
+    column: str | None = "distance_m" if unit == "m" else _COLUMNS.get(kind)
+    if [_quantity(model, one) for one in model.other_sensors].count(quantity) > 1:
+        column = None  # which several sensors would share
+    elif isinstance(sensor, CurrentSensor):
+        column = circuit_currents(model.circuit_names)[current_index(model, sensor) - 2]
     return Reading(name, unit, column, sensor.noise, low, high, sensor.bits, sensor.delay_s, sensor.sample_time_s)
+
+
+def _quantity(model: ActuatorModel, sensor: OtherSensor) -> tuple[str, str, str]:
+    """What a sensor reads, in which unit, and of which of several circuits."""
+    if isinstance(sensor, CurrentSensor):
+        return sensor.kind, "A", sensor.circuit if len(model.circuits) > 1 else ""
+    return sensor.kind, sensor.unit if isinstance(sensor, PositionSensor) else _UNITS[sensor.kind], ""
 
 
 def unit_in_name(unit: str) -> str:
     """A unit as the name of a state ends in it: m_per_s2 of m/s^2."""
     return unit.replace("/", "_per_").replace("^", "")
-
-
-def _column(model: ActuatorModel, sensor: OtherSensor) -> str | None:
-    """The column of a record that holds a sensor's readings; none where several sensors would share it."""
-    if sum(_quantity(model, one) == _quantity(model, sensor) for one in model.other_sensors) > 1:
-        return None
-    if isinstance(sensor, CurrentSensor):
-        return circuit_currents(model.circuit_names)[current_index(model, sensor) - 2]
-    columns = {"position": "position_V", "pickup_coil": "pickup_V", "acceleration": "acceleration_m_s2"}
-    in_metres = isinstance(sensor, PositionSensor) and sensor.unit == "m"
-    return "distance_m" if in_metres else {**columns, "force": "force_N"}[sensor.kind]
-
-
-def _quantity(model: ActuatorModel, sensor: OtherSensor) -> tuple[str, str]:
-    """What a sensor reads, and in which unit or of which circuit."""
-    if isinstance(sensor, CurrentSensor):
-        return sensor.kind, sensor.circuit if len(model.circuits) > 1 else ""
-    return sensor.kind, sensor.unit if isinstance(sensor, PositionSensor) else ""
 
 
 def predict_sensor(
@@ -154,7 +155,9 @@ def predict_sensor(
     if voltage is None:
         holding = model.resistances_ohm * model.currents_of(state)
         voltage = holding[..., 0] if len(model.circuits) == 1 else holding
-    return evaluated(model, model.equations.reading(sensor), state, voltage, time=time)[..., 0]
+    equations, key = model.equations, ("reading", sensor)
+    read = equations.function(key, lambda x, u, _, at, *__: reading_expression(equations, sensor, x, u, at))
+    return evaluated(model, read, state, voltage, time=time)[..., 0]
 
 
 WHOLE = 1e-6
@@ -180,10 +183,10 @@ def sampled_value(
     model: ActuatorModel, sensor: AnySensor, state: FloatArray, time: FloatArray | float = 0.0
 ) -> FloatArray:
     """The g of the module's head, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
-    if isinstance(sensor, PickupSensor):
-        require_no_eddies(model, sensor)
-        return sensor.flux.field(state[..., 0], model.currents_of(state))
-    return predict_sensor(model, sensor, state, time)
+    if not isinstance(sensor, PickupSensor):
+        return predict_sensor(model, sensor, state, time)
+    flux = model.equations.function(("flux", sensor), lambda x, *_: pickup_flux(model, sensor, x))
+    return evaluated(model, flux, state)[..., 0]
 
 
 def sampled_readings(model: ActuatorModel, sensor: AnySensor, states: FloatArray) -> FloatArray:

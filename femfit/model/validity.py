@@ -60,12 +60,12 @@ class ValidityBox:
     @property
     def current_min_A(self) -> float:  # noqa: N802  the unit
         """Lowest current of the first circuit; zero where there is none."""
-        return float(self.current_limits_A[0, 0]) if len(self.current_limits_A) else 0.0
+        return float(self.column_limits_A[0, 0])
 
     @property
     def current_max_A(self) -> float:  # noqa: N802  the unit
         """Highest current of the first circuit; zero where there is none."""
-        return float(self.current_limits_A[0, 1]) if len(self.current_limits_A) else 0.0
+        return float(self.column_limits_A[0, 1])
 
     @property
     def column_limits_A(self) -> FloatArray:  # noqa: N802  the unit
@@ -74,11 +74,8 @@ class ValidityBox:
 
     def with_axis(self, current: FloatArray) -> FloatArray:
         """Currents (..., n) of those without an axis, (...), that one circuit's callers give, or none's."""
-        limits = self.current_limits_A
-        if len(limits) == 1:
-            return np.asarray(current)[..., None]
-        if not len(limits):
-            return np.zeros((*np.shape(current), 0))
+        if (count := len(self.current_limits_A)) < 2:
+            return np.asarray(current)[..., None][..., :count]
         self._require_axis(current)
         return np.asarray(current)
 

@@ -1,9 +1,5 @@
 """A model with added effects: the base's parts, as the effects change them.
 
-What magnets and currents make together is of the first degree in them where nothing saturates, so that a remanence and
-numbers of turns scale what a pickup coil sees as they scale W' (:mod:`femfit.effects.circuit`). Other effects on the
-magnetics are not followed to such a sensor; its value is then refused, and the model without it is as good as before.
-
 An effect on a recorded channel says which distance and current body and winding have where these were recorded; a
 sensor of a model reads what is recorded, so that it undoes the same effects.
 """
@@ -13,7 +9,6 @@ from dataclasses import dataclass, replace
 from math import prod
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 from casadi import SX
 
@@ -21,21 +16,17 @@ from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
-from femfit.effects.catalogue import SEPARATOR, of_any_device, source_scales
+from femfit.effects.catalogue import of_any_device, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
-from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, true_setting
-from femfit.model.decay import Complex, complex_array
+from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, recorded, true_setting
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
-from femfit.model.hall import HallField, OtherSensor, PickupSensor
+from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import CoenergyTensor
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
-
-SCALING = ("remanence", "turns")
-"""Effects that scale what makes the field."""
 
 TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 
@@ -137,7 +128,7 @@ class EffectHallField(HallField):
         sensor, at = self.magnetics.base.require_sensor(), self.magnetics
         volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * self.with_memory({})(distance, currents)
         first = currents[0] if currents.numel() else SX(0.0)
-        read = changed_by(at.effects, "readings", {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
+        read = recorded(at.effects, {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
         return (read - sensor.quiescent_V) / sensor.sensitivity_V_per_T
 
 
@@ -164,10 +155,6 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
         motion=motion,
         sensor=sensor,
-        other_sensors=tuple(
-            _changed(one, effects, base.circuit_names) if isinstance(one, PickupSensor) else one
-            for one in base.other_sensors
-        ),
         eddy=eddy_with_sources(base, effects),
         effects=effects,
         base=base,
@@ -211,27 +198,19 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     """The eddy currents of a base model beside magnets, turns and conductivities that effects scale."""
     if base.eddy is None:
         return None
-    magnets, *currents = source_scales(effects, base.eddy.circuits)
-    found = base.eddy
+    (magnets, *currents), found = source_scales(effects, base.eddy.circuits), base.eddy
     if any(scale != 1.0 for scale in (magnets, *currents)):
         found = found.scaled(magnets, np.array(currents))
-    for one in effects:
-        if one.effect.eddy is not None:
-            found = replace(found, resistances_ohm=found.resistances_ohm * one.effect.eddy(one.parameters))
-    return found
+    factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
+    return replace(found, resistances_ohm=factor * found.resistances_ohm)
 
 
 def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> EddyForms | None:
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None
-    found, (_, *currents) = base.eddy.patterns(distance), source_scales(effects, base.eddy.circuits)
     factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
-    return replace(
-        found,
-        coupling=found.coupling / complex_array(SX(ca.vertcat(*currents))),
-        resistances_ohm=found.resistances_ohm * Complex.of(factor),
-    )
+    return base.eddy.patterns(distance, source_scales(effects, base.eddy.circuits)[1:], factor)
 
 
 def resistance_of(
@@ -240,42 +219,6 @@ def resistance_of(
     """Resistance in ohm of a circuit at its current, as its own effects change it."""
     own, none = [added for added in effects if added.effect.of in ("", circuit.name)], 0.0 * current
     return circuit_of(own, circuit.resistance_ohm + none, none, current, conditions)[0]
-
-
-@dataclass(frozen=True, eq=False)
-class ChangedField(HallField):
-    """A sensor's field as effects change it: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in all its sources."""
-
-    before: HallField  # f
-    scales: tuple[float, ...]  # s_0 of the magnets, s_k of the currents
-    refusal: str = ""  # Of a field that they change in a way which is not known at this sensor
-
-    def expression(self, distance: SX, currents: SX) -> SX:
-        """The value of an expression's distance and currents, or the refusal."""
-        if self.refusal:
-            raise MissingPartError(self.refusal)
-        magnets, *of_currents = self.scales
-        scaled = currents * ca.vertcat(SX(0, 1), *of_currents) / magnets
-        return magnets * self.before.expression(distance, scaled)
-
-
-def sensor_without_effects(sensor: OtherSensor) -> OtherSensor:
-    """A sensor of a model with effects, with the field that these change as it was before."""
-    if isinstance(sensor, PickupSensor) and isinstance(sensor.flux, ChangedField):
-        return replace(sensor, flux=sensor.flux.before)
-    return sensor
-
-
-def _changed(coil: PickupSensor, effects: Sequence[AddedEffect], circuits: Sequence[str]) -> PickupSensor:
-    """A pickup coil with the flux linkage that effects leave it."""
-    magnetic = [one.effect.name for one in effects if "magnetics" in one.effect.acts_on]
-    named = ", ".join(name for name in magnetic if name.partition(SEPARATOR)[0] not in SCALING)
-    refusal = named and (
-        f"What the pickup coil {coil.name!r} reads must be known under the model's effects; {named} changes the field "
-        "in a way that is followed to force and flux linkage only. Leave that sensor out, or take "
-        f"{named} out of the model."
-    )
-    return replace(coil, flux=ChangedField(coil.flux, tuple(source_scales(effects, circuits)), refusal))
 
 
 def true_setting_of(

@@ -12,7 +12,7 @@ from femfit.core.graph import row_of
 from femfit.device.parts import LinearMaterial
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, FieldPoint
+from femfit.effects.effect import AddedEffect, EffectPoint
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
@@ -84,7 +84,7 @@ GRID = [x.ravel() for x in np.meshgrid(DISTANCES, CURRENTS, indexing="ij")]
 def acting(effect, base, conditions, parameters):
     """W'(d, i, h) under the effect."""
     values = effect.null() | parameters
-    return lambda d, i, h: effect.coenergy(base, FieldPoint(d, i, h, conditions), values)
+    return lambda d, i, h: effect.coenergy(base, EffectPoint(d, i, conditions, values, h))
 
 
 def slope(coenergy, d, i, *order):

@@ -12,8 +12,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.numerics import central_differences
 from femfit.effects.catalogue import BUILT_IN, OF_EACH, effect_by_name, of_circuit
 from femfit.effects.conditions import Conditions
-from femfit.model.at_rest import Point
-from femfit.model.readings import predict_readings, readings_by
+from femfit.model.readings import Point, predict_readings, readings_by
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import under_effects, usual
 from support.compiling import compile_at_once, needs_compiler

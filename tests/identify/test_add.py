@@ -9,6 +9,7 @@ import femfit as ff
 from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
+from femfit.effects.effect import EffectPoint
 from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import bench_observations
 from femfit.identify.left_out import _unidentified
@@ -135,7 +136,7 @@ def running_resistance(model):
     one = np.ones(1)
     for added in model.effects:
         if added.effect.circuit is not None:
-            return float(added.effect.circuit(one, 0.0 * one, one, at, added.parameters)[0][0])
+            return float(added.effect.circuit(one, 0.0 * one, EffectPoint(one, one, at, added.parameters))[0][0])
     return 1.0
 
 

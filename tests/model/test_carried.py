@@ -8,7 +8,7 @@ import pytest
 
 from femfit.core.errors import ModelFileError
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, EffectParameter, FieldPoint
+from femfit.effects.effect import AddedEffect, EffectParameter, EffectPoint
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.carried import Brake, Carried, Curve, FieldTerm, bounded_basis
 from femfit.model.hall import HallSpline
@@ -67,7 +67,7 @@ def change(effect, base, d, i, order):
     coenergy, at = coenergy_of(base), Conditions(nominal_of(base))
 
     def added(d, i, h):
-        return effect.coenergy(coenergy, FieldPoint(d, i, h, at), {"share": 1.0}) - coenergy(d, i, h)
+        return effect.coenergy(coenergy, EffectPoint(d, i, at, {"share": 1.0}, h)) - coenergy(d, i, h)
 
     return partials(added, d, i, (order,))[0]
 
@@ -107,7 +107,7 @@ def test_the_brake_never_pushes(carried, effect, levitation_model):
     v = np.linspace(-3.0, 3.0, 301)
     at = Conditions(nominal_of(levitation_model), velocity_m_s=v)
     # Towards the electromagnet where the body falls away: its power on the body is -F v
-    power = -effect.force(np.full_like(v, 0.03), np.zeros_like(v), at, {"share": 1.0}) * v
+    power = -effect.force(EffectPoint(np.full_like(v, 0.03), np.zeros_like(v), at, {"share": 1.0})) * v
     assert power.max() <= 0.0
     assert power.min() < -1e-5
 

@@ -63,7 +63,7 @@ def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
     w = states[:, 2:]
     ahead, back = states + h * change, states - h * change
     growth = (field_energy(model, ahead[:, 0], ahead[:, 2:]) - field_energy(model, back[:, 0], back[:, 2:])) / (2.0 * h)
-    supplied = (volts * w[:, : windings.circuits]).sum(axis=1)
+    supplied = (volts * w[:, : len(model.circuits)]).sum(axis=1)
     heat = (windings.resistances_ohm * w**2).sum(axis=1)
     force = windings.magnetics.state(states[:, 0], w).force
     balance = growth + heat - force * states[:, 1]  # F acts towards smaller distance
@@ -112,7 +112,7 @@ def test_currents_of_a_held_body_decay_exactly_whatever_the_step(name, model_kin
     in_series = np.diag([*(circuit.inductance_H for circuit in model.circuits), *np.zeros(len(model.eddy_names))])
     for state, fed, after in zip(states, volts, found, strict=True):
         inductance = windings.magnetics.state(state[:1], state[None, 2:]).inductance[0] + in_series
-        rest = np.pad(fed, (0, windings.count - windings.circuits)) / windings.resistances_ohm
+        rest = np.pad(fed, (0, windings.count - len(model.circuits))) / windings.resistances_ohm
         share = expm(-seconds * np.linalg.solve(inductance, np.diag(windings.resistances_ohm)))
         np.testing.assert_allclose(after, rest + share @ (state[2:] - rest), rtol=1e-9, atol=1e-9)
 

@@ -8,9 +8,8 @@ import pytest
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.device.electrics import Circuit
 from femfit.effects.conditions import Conditions
-from femfit.model.at_rest import Point, at_rest
 from femfit.model.dynamics import state_derivative
-from femfit.model.readings import predict_readings
+from femfit.model.readings import Point, at_rest, predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added
 from support.eddies import with_eddies

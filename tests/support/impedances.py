@@ -9,6 +9,7 @@ from casadi import SX
 
 from femfit.core.graph import GraphFunction, building
 from femfit.effects.conditions import Conditions
+from femfit.effects.effect import EffectPoint
 from femfit.model.bspline import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.impedance import impedance_change
@@ -53,7 +54,7 @@ def changed_impedance(change, distance, current, frequency, parameters):
     """What a number of a drawing adds to an impedance at points (N,), of shape (N, ...) as the number's change."""
     with building():
         x = SX.sym("x", 3)
-        entries = change(x[0], x[1], x[2], None, parameters).ravel()
+        entries = change(x[2], EffectPoint(x[0], x[1], None, parameters)).ravel()
         function = GraphFunction([x], ca.vertcat(*(z.real for z in entries), *(z.imag for z in entries)))
     real, imag = np.split(function(np.stack([distance, current, frequency])), 2)
     return (real + 1j * imag).T.reshape(len(distance), *change.real_H.shape[3:])

@@ -125,8 +125,8 @@ def step_slopes(model, states, volts, seconds):
     """Jacobians (points, order, order) of a step, column after column in the equations."""
     length = None if model.equations._losses is None else seconds
     equations = model.equations
-    slope = equations._function(
-        ("slope", length), lambda at: ca.vec(ca.jacobian(equations._step(at, length), at.state))
+    slope = equations.function(
+        ("slope", length), lambda x, u, h, *_: ca.vec(ca.jacobian(equations.step_at(x, u, length or h), x))
     )
     values = evaluated(model, slope, states, voltage_of(model, volts), step=seconds)
     return values.reshape(len(states), model.order, model.order).swapaxes(1, 2)

@@ -32,15 +32,14 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
-from femfit.effects.stages import changed_by, circuit_of, true_setting, with_further_force
+from femfit.effects.stages import changed_by, circuit_of, recorded, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
 from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import Point, at_rest
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.magnetics import MagneticState
-from femfit.model.readings import hall_seen
+from femfit.model.readings import Point, at_rest, hall_seen
 from femfit.model.with_effects import eddy_with_sources
 
 
@@ -184,7 +183,7 @@ def model_readings(
     if base.sensor is not None:
         field = point.induced_T + hall_seen(point.seen, Point(base, point.distance, point.currents, point.at, effects))
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
-    readings = changed_by(effects, "readings", readings, point.distance, _first(point.currents), point.at)
+    readings = recorded(effects, readings, point.distance, _first(point.currents), point.at)
     rests = model_rests(points, motion, weights, effects) if base.motion is not None else {}
     return {name: weights.mean @ reading for name, reading in readings.items()} | rests
 
@@ -198,7 +197,7 @@ def model_rests(
     stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
     true, i = true_setting(effects, d, base.validity.with_axis(motion.current_A), motion.at)
     readings = {REST: np.where(np.isfinite(stop), stop, 0.0) - (true - d)}
-    return {REST: weights.mean @ changed_by(effects, "readings", readings, true, _first(i), motion.at)[REST]}
+    return {REST: weights.mean @ recorded(effects, readings, true, _first(i), motion.at)[REST]}
 
 
 def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
