@@ -13,35 +13,47 @@ from femfit.core.numerics import ROUNDING, FloatArray, ranked
 from femfit.core.text import counted
 from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots
 from femfit.fit.coenergy_system import CoenergySystem
-from femfit.fit.constants import (
-    BENT_CELLS,
-    CELLS_IN_CURRENT,
-    CIRCUIT_CELLS,
-    CLOSEST,
-    DISTANCE_CELLS,
-    FEWEST_CURRENTS,
-    HELD_OUT_TARGET,
-    MOST_BENT_CELLS,
-    MOST_CELLS,
-    NEARLY_BEST,
-    NEARLY_BEST_BENT,
-    ROUNDS,
-    SHIFTS,
-    SMOOTHED_DEGREE,
-    TWO_GAPS,
-    U_DEGREE,
-)
+from femfit.fit.constants import CIRCUIT_CELLS, FEWEST_CURRENTS, HELD_OUT_TARGET, SMOOTHED_DEGREE, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import DistanceCoordinate
 
+NEARLY_BEST, NEARLY_BEST_BENT = 1.1, 1.02
+"""Assumed: where none reaches the target (noisy rows), the smallest within this factor of the least held-out error; the
+second where the inductance bends, since what misses the target there is the bend, seldom noise."""
 
-def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
+ROUNDS = 3
+"""Numerical: how often distance and current are searched in turn."""
+
+SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
+"""Assumed: shifts s of u = d_0 / (d + s) that are tried, as parts of the range of distances: none suits a magnet far
+from its electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the
+distances."""
+
+CLOSEST = 0.05
+"""Numerical: least distance plus shift, as a part of the range of distances, for a sweep that reaches the face or
+passes it: closer to its pole, an inverse distance puts all distances but one into a corner."""
+
+DISTANCE_CELLS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
+"""Assumed: cells in the distance that are tried for one circuit's co-energy."""
+
+CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 6, 12)
+"""Assumed: cells in the current that are tried; and where the inductance shows a bend, beside the finest."""
+
+MOST_BENT_CELLS, MOST_CELLS = 48, 8
+"""Numerical: in the current and in the distance, where the inductance bends: as many functions as a fit with shapes
+takes in seconds. Up to 17 currents have three cells from each to the next."""
+
+TWO_GAPS = (0.2, 0.25, 0.32, 0.43, 0.57)
+"""Calibrated, on two axial bearings and a double-acting solenoid of steel: the stretches of u = sinh((d - d_0) / h)
+about the middle that are tried, as parts of the range of distances."""
+
+
+def choose_basis(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     """The smallest basis below its target on held-out rows, or else the smallest that is nearly the best.
 
     Distance and current are searched in turn, each with what was chosen for the other. The error is that of
     :class:`femfit.fit.coenergy.CoenergyFit`; FitError if there are too few currents or distances.
     """
-    rows = system.rows
     currents = FEWEST_CURRENTS if rows.without_current else len(rows.currents)
     fewest = U_DEGREE + 1 + (2 if rows.flux_linkage is None else 0)  # flux linkage gives W' itself beside its slope
     if currents < FEWEST_CURRENTS or len(rows.distances) < fewest:
@@ -189,7 +201,7 @@ def best_along_distance(system: CoenergySystem, functions: CurrentSplines) -> Co
     FitError
         If there are fewer distances than one cell needs.
     """
-    distances = system.rows.distances
+    distances = np.unique(system.distance)
     if len(distances) < U_DEGREE + 1:
         raise FitError(
             f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "

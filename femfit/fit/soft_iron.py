@@ -28,15 +28,7 @@ from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.text import amount, counted
 from femfit.fit.bounded_qp import non_negative
-from femfit.fit.constants import (
-    NETWORK_CURRENTS,
-    NETWORK_DISTANCES,
-    NETWORK_IDLE,
-    NETWORK_NUMBERS,
-    NETWORK_OFF,
-    NETWORK_STARTS,
-    POOR_CIRCUIT,
-)
+from femfit.fit.constants import NETWORK_IDLE, POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
 from femfit.fit.model_parts import actuator_entry, circuit_of, mechanics_of, sample_time
 from femfit.fit.ranking import as_written, ranking_folds
@@ -49,6 +41,19 @@ from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.several_magnetics import NETWORK, NetworkMagnetics
 from femfit.model.validity import ValidityBox
 from femfit.tables.measurement import InductanceTable
+
+NETWORK_STARTS = ((0.3, 0.02), (0.3, 0.2), (0.05, 0.02), (0.05, 0.2))
+"""Assumed: where the search for a plunger's network starts: its shift, as a part of the median distance, and the iron's
+own current, as a part of the largest."""
+
+NETWORK_CURRENTS, NETWORK_DISTANCES = 3, 6
+"""Derived: a knee takes three currents beside zero, and a network's ten numbers six distances of them."""
+
+NETWORK_NUMBERS = 10
+"""Derived: numbers of the network: a, four of ln r, two of s, c, two of the leakage."""
+
+NETWORK_OFF = 10.0
+"""Numerical: residual of numbers that make no network, ten times the rms of what is fitted."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
