@@ -16,7 +16,7 @@ References
 F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighted over a layer.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,9 +30,9 @@ from femfit.field.newton import NewtonResult, States, along_currents
 from femfit.field.nonlinear_system import FIRST_ORDER, NonlinearSystem, at_orders
 from femfit.field.point_rows import (
     BEYOND_CURVE,
+    COARSE_FORCE,
     NO_CONVERGENCE,
     CurrentsLike,
-    PointSolution,
     current_points,
     swept_currents,
     table_rows,
@@ -46,15 +46,15 @@ class NonlinearActuator(MeshedActuator):
     """An actuator with saturating parts, solved point by point."""
 
     def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
-        self._tolerance = settings.newton_tolerance
-        below = settings.order - 1
+        self._tolerance, below = settings.newton_tolerance, settings.order - 1
         orders = min(FIRST_ORDER, below), settings.order, *([below] if estimate else [])
         self._systems, self._raise_order = at_orders(self._moving, self._actuator, *orders)
-        self.coarse, self.fine = self._systems[-2:]
-        g = self._moving.mover_weight
-        self._layer = LayerForce(self.fine.space, g)
-        self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
-        self._solved: dict[float, dict[tuple[float, ...], PointSolution]] = {}  # of the distance last solved
+        self.fine = self._systems[-1]
+        # Of the orders whose force is asked for, the finest first
+        judged = self._systems[: -3 if estimate else -2 : -1]
+        self._layers = [(system, LayerForce(system.space, self._moving.mover_weight)) for system in judged]
+        # The distance last solved, and states and columns of its points
+        self._solved: tuple[float, States, dict[tuple[float, ...], dict[str, Any]]] = np.nan, {}, {}
         self._references: States = {}
         if len(self._group) > 1:
             self._systems[0].move()
@@ -73,77 +73,70 @@ class NonlinearActuator(MeshedActuator):
                 bases = {key: higher @ state for key, state in _states(results[-1]).items()}
                 pending = np.array([point for point in points if tuple(point) in bases])
             self.fine.move()
-            coarse, evaluate = _states(results[-1]), self._evaluation(distance)
-            finest, solutions = {}, {}
+            coarse, linked, solutions = _states(results[-1]), self._pickups.at(distance), {}
+            results.append({})
             for key, result in along_currents(self.fine, pending, bases, self._tolerance):
-                finest[key] = result
+                results[-1][key] = result
                 if result.converged:
-                    solutions[key] = evaluate(np.array(key), result.state, coarse[key])
-        self._solved, unsolved = {distance: solutions}, PointSolution({"status": NO_CONVERGENCE}, np.nan, np.empty(0))
-        rows, coarse_forces = [], []
+                    total = function_of(self.fine.space, result.state)
+                    solutions[key] = self._columns(np.array(key), result.state, coarse[key])
+                    solutions[key] |= {pickup_column(name): flux for name, flux in linked(total).items()}
+        self._solved, rows = (distance, _states(results[-1]), solutions), []
         for key in map(tuple, points):  # from the lowest order to the one at which a point ended
-            ended = [of_order[key] for of_order in (*results, finest) if key in of_order]
-            iterations, solution = sum(order.iterations for order in ended), solutions.get(key, unsolved)
-            newton = {"newton_iterations": iterations, "newton_residual": ended[-1].residual}
-            rows.append(newton | solution.columns)
-            coarse_forces.append(solution.coarse_force)
-        return table_rows(rows, np.array(coarse_forces), points)
+            ended = [of_order[key] for of_order in results if key in of_order]
+            newton = {"newton_iterations": sum(order.iterations for order in ended)}
+            newton |= {"newton_residual": ended[-1].residual}
+            rows.append(newton | solutions.get(key, {"status": NO_CONVERGENCE}))
+        return table_rows(rows, points)
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
         """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
         points = current_points(currents, len(self._circuits))
-        results, slopes = self._solutions(distance, points), self._slopes(numbers, self.fine.space, self.fine.circuits)
-        solved = np.array([tuple(point) in results for point in points])
-        states = np.array([results[tuple(point)].state for point in points[solved]]).reshape(-1, self.unknowns)
-        rows = slopes.of_states(distance, points[solved], states, self.fine.respond)
+        states, slopes = self._states(distance, points), self._slopes(numbers, self.fine.space, self.fine.circuits)
+        solved = np.array([tuple(point) in states for point in points])
+        found = np.array([states[tuple(point)] for point in points[solved]]).reshape(-1, self.unknowns)
+        rows = slopes.of_states(distance, points[solved], found, self.fine.respond)
         result = np.full((len(points), *rows.shape[1:]), np.nan)
         result[solved] = rows
         return result
 
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
         """The field w and the force in N at a point, with the mesh left stretched to it."""
-        points = current_points(currents, len(self._circuits))
-        solution = self._solutions(distance, points).get(tuple(points[0]))
-        if solution is None:
-            amperes = ", ".join(f"{i:g}" for i in points[0])
+        point = current_points(currents, len(self._circuits))[0]
+        state = self._states(distance, point[None]).get(tuple(point))
+        if state is None:
+            amperes = ", ".join(f"{i:g}" for i in point)
             raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {NO_CONVERGENCE}.")
         self._moving.move_to(distance)
-        return function_of(self.fine.space, solution.state), solution.columns["force_N"]
+        return function_of(self.fine.space, state), self._solved[2][tuple(point)]["force_N"]
 
-    def _solutions(self, distance: float, points: FloatArray) -> Mapping[tuple[float, ...], PointSolution]:
-        """The solutions at a distance, with those of points (n, circuits) where their iteration converged."""
-        if not all(tuple(point) in self._solved.get(distance, {}) for point in points):
+    def _states(self, distance: float, points: FloatArray) -> States:
+        """The states at a distance, with those of points (n, circuits) where their iteration converged."""
+        if self._solved[0] != distance or not all(tuple(point) in self._solved[1] for point in points):
             self.rows(distance, points)
-        return self._solved[distance]
+        return self._solved[1]
 
-    def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray], PointSolution]:
-        """The evaluation of states at the distance that the mesh is stretched to."""
-        linked, hall = self._pickups.at(distance), self._actuator.hall
+    def _columns(self, currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> dict[str, Any]:
+        """What a state is, and one of the order below, at the distance that the mesh is stretched to."""
+        hall, inductance = self._actuator.hall, self.fine.inductance(fine)
+        columns = {
+            "status": "ok",
+            "force_N": self._force(*self._layers[0], fine, currents),
+            **dict(zip(flux_columns(self._circuits), self.fine.flux_linkage(fine).tolist(), strict=True)),
+            **{name: float(inductance[place]) for name, place in inductance_columns(self._circuits).items()},
+            "coenergy_J": -self.fine.evaluate(fine, currents).energy,
+            BEYOND_CURVE: self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
+        }
+        if len(self._layers) > 1:
+            columns[COARSE_FORCE] = self._force(*self._layers[1], coarse, currents)
+        if hall is not None:
+            columns["hall_T"] = hall_field(hall, self.mesh, function_of(self.fine.space, fine))
+        return columns
 
-        def force(system: NonlinearSystem, layer: LayerForce, state: FloatArray, currents: FloatArray) -> float:
-            alone = function_of(system.space, system.own_state(state, currents))
-            total = function_of(system.space, state)
-            return float(layer.of_sum([total]).item() - layer.of_sum([alone]).item())
-
-        def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> PointSolution:
-            total, coarse_force = function_of(self.fine.space, fine), np.nan
-            if self._coarse_layer is not None:  # the force of a state one order lower is asked for
-                coarse_force = force(self.coarse, self._coarse_layer, coarse, currents)
-            inductance = self.fine.inductance(fine)
-            columns = {
-                "status": "ok",
-                "force_N": force(self.fine, self._layer, fine, currents),
-                **dict(zip(flux_columns(self._circuits), self.fine.flux_linkage(fine).tolist(), strict=True)),
-                **{name: float(inductance[place]) for name, place in inductance_columns(self._circuits).items()},
-                "coenergy_J": -self.fine.evaluate(fine, currents).energy,
-                BEYOND_CURVE: self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
-                **{pickup_column(name): flux_linkage for name, flux_linkage in linked(total).items()},
-            }
-            if hall is not None:
-                columns["hall_T"] = hall_field(hall, self.mesh, total)
-            return PointSolution(columns, coarse_force, fine)
-
-        return evaluate
+    def _force(self, system: NonlinearSystem, layer: LayerForce, state: FloatArray, currents: FloatArray) -> float:
+        """The force of a state in N, without what the moving part's own field has of it on the mesh."""
+        total, alone = (function_of(system.space, w) for w in (state, system.own_state(state, currents)))
+        return float(layer.of_sum([total]).item() - layer.of_sum([alone]).item())
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:

@@ -82,9 +82,9 @@ ERROR_SAFETY = 3.0
 """Factor on the force's change between two polynomial orders. At re-entrant corners the error falls algebraically with
 the order, by a factor q = 0.5..0.75 each time, so the true error is q / (1 - q) = 1..3 times the last change."""
 
-BEYOND_CURVE = "beyond_bh_curve"
-"""Not a column of the table; the sweep's manifest counts it."""
-
+BEYOND_CURVE, COARSE_FORCE = "beyond_bh_curve", "coarse_force_N"
+"""No columns of the table: the sweep's manifest counts the first, and an error follows from the force one order lower.
+"""
 
 NO_CONVERGENCE = "failed: Newton's iteration did not converge"
 """The status of points that a saturating part made fail; the table's Newton columns say how near they came."""
@@ -130,16 +130,7 @@ def _form(sources: FloatArray, matrix: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("pj,jk,pk->p", sources, matrix, sources))
 
 
-@dataclass(frozen=True, eq=False)
-class PointSolution:
-    """One point of the currents at one distance where parts saturate."""
-
-    columns: dict[str, Any]  # Of the sweep table
-    coarse_force: float  # One order lower, in N; NaN where that was not solved
-    state: FloatArray  # Of the finer order, shape (unknowns,)
-
-
-def table_rows(rows: Sequence[Mapping[str, Any]], coarse_force: FloatArray, currents: FloatArray) -> dict[str, Any]:
+def table_rows(rows: Sequence[Mapping[str, Any]], currents: FloatArray) -> dict[str, Any]:
     """Columns of the sweep table, one value a point, of what each point has; without convergence it has no field.
 
     The force's error is absent where its change from one order lower is unknown. At single currents that change passes
@@ -148,9 +139,9 @@ def table_rows(rows: Sequence[Mapping[str, Any]], coarse_force: FloatArray, curr
     """
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
-    if np.isfinite(coarse_force).any():
+    if COARSE_FORCE in columns:
         force = np.array(columns["force_N"])
-        change, size = np.abs(force - coarse_force), np.abs(force)
+        change, size = np.abs(force - columns.pop(COARSE_FORCE)), np.abs(force)
         share = np.nansum(change) / (np.nansum(size) or np.inf)
         least = share * np.fmax(size, size[weakest(currents)])
         columns["force_error_N"] = (ERROR_SAFETY * np.fmax(change, least)).tolist()

@@ -159,22 +159,21 @@ class DistanceTask:
         """On the group's mesh, or on one of the distance's own where that cannot be made."""
         choice = None
         try:
-            problem = MESHES.problem(self.mesh)
+            problem = problem_of(self.mesh)
             if self.chooses and isinstance(problem, ToleranceProblem):
                 choice = asdict(problem.choice)
         except FieldSolverError:
             if len(self.mesh.distances) == 1:
                 raise
-            problem = MESHES.problem(self.mesh.of(self.distance))
+            problem = problem_of(self.mesh.of(self.distance))
         currents = swept_currents(self.mesh.actuator.sweep)
-        rows = problem.rows(self.distance, currents)
-        result = {"rows": json_ready(rows)}  # a current without a field has null
+        result = {"rows": json_ready(problem.rows(self.distance, currents))}  # a current without a field has null
         if choice is not None:
             result["choice"] = choice
-        if not self.numbers:
-            return result
-        slopes = problem.signatures(self.distance, currents, self.numbers)
-        return result | {"signatures": json_ready(slopes.tolist())}
+        if self.numbers:
+            slopes = problem.signatures(self.distance, currents, self.numbers)
+            result["signatures"] = json_ready(slopes.tolist())
+        return result
 
 
 def solve_task(task: "DistanceTask | ProbeTask | FormsTask") -> dict[str, Any]:
@@ -199,43 +198,27 @@ def solve_task(task: "DistanceTask | ProbeTask | FormsTask") -> dict[str, Any]:
         if not isinstance(error, NgException | RuntimeError | MemoryError | ArithmeticError):
             raise
         if isinstance(error, MemoryError) or "allocate" in text:
-            return {
-                "status": f"failed: out of memory ({text}). Give the same command with fewer workers, or more memory",
-                AGAIN: True,
-            }
-        return {
-            "status": f"failed: the field solver stopped ({text}). Look for extreme dimensions or materials in the "
-            "actuator file"
-        }
+            remedy = "Give the same command with fewer workers, or more memory"
+            return {"status": f"failed: out of memory ({text}). {remedy}", AGAIN: True}
+        remedy = "Look for extreme dimensions or materials in the actuator file"
+        return {"status": f"failed: the field solver stopped ({text}). {remedy}"}
 
 
-class MeshCache:
-    """The mesh of one group, kept while a worker's tasks stay in it."""
-
-    def __init__(self) -> None:
-        self._group: MeshGroup | None = None
-        self._problem: FieldProblem | None = None
-
-    def problem(self, group: MeshGroup) -> "FieldProblem":
-        """The group's field problem, made where it is not the one that was asked for last."""
-        if self._problem is None or group != self._group:
-            from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
-
-            from femfit.field.problem import prepare  # noqa: PLC0415
-
-            SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
-            self.clear()
-            self._problem = prepare(group.actuator, group.distances, group.layout, group.settings, group.choice)
-            self._group = group
-        return self._problem
-
-    def clear(self) -> None:
-        """Forget the mesh, as in a new process."""
-        self._group = self._problem = None
+MESHES: "dict[MeshGroup, FieldProblem]" = {}
+"""This process's mesh, one at most; a worker solves many distances on it."""
 
 
-MESHES = MeshCache()
-"""This process's mesh; a worker solves many distances on one."""
+def problem_of(group: MeshGroup) -> "FieldProblem":
+    """A group's field problem, made where it is not the one that was asked for last."""
+    if group not in MESHES:
+        from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
+
+        from femfit.field.problem import prepare  # noqa: PLC0415
+
+        SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
+        MESHES.clear()
+        MESHES[group] = prepare(group.actuator, group.distances, group.layout, group.settings, group.choice)
+    return MESHES[group]
 
 
 @dataclass(frozen=True)
