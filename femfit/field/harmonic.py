@@ -27,14 +27,13 @@ J. Gyselinck, L. Vandevelde, J. Melkebeek and P. Dular, IEEE Trans. Magn. 38 (20
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import ngsolve as ng
 import numpy as np
 import shapely
 from ngsolve import H1, BilinearForm, InnerProduct, dx
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -45,6 +44,7 @@ from femfit.field.linear_system import SummedInverse
 from femfit.field.material_points import MaterialPoints, QuadraturePoints
 from femfit.field.weak_form import (
     RADIAL_WEIGHT_ORDER,
+    FieldArray,
     flux_density,
     function_of,
     linear_materials,
@@ -98,10 +98,6 @@ def skin_layers(region: Region, largest_element: float, frequency_Hz: float) -> 
     return min(MOST_LAYERS, max(0, math.ceil(math.log(ratio) / math.log(LAYER_FACTOR))))
 
 
-FieldArray = NDArray[Any]
-"""Coefficients of fields, real at real s and complex else."""
-
-
 class HarmonicSystem:
     """The forms on one mesh, for real s or for complex ones.
 
@@ -138,13 +134,13 @@ class HarmonicSystem:
         """Take the mesh as it is now stretched."""
         self._air.Assemble()
 
-    def solve(self, frequency: complex, loads: Sequence[FloatArray] | FloatArray) -> FieldArray:
+    def solve(self, frequency: complex, loads: FloatArray) -> FieldArray:
         """Solve at s in 1/s for loads (k, unknowns), on the mesh as last taken; the same shape."""
         self._frequency.Set(frequency)
         for form in self._renewed:
             form.Assemble()
         self._inverse.renew((self._air, *self._still, *self._renewed))
-        return np.array([self._inverse.solve(load) for load in loads]).reshape(len(loads), self.space.ndof)
+        return self._inverse.solve_all(loads)
 
 
 class ConductorPoints:

@@ -23,7 +23,7 @@ from femfit.core.numerics import MU_0, BoolArray, FloatArray, IntArray
 from femfit.device.materials import BHCurve
 from femfit.device.parts import LinearMaterial, Material
 from femfit.field.newton import inner
-from femfit.field.weak_form import flux_density
+from femfit.field.weak_form import csr, flux_density
 
 BEYOND_SHARE = 0.01
 
@@ -159,9 +159,3 @@ class MaterialPoints:
         h = ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]))
         form += InnerProduct(h, c) * 2.0 * math.pi * ng.x * self._points.measure
         return form
-
-
-def csr(matrix: Any, columns: int) -> Any:
-    """A copy of an NGSolve matrix for scipy."""
-    values, indices, starts = (np.array(array) for array in matrix.CSR())
-    return sparse.csr_matrix((values, indices.astype(np.int32), starts.astype(np.int32)), (len(starts) - 1, columns))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from femfit.core.numerics import BIAS_SHARE, BoolArray, FloatArray
-from femfit.core.sweep_columns import flux_columns, inductance_columns, pickup_column
+from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.parts import Actuator, SweepAxes
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class Coefficients:
     rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
     # Change of the force from one polynomial order lower, where that was solved; shape (m, m)
     force_change: FloatArray | None = None
-    pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by the coils' names; shape (m,) each
+    pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by their columns; shape (m,) each
 
 
 def superpose(sources: FloatArray, solution: Coefficients, circuits: Sequence[str]) -> dict[str, FloatArray]:
@@ -123,7 +123,7 @@ def superpose(sources: FloatArray, solution: Coefficients, circuits: Sequence[st
         columns["force_error_N"] = ERROR_SAFETY * _form(np.abs(sources), np.abs(solution.force_change))
     if solution.hall is not None:
         columns["hall_T"] = sources @ solution.hall
-    return columns | {pickup_column(name): sources @ linked for name, linked in solution.pickup.items()}
+    return columns | {name: sources @ linked for name, linked in solution.pickup.items()}
 
 
 def _form(sources: FloatArray, matrix: FloatArray) -> FloatArray:

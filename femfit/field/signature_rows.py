@@ -24,16 +24,15 @@ from itertools import combinations, combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from ngsolve import H1, VOL, ElementId, GridFunction, Mesh
+from ngsolve import H1, VOL, ElementId, Mesh
 
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import HallElement
 from femfit.device.parts import Actuator, LinearMaterial, Region
 from femfit.field.explicit_slopes import ExplicitSlopes
-from femfit.field.harmonic import FieldArray
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.weak_form import hall_field
+from femfit.field.weak_form import FieldArray, hall_fields
 
 STEP = 1e-3
 """Numerical: step of central differences, as a part of the currents, of the clearance and of the field."""
@@ -136,13 +135,10 @@ def _quadratic(points: FloatArray) -> FloatArray:
 
 def hall_row(hall: HallElement, space: H1) -> FloatArray:
     """The field in T that a Hall element measures, as a product with a state; shape (unknowns,)."""
-    mesh, function = space.mesh, GridFunction(space)
-    row, values = np.zeros(space.ndof), function.vec.FV().NumPy()
-    element = mesh[_element_at(hall, mesh)]
-    for dof in space.GetDofNrs(element):
-        values[:] = 0.0
-        values[dof] = 1.0
-        row[dof] = hall_field(hall, mesh, function)
+    dofs = list(space.GetDofNrs(space.mesh[_element_at(hall, space.mesh)]))
+    row, units = np.zeros(space.ndof), np.zeros((len(dofs), space.ndof))
+    units[range(len(dofs)), dofs] = 1.0
+    row[dofs] = hall_fields(hall, space, units)
     return row
 
 
