@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from os.path import realpath
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, TypeVar
 from zipfile import BadZipFile
 
@@ -209,7 +210,7 @@ def _is_of(path: Path, kind: str) -> bool:
 
 Made = TypeVar("Made")
 
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, BadZipFile, zlib.error, IndexError)
+_DAMAGED = OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError, BadZipFile, zlib.error, TokenError
 
 
 def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:
