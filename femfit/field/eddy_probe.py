@@ -22,15 +22,13 @@ from functools import lru_cache
 import numpy as np
 from ngsolve import H1, SetNumThreads
 
-from femfit.core.numerics import ComplexArray, FloatArray
-from femfit.device.drawn_numbers import DrawnNumber
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.eddy_sweep import principal
 from femfit.field.harmonic import ConductorPoints, HarmonicSystem
 from femfit.field.linear_system import SourceFields
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.nonlinear_system import static_system
-from femfit.field.signature_rows import impedance_slopes
 from femfit.field.sweep_task import MeshGroup, Patterns
 from femfit.field.weak_form import FieldArray, hall_fields
 from femfit.tables.eddy_table import Transfers
@@ -45,7 +43,7 @@ class EddyProbe:
     def __init__(
         self, actuator: Actuator, moving: MovingMesh, distance: float, order: int, bias: Sequence[float] = ()
     ) -> None:
-        self._actuator, self._hall, self._moving, self.distance = actuator, actuator.hall, moving, distance
+        self._hall, self._moving, self.distance = actuator.hall, moving, distance
         self._static = static_system(moving, actuator, order)
         self._static.bias, points = np.array(bias), self._static.points
         self._real, self._harmonic = (
@@ -72,12 +70,6 @@ class EddyProbe:
         flux, force, hall = zip(*solutions, strict=True)
         at_hall = None if self._hall is None else np.array(hall)
         return Transfers(frequencies, np.array(flux), np.array(force), at_hall), np.array(fields)
-
-    def slopes(self, numbers: Sequence[DrawnNumber], frequencies: FloatArray, fields: FieldArray) -> ComplexArray:
-        """What numbers of the drawing change of the inductances, as of :func:`impedance_slopes`."""
-        return impedance_slopes(
-            self._actuator, numbers, self._moving, self.points.space, self.distance, frequencies, fields
-        )
 
     def patterns(self, fields: FieldArray, shifts: FloatArray, places: ConductorPoints, tolerance: float) -> FloatArray:
         """Rows (k, n) of induced currents at the points of another mesh.

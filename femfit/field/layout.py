@@ -81,25 +81,18 @@ def singular_corners(regions: Sequence[Region]) -> list[BoolArray]:
 
 
 def _corners(filled: Any) -> Iterable[tuple[float, float]]:
+    """The corners of what a material fills, on the axis those of the outline together with its mirror image."""
     for piece in getattr(filled, "geoms", [filled]):
         for ring in (piece.exterior, *piece.interiors):
             points = np.array(ring.simplify(0.0).coords)[:-1]
             points = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > COINCIDENT]
-            for before, here, after in zip(
-                np.roll(points, 1, axis=0), points, np.roll(points, -1, axis=0), strict=True
-            ):
-                if _turn(before, here, after) > SMOOTH:
-                    yield tuple(here)
-
-
-def _turn(before: FloatArray, here: FloatArray, after: FloatArray) -> float:
-    """Angle by which an outline turns at a point; on the axis together with its mirror image."""
-    steps = [here - before, after - here]
-    if here[0] < COINCIDENT:  # one of the edges lies on the axis, the other one goes on mirrored
-        (step,) = [step for step in steps if abs(step[0]) > COINCIDENT] or [np.array([1.0, 0.0])]
-        return 2.0 * math.atan2(abs(step[1]), abs(step[0]))
-    first, second = (step / np.hypot(*step) for step in steps)
-    return abs(math.atan2(first[0] * second[1] - first[1] * second[0], first @ second))
+            before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+            across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+            turn = np.abs(np.arctan2(across, (before * after).sum(axis=1)))
+            # One of the edges lies on the axis, the other one goes on mirrored
+            leaving = np.where(np.abs(before[:, :1]) > COINCIDENT, before, after)
+            mirrored = 2.0 * np.arctan2(np.abs(leaving[:, 1]), np.abs(leaving[:, 0]))
+            yield from map(tuple, points[np.where(points[:, 0] < COINCIDENT, mirrored, turn) > SMOOTH])
 
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance

@@ -251,6 +251,7 @@ class ProbeTask:
     def result(self) -> dict[str, Any]:
         """Solve; nothing of it is written to the journal."""
         from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only
+        from femfit.field.signature_rows import impedance_slopes  # noqa: PLC0415
 
         moving, order = eddy_probe.moving_mesh(self.mesh), self.mesh.settings.order
         actuator, frequencies = self.mesh.actuator, np.array(self.frequencies)
@@ -261,7 +262,8 @@ class ProbeTask:
             coarser = eddy_probe.EddyProbe(actuator, moving, self.distance, order - 1, self.bias)
             result["coarse"] = coarser.transfers(frequencies)[0]
         if self.numbers:
-            result["slopes"] = probe.slopes(self.numbers, frequencies, fields)
+            space, d = probe.points.space, self.distance
+            result["slopes"] = impedance_slopes(actuator, self.numbers, moving, space, d, frequencies, fields)
         if not self.shifts:
             return result
         places = probe.points if self.reference == self.mesh else eddy_probe.conductor_points(self.reference)

@@ -19,7 +19,6 @@ from femfit.fit.eddy import with_eddy_currents
 from femfit.fit.law_fit import fit_law
 from femfit.fit.model_parts import (
     actuator_entry,
-    circuit_of,
     circuits_of,
     hall_sensor_of,
     kind_of,
@@ -122,11 +121,7 @@ def fit_model(
         require_currents(rows, "The drawing's iron has a magnetisation curve")
     fits = Fits(circuits=fit_circuits(rows)) if rows.several else _fits(rows, law, bounds, functions, inductance_H)
     has_coil = rows.several or not rows.without_current or entry.get("resistance_ohm") is not None
-    circuits, unknown = (
-        circuits_of(entry, rows.names)
-        if rows.several
-        else circuit_of(entry, rows.flux_linkage is not None, inductance_H is not None)
-    )
+    circuits, unknown = circuits_of(entry, rows.names, rows.flux_linkage is not None, inductance_H is not None)
     magnetics = fits.magnetics(inductance_H)
     motion, unmoved = within_sweep(mechanics_of(entry), rows.distances)
     field, hall, unsensed = _hall_field(entry, rows, has_coil)
@@ -199,21 +194,19 @@ def _hall_field(
     entry: Mapping[str, Any], rows: FitRows, has_coil: bool
 ) -> tuple[HallField | None, HallFit | None, tuple[str, ...]]:
     """The field at the Hall element, how one circuit's was fitted, and what is said of an element left out."""
-    drawn = entry.get("hall")
+    drawn, hall = entry.get("hall"), None
     if not rows.several:
-        one_current = len(rows.currents) < 2 and not rows.without_current
-        hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
-        field = None if hall is None else hall.field
-        if (hall and drawn) or not has_coil or entry.get("sensors"):
-            return field, hall, ()
-        return field, hall, (note("no_sensor"),)
+        if rows.hall is not None and (len(rows.currents) > 1 or rows.without_current):
+            hall = fit_hall(rows, rows.hall)
+        lacking = has_coil and not (hall and drawn) and not entry.get("sensors")
+        return hall.field if hall else None, hall, (note("no_sensor"),) if lacking else ()
     if not drawn:
         return None, None, ()
-    if rows.hall is None:
-        return None, None, (note("not_in_the_model", "The Hall element", "no hall_T"),)
-    what = "The field at the Hall element"
-    try:
-        sensed = fit_sensed(rows.distance, rows.circuit_currents, rows.hall, what)
-    except FitError as error:
-        return None, None, (note("not_in_the_model", "The Hall element", str(error)),)
-    return sensed.field, None, (note("sensed", sensed, what, "T"),)
+    why, what = "no hall_T", "The field at the Hall element"
+    if rows.hall is not None:
+        try:
+            sensed = fit_sensed(rows.distance, rows.circuit_currents, rows.hall, what)
+            return sensed.field, None, (note("sensed", sensed, what, "T"),)
+        except FitError as error:
+            why = str(error)
+    return None, None, (note("not_in_the_model", "The Hall element", why),)
