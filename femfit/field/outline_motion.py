@@ -27,8 +27,7 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.outlines import arc_circle
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.field.layout import bulges_of, parts_of
-from femfit.field.material_points import csr
-from femfit.field.weak_form import materials
+from femfit.field.weak_form import csr, materials
 
 ON_EDGE = 1e-9
 """In m: a vertex of the mesh that is nearer to an edge of the drawing lies on it."""

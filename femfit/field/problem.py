@@ -26,7 +26,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -59,11 +59,12 @@ from femfit.field.point_rows import (
 from femfit.field.signature_rows import SignatureRows
 from femfit.field.tolerance import (
     LevelChoice,
+    Rows,
     SolverSettings,
-    ToleranceProblem,
     check_currents,
     meet_tolerance,
     refinement_levels,
+    with_errors,
 )
 from femfit.field.weak_form import function_of, hall_fields
 
@@ -84,7 +85,10 @@ class MeshedActuator(ABC):
         *,
         estimate: bool = True,
     ) -> None:
-        self._actuator, self._group = actuator, group
+        self._actuator, self._group, self.settings = actuator, group, settings
+        # Where this is the level that meets a tolerance: its search's outcome, and rows that it has found at points
+        self.choice: LevelChoice | None = None
+        self.found: tuple[FloatArray, Rows] = np.zeros((0, 0)), {}
         self._circuits = tuple(circuit.name for circuit in actuator.circuits)
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
@@ -94,6 +98,25 @@ class MeshedActuator(ABC):
     @abstractmethod
     def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
         """Make the systems on the mesh; the number of unknowns of the finest one."""
+
+    @abstractmethod
+    def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
+        """What is solved at a distance for points (n, circuits)."""
+
+    @abstractmethod
+    def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
+        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
+
+    @abstractmethod
+    def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
+        """The field w and the force in N at a point, with the mesh left stretched to it."""
+
+    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
+        """Columns of the sweep table at a distance, one value a point of the currents."""
+        points, (found, rows) = current_points(currents, len(self._circuits)), self.found
+        reusable = distance in rows and np.array_equal(points, found)
+        columns = rows[distance] if reusable else self.solved_rows(distance, points)
+        return columns if self.choice is None else with_errors(columns, points, self.choice)
 
     def _slopes(self, numbers: Sequence[DrawnNumber], space: ng.H1, loads: FloatArray) -> SignatureRows:
         """The signatures of numbers, made when they are first asked for."""
@@ -123,18 +146,18 @@ class LinearActuator(MeshedActuator):
         pickup = {name: np.array([links[name] for links in linked]) for name in linked[0]}
         return replace(fine, force_change=change, pickup=pickup)
 
-    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance, one value a point of the currents."""
+    def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
+        """What is solved at a distance for points (n, circuits)."""
         solution = self.solve(distance)
         if not np.all(np.isfinite(solution.force)):
             raise FieldSolverError(
                 "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
             )
-        columns = superpose(sources(currents, self._circuits), solution, self._circuits)
+        columns = superpose(sources(points, self._circuits), solution, self._circuits)
         return {name: values.tolist() for name, values in columns.items()}
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
-        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`, at points of the currents."""
+        """Of any points, from the fields of the sources."""
         if self._solved != distance:
             self.solve(distance)
         system, points = self._system, current_points(currents, len(self._circuits))
@@ -142,7 +165,7 @@ class LinearActuator(MeshedActuator):
         return slopes.of_sources(distance, points, system.total, system.respond)
 
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
-        """The field w and the force in N at a point, with the mesh left stretched to it."""
+        """The sum of the sources' fields."""
         solution = self.solve(distance)
         self._moving.move_to(distance)
         (factors,) = sources(currents, self._circuits)
@@ -166,9 +189,8 @@ class NonlinearActuator(MeshedActuator):
             self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
         return int(self.fine.space.ndof)
 
-    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
-        """Columns of the sweep table, one value a point; one without convergence has its ``status`` and no field."""
-        points = current_points(currents, len(self._circuits))
+    def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
+        """The same; a point without convergence has its ``status`` and no field."""
         with self._moving.at(distance):
             results, bases, pending = [], self._references, points
             for system, higher in zip(self._systems[:-1], self._raise_order, strict=True):
@@ -193,7 +215,7 @@ class NonlinearActuator(MeshedActuator):
         return table_rows(rows, points)
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
-        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
+        """From the state of each point."""
         points = current_points(currents, len(self._circuits))
         states, slopes = self._states_at(distance, points), self._slopes(numbers, self.fine.space, self.fine.circuits)
         solved = np.array([tuple(point) in states for point in points])
@@ -204,7 +226,7 @@ class NonlinearActuator(MeshedActuator):
         return result
 
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
-        """The field w and the force in N at a point, with the mesh left stretched to it."""
+        """The state of the point."""
         point = current_points(currents, len(self._circuits))[0]
         state = self._states_at(distance, point[None]).get(tuple(point))
         if state is None:
@@ -216,13 +238,13 @@ class NonlinearActuator(MeshedActuator):
     def _states_at(self, distance: float, points: FloatArray) -> States:
         """The states at a distance, with those of points (n, circuits) where their iteration converged."""
         if self._solved[0] != distance or not all(tuple(point) in self._solved[1] for point in points):
-            self.rows(distance, points)
+            self.solved_rows(distance, points)
         return self._solved[1]
 
     def _columns(self, currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> dict[str, Any]:
         """What a state is, and one of the order below, at the distance that the mesh is stretched to."""
         hall, inductance = self._actuator.hall, self.fine.inductance(fine)
-        columns = {
+        columns: dict[str, Any] = {
             "status": "ok",
             "force_N": self.fine.force(fine, currents),
             **dict(zip(flux_columns(self._circuits), self.fine.flux_linkage(fine).tolist(), strict=True)),
@@ -241,9 +263,6 @@ def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:
     return {key: result.state for key, result in results.items() if result.converged}
 
 
-FieldProblem: TypeAlias = LinearActuator | NonlinearActuator | ToleranceProblem
-
-
 def prepare(
     actuator: Actuator,
     group: tuple[float, ...],
@@ -251,7 +270,7 @@ def prepare(
     settings: SolverSettings,
     choice: LevelChoice | None = None,
     currents: CurrentsLike | None = None,
-) -> FieldProblem:
+) -> MeshedActuator:
     """Mesh an actuator for a group of ascending distances in m that share the mesh.
 
     Parameters
@@ -266,8 +285,9 @@ def prepare(
         return kind(actuator, group, layout, settings)
     level = partial(kind, actuator, group, layout, estimate=False)
     if choice is not None:
-        chosen = refinement_levels(settings)[choice.level]
-        return ToleranceProblem(level(chosen), chosen, choice)
+        problem = level(refinement_levels(settings)[choice.level])
+        problem.choice = choice
+        return problem
     circuits = len(actuator.circuits)
     swept = current_points(swept_currents(actuator.sweep), circuits)
     ends = check_currents(swept) if saturates else swept

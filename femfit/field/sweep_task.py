@@ -28,7 +28,7 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.point_rows import swept_currents
-from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem, shares_checks
+from femfit.field.tolerance import LevelChoice, SolverSettings, shares_checks
 
 Task = TypeVar("Task")
 Result = dict[str, Any]
@@ -101,7 +101,7 @@ def _alone(task: Any) -> Result:
 
 
 if TYPE_CHECKING:
-    from femfit.field.problem import FieldProblem
+    from femfit.field.problem import MeshedActuator
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class DistanceTask:
         choice = None
         try:
             problem = problem_of(self.mesh)
-            if self.chooses and isinstance(problem, ToleranceProblem):
+            if self.chooses and problem.choice is not None:
                 choice = asdict(problem.choice)
         except FieldSolverError:
             if len(self.mesh.distances) == 1:
@@ -204,11 +204,11 @@ def solve_task(task: "DistanceTask | ProbeTask | FormsTask") -> dict[str, Any]:
         return {"status": f"failed: the field solver stopped ({text}). {remedy}"}
 
 
-MESHES: "dict[MeshGroup, FieldProblem]" = {}
+MESHES: "dict[MeshGroup, MeshedActuator]" = {}
 """This process's mesh, one at most; a worker solves many distances on it."""
 
 
-def problem_of(group: MeshGroup) -> "FieldProblem":
+def problem_of(group: MeshGroup) -> "MeshedActuator":
     """A group's field problem, made where it is not the one that was asked for last."""
     if group not in MESHES:
         from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only

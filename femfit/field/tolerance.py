@@ -29,7 +29,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import is_flux
 from femfit.device.parts import Actuator
 from femfit.field.newton import TOLERANCE
-from femfit.field.point_rows import CurrentsLike, between, current_points, weakest
+from femfit.field.point_rows import between, weakest
 
 
 @dataclass(frozen=True)
@@ -100,36 +100,17 @@ Rows = dict[float, dict[str, list[Any]]]
 """Columns of the sweep table by distance in m."""
 
 
-class ToleranceProblem:
-    """A group of distances on the level that meets the tolerance; mesh, unknowns and field are the level's.
+def with_errors(columns: dict[str, list[Any]], points: FloatArray, choice: LevelChoice) -> dict[str, list[Any]]:
+    """Columns at points (n, circuits) with the force's error: the largest of the checked points round each.
 
-    ``solved`` are rows that the search has found at points (n, circuits).
+    Round it are those with no other checked one between.
     """
-
-    def __init__(
-        self,
-        problem: "MeshedActuator",
-        settings: SolverSettings,
-        choice: LevelChoice,
-        points: FloatArray | None = None,
-        solved: Rows | None = None,
-    ) -> None:
-        self.settings, self.choice, self._points, self._solved = settings, choice, points, solved or {}
-        self.mesh, self.unknowns, self.field = problem.mesh, problem.unknowns, problem.field
-        self._rows, self.signatures = problem.rows, problem.signatures
-
-    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance, one value a point."""
-        checked, errors = np.array(self.choice.currents_A), np.array(self.choice.force_errors)
-        points = current_points(currents, checked.shape[1])
-        reusable = distance in self._solved and np.array_equal(points, self._points)
-        columns = dict(self._solved[distance] if reusable else self._rows(distance, currents))
-        if "force_N" in columns:
-            # The largest error of the checked points round each point: with no other checked one between
-            near = [[between(checked, x, place).sum() == 1 for place in checked] for x in points]
-            error = np.max(np.where(near, errors, 0.0), axis=1) * scale(columns["force_N"], points)
-            columns["force_error_N"] = error.tolist()
+    if "force_N" not in columns:
         return columns
+    checked = np.array(choice.currents_A)
+    near = [[between(checked, x, place).sum() == 1 for place in checked] for x in points]
+    error = np.max(np.where(near, choice.force_errors, 0.0), axis=1) * scale(columns["force_N"], points)
+    return columns | {"force_error_N": error.tolist()}
 
 
 def meet_tolerance(
@@ -139,11 +120,12 @@ def meet_tolerance(
     checked: FloatArray,
     settings: SolverSettings,
     first: FloatArray | None = None,
-) -> ToleranceProblem:
+) -> "MeshedActuator":
     """Refine until ascending distances that share a mesh meet the tolerance at some of the swept points, or to its end.
 
     The rows say the error that is left, also where the last level does not meet the tolerance. ``first`` are the points
-    of the coarsest level, the checked ones among them, of which the largest values say what is small.
+    of the coarsest level, the checked ones among them, of which the largest values say what is small. What was solved
+    on the level of a group that shares no checks is kept.
     """
     shared = shares_checks(group)
     distances = (group[0], group[len(group) // 2], group[-1]) if shared else group
@@ -164,16 +146,15 @@ def meet_tolerance(
     ]
     for level in range(1, len(levels)):
         below, above = above, solve(level, checked if shared else swept)  # the level above is the one to keep
-        columns = [_at_points(checked, points, rows) for _, points, rows in (below, above)]
-        force = CHECK_SAFETY * _difference("force_N", *columns, small, checked)
-        linked = [_difference(name, *columns, small, checked).max() for name in columns[0][0] if is_flux(name)]
+        coarse, fine = (_at_points(checked, points, rows) for _, points, rows in (below, above))
+        force = CHECK_SAFETY * _difference("force_N", coarse, fine, small, checked)
+        linked = [_difference(name, coarse, fine, small, checked).max() for name in coarse[0] if is_flux(name)]
         if max(force.max(), CHECK_SAFETY * max(linked, default=0.0)) <= tolerance:
             break
-    chosen = level - 1 if shared else level
-    choice = LevelChoice(chosen, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
-    if shared:
-        return ToleranceProblem(below[0], levels[chosen], choice)
-    return ToleranceProblem(above[0], levels[chosen], choice, *above[1:])
+    chosen, (problem, points, rows) = (level - 1, below) if shared else (level, above)
+    problem.choice = LevelChoice(chosen, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
+    problem.found = points, {} if shared else rows
+    return problem
 
 
 def shares_checks(group: tuple[float, ...]) -> bool:

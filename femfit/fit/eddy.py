@@ -166,7 +166,7 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     own, between, among = flux[:, :c, 1 : 1 + c], flux[:, :c, 1 + c :], flux[:, c:, 1 + c :]
     coupling = np.linalg.solve(own, between)
     if c == 1 and table.bias_A is not None:
-        (biased,) = table.bias_A.any(axis=1).nonzero()
+        biased = np.flatnonzero(table.bias_A.any(axis=1))
         linked = (flux[:, :, 0] - rest)[biased]
         coupling[biased, 0] = linked[:, 1:] / linked[:, :1]
     turned = coupling.swapaxes(1, 2)

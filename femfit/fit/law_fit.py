@@ -163,6 +163,19 @@ class LawFit:
             for n, (basis, power) in enumerate(self.terms)
         )
 
+    @property
+    def term_rows(self) -> list[tuple[str, int, float | None, tuple[float, float], str]]:
+        """Column, power of the current, value, interval and unit of each coefficient, then of each nonlinear parameter.
+
+        A value is None where the table leaves its sign open.
+        """
+        rows: list[tuple[str, int, float | None, tuple[float, float], str]] = []
+        for c, (low, high) in zip(self.coefficients, self.interval.tolist(), strict=True):
+            open_sign = low < 0.0 < high and not c.active
+            rows.append((c.basis, c.current_power, None if open_sign else c.value, (low, high), c.unit))
+        shape = self.shape_interval
+        return rows + [(p.name, 0, self.shape[p.name], shape[p.name], p.unit) for p in self.law.shape]
+
     def magnetics(self, inductance_H: float | None = None) -> LawMagnetics:
         """The law with its coefficients; inductance and flux linkage at the farthest point follow the table."""
         rows, farthest = self.rows, float(self.rows.distances[-1])

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -102,7 +102,8 @@ def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mecha
     sides = ("near", near, near < low), ("far", far, far > high)
     beyond = {side: place for side, place, outside in sides if outside and np.isfinite(place)}
     notes = tuple(note("beyond_sweep", side, place) for side, place in beyond.items())
-    return replace(motion, **{f"{side}_stop": None for side in beyond}), notes
+    stops = {f"{side}_stop": None for side in beyond}
+    return replace(motion, **cast("dict[str, Any]", stops)), notes
 
 
 def validity_of(magnetics: Magnetics, rows: FitRows, winding: bool = True) -> ValidityBox:

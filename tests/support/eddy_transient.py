@@ -12,10 +12,9 @@ from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.harmonic import HarmonicSystem, add_eddy_form, conductors
 from femfit.field.layout import layout_of
-from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import source_loads
+from femfit.field.weak_form import csr, source_loads
 from support.small_drawing import POT
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
