@@ -155,13 +155,13 @@ def _parts(actuator: Actuator, distance: float, layout: Layout, settings: Solver
     """Faces of the regions and coils that move, or of those that stand still."""
     prefix, shift = ("moving", distance) if moves else ("fixed", 0.0)
     parts, faces = {name: part for name, part in parts_of(actuator).items() if name.startswith(prefix)}, []
-    singular = iter(singular_corners([part for part in parts.values() if isinstance(part, Region)]))
+    singular = singular_corners([part for part in parts.values() if isinstance(part, Region)])
     for name, part in parts.items():
         face = _face(part.vertices_m, bulges_of(part), shift)
         face.faces.name, face.faces.maxh = name, _largest_element(part, layout, settings)
         faces.append(face)
         if isinstance(part, Region):
-            corners = np.array(part.vertices_m)[next(singular)] + np.array([0.0, shift])
+            corners = singular[part.material] + np.array([0.0, shift])
             for vertex in face.vertices:
                 if np.any(np.hypot(*(corners - np.array([vertex.p.x, vertex.p.y])).T) < COINCIDENT):
                     vertex.maxh = settings.corner_fraction * _extent(part)

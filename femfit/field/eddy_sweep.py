@@ -19,8 +19,7 @@ from femfit.core.journal import Journal
 from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.sweep_task import AGAIN, FormsTask, MeshGroup, Patterns, ProbeTask, Solve
+from femfit.field.sweep_task import AGAIN, FormsTask, MeshGroup, Patterns, ProbeTask, Solve, mesh_groups
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import EddyTable, Transfers
 from femfit.tables.signatures import ImpedanceSlopes
@@ -71,10 +70,7 @@ def eddy_sweep(
     """
     biases, numbers, distances = biases or {}, () if actuator.saturates else numbers, actuator.sweep.distances_m
     highest = max(actuator.frequencies_Hz[-1], LOWEST_HZ)
-    settings = SolverSettings(order=ORDER, skin_frequency_Hz=highest)
-    layout = layout_of(actuator, settings)
-    groups = stretch_groups(distances, layout, settings)
-    meshes = {d: MeshGroup(actuator, layout, settings, group) for group in groups for d in group}
+    meshes = mesh_groups(actuator, SolverSettings(order=ORDER, skin_frequency_Hz=highest))
     probes = [distances[k] for k in evenly_spread(len(distances), PROBES)]
     reference = meshes[probes[len(probes) // 2]]
     probed = _read(file, key)

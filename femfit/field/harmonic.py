@@ -76,15 +76,11 @@ def add_eddy_form(form: BilinearForm, named: Mapping[str, Material], factor: Any
     """Add M of the named conductors, times a factor, to a form that is not assembled yet."""
     w, v = form.space.TnT()
     for name, material in named.items():
+        density = ng.x**2 * w * v
+        if material.lamination_m:
+            density = material.lamination_m**2 / 12.0 * InnerProduct(flux_density(w), flux_density(v))
         measure = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
-        form += factor * _density(material, w, v) * 2.0 * math.pi * ng.x * measure
-
-
-def _density(material: Material, w: Any, v: Any) -> Any:
-    conductivity, sheet = material.conductivity_S_per_m, material.lamination_m
-    if sheet:
-        return conductivity * sheet**2 / 12.0 * InnerProduct(flux_density(w), flux_density(v))
-    return conductivity * ng.x**2 * w * v
+        form += factor * material.conductivity_S_per_m * density * 2.0 * math.pi * ng.x * measure
 
 
 def skin_layers(region: Region, largest_element: float, frequency_Hz: float) -> int:

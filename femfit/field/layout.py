@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from femfit.core.errors import FieldSolverError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.outlines import flattened
 from femfit.device.parts import Actuator, Coil, Material, Region
 from femfit.field.tolerance import SolverSettings
@@ -60,24 +60,20 @@ def fixed_parts(actuator: Actuator) -> list[Region | Coil]:
     return [part for name, part in parts_of(actuator).items() if name.startswith("fixed")]
 
 
-def singular_corners(regions: Sequence[Region]) -> list[BoolArray]:
-    """Which corners of each region the field is singular at.
+def singular_corners(regions: Sequence[Region]) -> dict[Material, FloatArray]:
+    """Where the field is singular, at corners (n, 2) of what each material fills, in m.
 
     A corner is one of what the material fills, whichever regions it is drawn in: where two of one material meet nothing
     happens, nor where an arc goes on smoothly, nor where an edge meets the axis at a right angle. Where there is
     neither iron nor magnet there is nothing to refine.
     """
-    corners: dict[Material, FloatArray] = {}
     parts: defaultdict[Material, list[shapely.Polygon]] = defaultdict(list)
     for region in regions:
-        parts[region.material].append(polygon(region))
-    for material, of_it in parts.items():
-        magnetic = material.relative_permeability != 1.0 or material.remanence_T != 0.0
-        corners[material] = np.array(list(_corners(shapely.union_all(of_it)) if magnetic else [])).reshape(-1, 2)
-    return [
-        np.array([np.any(np.hypot(*(corners[region.material] - place).T) < COINCIDENT) for place in region.vertices_m])
-        for region in regions
-    ]
+        magnetic = region.material.relative_permeability != 1.0 or region.material.remanence_T
+        parts[region.material] += [polygon(region)] if magnetic else []
+    return {
+        material: np.array([*_corners(shapely.union_all(of_it))]).reshape(-1, 2) for material, of_it in parts.items()
+    }
 
 
 def _corners(filled: Any) -> Iterable[tuple[float, float]]:

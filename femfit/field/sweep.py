@@ -15,10 +15,9 @@ from femfit.device.parts import Actuator
 from femfit.device.rewrite import VariantSweep, only, read_variants
 from femfit.device.tolerances import KINDS
 from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
-from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.point_rows import bias_currents, current_points, swept_currents
 from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
-from femfit.field.sweep_task import AGAIN, DistanceTask, Done, MeshGroup, Result, solvers, versions
+from femfit.field.sweep_task import AGAIN, DistanceTask, Done, Result, mesh_groups, solvers, versions
 from femfit.field.tolerance import SolverSettings, settings_for
 from femfit.tables.eddy_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
@@ -140,17 +139,6 @@ def run_sweep(
     return table
 
 
-def plan_sweep(actuator: Actuator, settings: SolverSettings, variant: int = 1) -> list[DistanceTask]:
-    """The tasks of an actuator's sweep, in order of distance."""
-    layout = layout_of(actuator, settings)
-    groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
-    return [
-        DistanceTask(MeshGroup(actuator, layout, settings, group), distance, variant)
-        for group in groups
-        for distance in group
-    ]
-
-
 def _plan(
     sweep: VariantSweep, settings: SolverSettings
 ) -> tuple[list[DistanceTask], dict[tuple[int, float], dict[str, Any]]]:
@@ -161,7 +149,8 @@ def _plan(
         problem = variant.problem
         if variant.actuator is not None:
             try:
-                tasks += plan_sweep(variant.actuator, settings, number)
+                meshes = mesh_groups(variant.actuator, settings)
+                tasks += [DistanceTask(mesh, distance, number) for distance, mesh in meshes.items()]
                 continue
             except FieldSolverError as error:
                 problem = str(error)

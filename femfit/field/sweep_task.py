@@ -26,7 +26,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.processes import ProcessPool, kept_interrupts, process_pool
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.layout import Layout
+from femfit.field.layout import Layout, layout_of, stretch_groups
 from femfit.field.point_rows import swept_currents
 from femfit.field.tolerance import LevelChoice, SolverSettings, shares_checks
 
@@ -124,6 +124,13 @@ class MeshGroup:
     def of(self, distance: float) -> "MeshGroup":
         """The group of a distance alone, in m."""
         return replace(self, distances=(distance,), choice=None)
+
+
+def mesh_groups(actuator: Actuator, settings: SolverSettings) -> dict[float, MeshGroup]:
+    """What each distance of an actuator's sweep is solved on, in ascending order."""
+    layout = layout_of(actuator, settings)
+    groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
+    return {distance: MeshGroup(actuator, layout, settings, group) for group in groups for distance in group}
 
 
 @dataclass(frozen=True)

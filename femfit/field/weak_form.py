@@ -159,23 +159,14 @@ def _dofs(space: H1, region: ng.Region) -> BoolArray:
     return np.array(list(space.GetDofs(region)), dtype=np.bool_)
 
 
-def stress_density(b: Any, c: Any, slope: Any) -> Any:
-    """The weighted stress of two flux densities, bilinear and symmetric, in N/m^2, positive towards the electromagnet.
-
-    Its integral over (r, z) is the force; ``slope`` is the gradient of the weight in 1/m.
-    """
-    radial = 0.5 * (b[0] * c[1] + b[1] * c[0])
-    axial = 0.5 * (b[1] * c[1] - b[0] * c[0])
-    return (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x
-
-
 class LayerForce:
-    """The force as a quadratic form of solutions on one mesh."""
+    """The force as a quadratic form of solutions on one mesh: the weighted stress, symmetrised, over the layer."""
 
     def __init__(self, space: H1, g: GridFunction) -> None:
-        w, v = space.TnT()
-        region = dx(LAYER, bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
-        form = BilinearForm(stress_density(flux_density(w), flux_density(v), grad(g)) * region)
+        (b, c), slope = map(flux_density, space.TnT()), grad(g)
+        radial, axial = 0.5 * (b[0] * c[1] + b[1] * c[0]), 0.5 * (b[1] * c[1] - b[0] * c[0])
+        density = (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x
+        form = BilinearForm(density * dx(LAYER, bonus_intorder=RADIAL_WEIGHT_ORDER + 1))
         self._form = csr(form.Assemble().mat, space.ndof)
 
     def between(self, first: FieldArray, second: FieldArray) -> FieldArray:

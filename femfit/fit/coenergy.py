@@ -5,7 +5,7 @@ linear in its coefficients, so all columns of the sweep enter one bounded QP, an
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -164,9 +164,7 @@ def _shape_inequalities(
 def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> CoenergySpline:
     """The spline of coefficients, W' counted from the largest distance without current."""
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
-
-    def spline(table: FloatArray) -> CoenergySpline:
-        return CoenergySpline(basis.coordinate, TensorSpline(basis.u_knots, knots, U_DEGREE, degree, table))
-
-    origin = np.clip(0.0, rows.currents[0], rows.currents[-1])
-    return spline(coefficients - spline(coefficients).coenergy(rows.distances[-1:], np.array([[origin]])))
+    spline = TensorSpline(basis.u_knots, knots, U_DEGREE, degree, coefficients)
+    origin = np.array([[np.clip(0.0, rows.currents[0], rows.currents[-1])]])
+    offset = CoenergySpline(basis.coordinate, spline).coenergy(rows.distances[-1:], origin)
+    return CoenergySpline(basis.coordinate, replace(spline, coefficients=coefficients - offset))

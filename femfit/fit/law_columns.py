@@ -73,13 +73,9 @@ class TermBounds:
     inequalities: Inequalities  # Perhaps none
     sides: tuple[str, ...]  # ``lower`` or ``upper`` for each inequality
 
-    def solve(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> QPSolution:
-        """The least squares within them, proved."""
-        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities, self.names).solve()
-
-    def refit(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> FloatArray:
-        """The same quickly and without proof."""
-        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities).solve_unproven()
+    def problem(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> BoundedQP:
+        """The least squares within them."""
+        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities, self.names)
 
     def active(self, solution: QPSolution) -> tuple[str, ...]:
         """The bounds that a solution stands on, in words."""
@@ -197,7 +193,7 @@ def fit_coefficient_function(
         allowed = max(one_error_above, max(negligible, solver_noise) ** 2)
         name = next(trial for trial, s in squares.items() if np.mean(s) <= allowed)
     limits = term_bounds([name], [label], currents, bounds)
-    solution = limits.solve(_monomials(name, currents), values, np.ones(len(values)))
+    solution = limits.problem(_monomials(name, currents), values, np.ones(len(values))).solve()
     return CoefficientFunction(
         name=name, values=solution.x, held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()}
     )
@@ -219,7 +215,8 @@ def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: FloatArr
             for out in range(len(currents)):
                 fitted = np.arange(len(currents)) != out
                 limits = term_bounds([name], ["c"], currents[fitted], bounds[:, fitted])
-                x = limits.refit(monomials[fitted], values[fitted], np.ones(len(currents) - 1))
+                ones = np.ones(len(currents) - 1)
+                x = limits.problem(monomials[fitted], values[fitted], ones).solve_unproven()
                 errors.append(float(monomials[out] @ x - values[out]))
         except InfeasibleFitError:
             continue

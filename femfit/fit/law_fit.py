@@ -98,7 +98,7 @@ class LawFit:
         fitted, sigma = self.rows.take(subset), law_sigma(self.rows)[subset]
         shape = fit_shape(self.law, fitted, sigma, self.shape)
         matrix = design_matrix(self.law, shape, self.functions, fitted.distance, fitted.current)
-        return shape, self.limits.refit(matrix, fitted.force, sigma)
+        return shape, self.limits.problem(matrix, fitted.force, sigma).solve_unproven()
 
     @cached_property
     def _jackknife(self) -> tuple[FloatArray, FloatArray]:
@@ -241,7 +241,7 @@ def fit_law(
     chosen = tuple(function.name for function in stage_two)
     matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
     limits = term_bounds(chosen, law.basis, rows.currents, within)
-    joint = limits.solve(matrix, rows.force, sigma)
+    joint = limits.problem(matrix, rows.force, sigma).solve()
     return LawFit(law, rows, shape, chosen, stage_one, stage_two, joint, limits)
 
 
