@@ -162,7 +162,14 @@ class ConductorPoints:
         of_material = np.array([places.index(name) for name in names], dtype=np.int64)[of_part]
         self.material_rows = np.concatenate([of_material, of_material[self.sheets]])  # Which of the materials
         self.moving_rows = np.concatenate([self.moving, self.moving[self.sheets]])
-        self._map = self._rows_map()
+        w, factor = space.TrialFunction(), sparse.diags(self.factor)
+        b = flux_density(w)
+        self._map = factor @ self._points.map_of(space, ng.x * w)
+        if self.sheets.any():
+            along, across = (factor @ self._points.map_of(space, component) for component in (b[0], b[1]))
+            of_sheets = sparse.diags(self.sheets.astype(np.float64))
+            first = self._map - of_sheets @ self._map + of_sheets @ along
+            self._map = sparse.vstack([first, across[self.sheets]]).tocsr()
         self._to_load = self._map.T.tocsr()
 
     def rows(self, states: FloatArray) -> FloatArray:
@@ -198,14 +205,3 @@ class ConductorPoints:
         result = np.zeros((len(rows), self.space.ndof))
         result[:, inside] = splu(mass[inside][:, inside]).solve(self.loads(rows).T[inside]).T
         return result
-
-    def _rows_map(self) -> Any:
-        w, factor, sheets = self.space.TrialFunction(), sparse.diags(self.factor), self.sheets
-        b = flux_density(w)
-        current = factor @ self._points.map_of(self.space, ng.x * w)
-        if not sheets.any():
-            return current
-        along, across = (factor @ self._points.map_of(self.space, component) for component in (b[0], b[1]))
-        of_sheets = sparse.diags(sheets.astype(np.float64))
-        first = current - of_sheets @ current + of_sheets @ along
-        return sparse.vstack([first, across[sheets]]).tocsr()

@@ -30,12 +30,6 @@ def current_points(currents: CurrentsLike, circuits: int) -> FloatArray:
     return np.zeros((len(values), 0)) if circuits == 0 else values.reshape(-1, circuits)
 
 
-def sources(currents: CurrentsLike, circuits: Sequence[str]) -> FloatArray:
-    """(1, i_1 .. i_n) of each point; shape (points, 1 + circuits)."""
-    points = current_points(currents, len(circuits))
-    return np.column_stack([np.ones(len(points)), points])
-
-
 def swept_currents(axes: SweepAxes) -> FloatArray:
     """All combinations of a sweep's currents in A, the last circuit's fastest; a column of zeros without one."""
     return np.array(list(product(axes.currents_A, *axes.further_A)))
@@ -104,15 +98,15 @@ class Coefficients:
     pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by their columns; shape (m,) each
 
 
-def superpose(sources: FloatArray, solution: Coefficients, circuits: Sequence[str]) -> dict[str, FloatArray]:
-    """Table columns at sources of shape (points, 1 + circuits).
+def superpose(currents: FloatArray, solution: Coefficients, circuits: Sequence[str]) -> dict[str, FloatArray]:
+    """Table columns at currents of shape (points, circuits).
 
     The terms of the change between the orders add in magnitude, so that no cancellation flatters the error, which is
     absent where the change is unknown.
     """
-    flux = solution.flux_linkage
-    count = len(sources)
-    currents, linked = sources[:, 1:], sources @ flux.T
+    flux, count = solution.flux_linkage, len(currents)
+    sources = np.insert(currents, 0, 1.0, axis=1)
+    linked = sources @ flux.T
     columns = {
         "force_N": _form(sources, solution.force),
         **dict(zip(flux_columns(circuits), linked.T, strict=True)),

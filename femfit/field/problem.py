@@ -50,7 +50,6 @@ from femfit.field.point_rows import (
     Coefficients,
     CurrentsLike,
     current_points,
-    sources,
     superpose,
     swept_currents,
     table_rows,
@@ -153,7 +152,7 @@ class LinearActuator(MeshedActuator):
             raise FieldSolverError(
                 "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
             )
-        columns = superpose(sources(points, self._circuits), solution, self._circuits)
+        columns = superpose(points, solution, self._circuits)
         return {name: values.tolist() for name, values in columns.items()}
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
@@ -168,7 +167,7 @@ class LinearActuator(MeshedActuator):
         """The sum of the sources' fields."""
         solution = self.solve(distance)
         self._moving.move_to(distance)
-        (factors,) = sources(currents, self._circuits)
+        factors = np.insert(current_points(currents, len(self._circuits))[0], 0, 1.0)
         return function_of(self._system.space, factors @ self._system.total), float(factors @ solution.force @ factors)
 
 

@@ -99,22 +99,20 @@ def run_sweep(
     configuration = _configuration(sweep, settings, numbers)
     at_rest = tuple(number for number in numbers if KINDS[number.facts.kind].at_rest)
     tasks = [replace(task, numbers=at_rest) for task in tasks]
-    of_impedances = numbers if harmonic and not sweep.actuator.saturates else ()
     currents = len(swept_currents(sweep.variants[0].sweep))
     names = {task.key for task in tasks}
 
     def report() -> None:
         if progress is not None:
-            progress(SweepProgress(len(finished) * currents, len(tasks) * currents, journal.changed))
+            finished = len(names & journal.finished.keys())
+            progress(SweepProgress(finished * currents, len(tasks) * currents, journal.changed))
 
     def record(task: DistanceTask, result: Result) -> None:
         journal.record(task.key, result)
-        finished.add(task.key)
         report()
 
     header = JournalHeader(configuration["hash"], configuration["parts"])
     with Journal(directory, header) as journal, solvers(workers) as solve:
-        finished = names & journal.finished.keys()
         report()
         unfinished = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
         solve([task for task in unfinished if task.chooses], record)
@@ -125,9 +123,7 @@ def run_sweep(
         eddy, slopes = None, None
         if harmonic:
             patterns, biases = directory / PATTERNS_NAME, bias_currents(sweep.actuator, rows)
-            eddy, slopes = eddy_sweep(
-                sweep.actuator, journal, patterns, configuration["hash"], solve, of_impedances, biases
-            )
+            eddy, slopes = eddy_sweep(sweep.actuator, journal, patterns, configuration["hash"], solve, numbers, biases)
         manifest = sweep_manifest(sweep, configuration)
         tables = [result.get("rows", {}) for result in solved.values()]
         beyond = [columns["beyond_bh_curve"] for columns in tables if "beyond_bh_curve" in columns]

@@ -135,21 +135,15 @@ def meet_tolerance(
         problem = build(levels[level])
         return problem, points, {distance: problem.rows(distance, points) for distance in distances}
 
-    above = solve(0, checked if first is None else first)
-    small = [
-        {
-            name: SMALL * float(np.fmax.reduce(np.abs(values)))
-            for name, values in column.items()
-            if name == "force_N" or is_flux(name)
-        }
-        for column in above[2].values()
-    ]
+    coarsest = above = solve(0, checked if first is None else first)
     for level in range(1, len(levels)):
         below, above = above, solve(level, checked if shared else swept)  # the level above is the one to keep
         coarse, fine = (_at_points(checked, points, rows) for _, points, rows in (below, above))
-        force = CHECK_SAFETY * _difference("force_N", coarse, fine, small, checked)
-        linked = [_difference(name, coarse, fine, small, checked).max() for name in coarse[0] if is_flux(name)]
-        if max(force.max(), CHECK_SAFETY * max(linked, default=0.0)) <= tolerance:
+        force, *linked = (
+            CHECK_SAFETY * _difference(name, coarse, fine, coarsest[2], checked)
+            for name in ("force_N", *filter(is_flux, coarse[0]))
+        )
+        if max(errors.max() for errors in (force, *linked)) <= tolerance:
             break
     chosen, (problem, points, rows) = (level - 1, below) if shared else (level, above)
     problem.choice = LevelChoice(chosen, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
@@ -192,14 +186,13 @@ def _at_points(checked: FloatArray, points: FloatArray, rows: Rows) -> Columns:
     return [{name: np.array(values)[chosen] for name, values in columns.items()} for columns in rows.values()]
 
 
-def _difference(
-    name: str, first: Columns, second: Columns, small: Sequence[Mapping[str, float]], checked: FloatArray
-) -> FloatArray:
+def _difference(name: str, first: Columns, second: Columns, coarsest: Rows, checked: FloatArray) -> FloatArray:
     """The largest difference over the distances, relative to the scale, for each checked point; shape (points,)."""
     worst = np.zeros(len(checked))
-    for coarse, fine, least in zip(first, second, small, strict=True):
+    for coarse, fine, values in zip(first, second, coarsest.values(), strict=True):
         if name in coarse and name in fine:  # a current that did not converge has NaN, which says nothing of the error
-            change, size = np.abs(coarse[name] - fine[name]), np.fmax(scale(fine[name], checked), least[name])
+            small = SMALL * float(np.fmax.reduce(np.abs(values[name])))
+            change, size = np.abs(coarse[name] - fine[name]), np.fmax(scale(fine[name], checked), small)
             worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(worst)), where=size > 0.0))
     return worst
 

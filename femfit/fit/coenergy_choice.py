@@ -127,40 +127,26 @@ def _current_trials(rows: FitRows) -> list[CurrentSplines]:
     """Splines of the current: a held-out fold must leave more data than functions.
 
     Without any current W' depends on the distance alone: one function of degree zero.
+
+    Where the inductance bends, breaks also lie at the currents and at the thirds between them, at each current if these
+    are many, or evenly fewer. Each current gives three numbers of W'(i): its slope in the distance by the force, the
+    flux linkage and the inductance. From one current to the next a cubic spline meets those of both ends with three
+    cells, not with two; a number that cuts some intervals once and others twice misses more than either.
     """
     if rows.without_current:
         return [CurrentSplines((np.array([0.0, 1.0]),), (0,))]
-    count = len(rows.currents)
+    count, last = len(rows.currents), len(rows.currents) - 1
     forms = [(2, 1)] if count >= FEWEST_CURRENTS else []
     forms += [(degree, n) for degree in (3, 4) for n in CELLS_IN_CURRENT if degree + n + 2 <= count]
     even = [(degree, np.linspace(rows.currents[0], rows.currents[-1], n + 1)) for degree, n in forms]
-    following = [(SMOOTHED_DEGREE, breaks) for breaks in _bent_breaks(rows)]
+    following = []
+    if rows.inductance is not None:
+        thirds = np.interp(np.arange(3 * last + 1) / 3.0, np.arange(last + 1), rows.currents)
+        finest = 3 * last if 3 * last <= MOST_BENT_CELLS else min(last, MOST_BENT_CELLS)
+        for n in sorted({min(n, finest) for n in (*BENT_CELLS, finest)}):
+            breaks = thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)]
+            following.append((SMOOTHED_DEGREE, breaks))
     return [CurrentSplines((clamped_knots(breaks, degree),), (degree,)) for degree, breaks in even + following]
-
-
-def _bent_breaks(rows: FitRows) -> list[FloatArray]:
-    """Breaks at the currents and at the thirds between them, at each current if these are many, or evenly fewer.
-
-    Each current gives three numbers of W'(i): its slope in the distance by the force, the flux linkage and the
-    inductance. From one current to the next a cubic spline meets those of both ends with three cells, not with two;
-    a number that cuts some intervals once and others twice misses more than either.
-    """
-    if rows.inductance is None:
-        return []
-    last = len(rows.currents) - 1
-    thirds = np.interp(np.arange(3 * last + 1) / 3.0, np.arange(last + 1), rows.currents)
-    finest = 3 * last if 3 * last <= MOST_BENT_CELLS else min(last, MOST_BENT_CELLS)
-    counts = sorted({min(n, finest) for n in (*BENT_CELLS, finest)})
-    return [thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)] for n in counts]
-
-
-def distance_coordinates(distances: FloatArray) -> list[DistanceCoordinate]:
-    """The coordinates that are tried for ascending distances in m: inverse ones with several shifts, and the plain."""
-    stroke = float(np.ptp(distances))
-    nearest = float(distances[0])
-    shifts = [share * stroke for share in SHIFTS]
-    inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
-    return [*(DistanceCoordinate(nearest + s, s) for s in inverse), DistanceCoordinate(stroke, kind="distance")]
 
 
 Along = tuple[DistanceCoordinate, FloatArray]
@@ -173,13 +159,17 @@ def splines_along(
     """Splines over ascending distances in m, those of as many cells together; ``spare`` distances more than functions.
 
     Breaks lie evenly in the coordinate, or, ``following``, also where the distances do: these leave data in every cell.
-    ``geometric`` ones are even in its logarithm where it is inverse. With even ones alone, coordinates between two gaps
-    are tried as well.
+    ``geometric`` ones are even in its logarithm where it is inverse. The coordinates are inverse ones with several
+    shifts, the plain distance and, with even breaks alone, those between two gaps.
     """
-    coordinates = distance_coordinates(distances)
+    nearest, stroke = float(distances[0]), float(np.ptp(distances))
+    shifts = [share * stroke for share in SHIFTS]
+    inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
+    coordinates = [DistanceCoordinate(nearest + s, s) for s in inverse]
+    coordinates.append(DistanceCoordinate(stroke, kind="distance"))
     if breaks == "even":
-        middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
-        coordinates += [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * width) for share in TWO_GAPS]
+        middle = float(distances[[0, -1]].mean())
+        coordinates += [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * stroke) for share in TWO_GAPS]
     for count in counts:
         if degree + count + spare > len(distances):
             return
