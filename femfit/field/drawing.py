@@ -69,8 +69,7 @@ def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: So
 
 def _require_whole(mesh: Mesh, shape: Any, distance: float) -> None:
     """Refuse a mesh that covers a region twice or leaves a part of it out, of which Netgen only prints a line."""
-    drawn: defaultdict[str, float] = defaultdict(float)
-    meshed: defaultdict[str, float] = defaultdict(float)
+    drawn, meshed = defaultdict[str, float](float), defaultdict[str, float](float)
     for face in shape.faces:
         drawn[face.name] += face.mass
     for name, area in zip(mesh.GetMaterials(), Integrate(CF(1.0), mesh, region_wise=True), strict=True):

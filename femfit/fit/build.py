@@ -152,7 +152,13 @@ def fit_model(
     )
     result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=import_notes(table))
     versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
-    return result.with_provenance(table.manifest, versions={"python": platform.python_version(), **versions})
+    sweep = {key: value for key, value in table.manifest.items() if key != "actuator"}
+    provenance = {
+        "fit": result.to_dict(),
+        "sweep": sweep,
+        "versions": {"python": platform.python_version(), **versions},
+    }
+    return replace(result, model=replace(model, provenance=provenance))
 
 
 def swept_rows(table: SweepTable, entry: Mapping[str, Any]) -> FitRows:

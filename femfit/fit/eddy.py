@@ -84,11 +84,11 @@ def fit_eddy(
         hall=float(errors[2]) if n and table.hall is not None else None,
         **_static_errors(table, magnetics),
     )
-    if table.bias_A is None or not n:
-        return replace(eddy, error=stated)
-    order = np.argsort(table.distances_m)
-    which = tuple(name for name in table.materials if name in saturating)
-    return replace(eddy, error=stated, bias=EddyBias(table.distances_m[order], table.bias_A[order], which))
+    bias = None
+    if table.bias_A is not None and n:
+        order, which = np.argsort(table.distances_m), tuple(name for name in table.materials if name in saturating)
+        bias = EddyBias(table.distances_m[order], table.bias_A[order], which)
+    return replace(eddy, error=stated, bias=bias)
 
 
 def with_eddy_currents(model: ActuatorModel, table: SweepTable) -> ActuatorModel:

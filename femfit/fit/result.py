@@ -1,7 +1,6 @@
 """What a fit gives: the model, how it came about, and both as text and JSON-ready data."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -91,12 +90,6 @@ class FitResult(Plotted, Fits):
         """The misfit of the model as it is written, to its table."""
         assert self.model.misfit is not None  # noqa: S101  every fit computes it
         return self.model.misfit
-
-    def with_provenance(self, manifest: Mapping[str, Any], **more: Any) -> "FitResult":
-        """The result whose model holds it as data beside the sweep's manifest."""
-        sweep = {key: value for key, value in manifest.items() if key != "actuator"}
-        provenance = {"fit": self.to_dict(), "sweep": sweep, **more}
-        return replace(self, model=replace(self.model, provenance=provenance))
 
     def __str__(self) -> str:
         """The lines that ``femfit fit`` prints, the answer first."""
