@@ -208,8 +208,8 @@ class NonlinearActuator(MeshedActuator):
         self._solved, rows = (distance, _states(results[-1]), solutions), []
         for key in map(tuple, points):  # from the lowest order to the one at which a point ended
             ended = [of_order[key] for of_order in results if key in of_order]
-            newton = {"newton_iterations": sum(order.iterations for order in ended)}
-            newton |= {"newton_residual": ended[-1].residual}
+            iterations = sum(order.iterations for order in ended)
+            newton = {"newton_iterations": iterations, "newton_residual": ended[-1].residual}
             rows.append(newton | solutions.get(key, {"status": NO_CONVERGENCE}))
         return table_rows(rows, points)
 
