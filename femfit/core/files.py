@@ -18,7 +18,6 @@ import tomllib
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from os.path import realpath
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any, TypeVar
@@ -167,12 +166,12 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
 
     A path of None stands for an option that was not given, a kind of None for that of the file's suffix.
     """
-    read = {realpath(path) for path in inputs if path is not None}  # of a link to itself, too
+    read = {os.path.realpath(path) for path in inputs if path is not None}  # of a link to itself, too
     written: set[str] = set()
     for path, kind in outputs:
         if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
             continue
-        place = realpath(path)
+        place = os.path.realpath(path)
         if place in read:
             raise OutputError(f"{path} is what this command reads; its result would replace it. Choose another name.")
         if place in written:

@@ -12,12 +12,8 @@ from itertools import combinations
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.fit.constants import U_DEGREE
+from femfit.fit.constants import ALONE, U_DEGREE
 from femfit.model.bspline import DistanceCoordinate, basis_matrix
-
-ALONE = 1e-2
-"""Numerical: penalty on one current's bends over that on bends in two: a corner of the grid that failed is the sum of
-what its neighbours do alone."""
 
 
 def clamped_knots(breaks: FloatArray, degree: int) -> FloatArray:

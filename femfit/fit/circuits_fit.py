@@ -13,6 +13,7 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import listing
 from femfit.core.text import amount
+from femfit.fit import constants
 from femfit.fit.basis import (
     CoenergyBasis,
     CurrentSplines,
@@ -23,29 +24,10 @@ from femfit.fit.basis import (
 )
 from femfit.fit.coenergy_choice import best_along_distance
 from femfit.fit.coenergy_system import CoenergySystem, Projection, coenergy_system
-from femfit.fit.constants import FEWEST_CURRENTS, POOR_BETWEEN, POOR_CIRCUIT, POOR_POINT, U_DEGREE
 from femfit.fit.ranking import middles
 from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.fit.words import note
 from femfit.model.several_magnetics import CircuitAxis, CoenergyMatrix, CoenergyTensor
-
-NOT_QUADRATIC = 0.01
-"""Conventional: what the best quadratic form in several currents misses at a point, over the scale of its force or flux
-linkage, from which the iron saturates: a third of :data:`POOR_POINT`."""
-
-BETWEEN_LEFT_OUT = 0.5
-"""Assumed: error between two distances or currents, over that at one left out: of first order, for few cells follow few
-values. On a bearing of steel with currents of 0 to 3 A by 1 A it is 0.7."""
-
-MOST_UNKNOWNS = 4000
-"""Conventional: coefficients of a spline over the distance and several currents; they take half a GB and a minute."""
-
-LEFT_OUT_EVERY = 7
-"""Conventional: every seventh inner point of a grid of several currents is left out once, to be told by the others."""
-
-FINER_CURRENTS = (0.34, 0.5, 1.0)
-"""Conventional: cells between the currents that are tried, over the steps from one current to the next: inductances
-beside flux linkages determine the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +50,8 @@ class CircuitsFit:
 
     def notes(self) -> list[str]:
         """Where the sweep is too coarse, why, and what to add to it."""
-        between = BETWEEN_LEFT_OUT * max(self.distance_left_out, self.current_left_out)
-        if self.worst <= POOR_POINT and (between <= POOR_BETWEEN or not np.isfinite(between)):
+        between = constants.BETWEEN_LEFT_OUT * max(self.distance_left_out, self.current_left_out)
+        if self.worst <= constants.POOR_POINT and (between <= constants.POOR_BETWEEN or not np.isfinite(between)):
             return []
         return [note("coarse_circuits", self, between)]
 
@@ -101,7 +83,7 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
         for c in system.channels
         if len(c.circuits) < 2
     ]
-    saturates = np.max(np.abs(missed)) > NOT_QUADRATIC
+    saturates = np.max(np.abs(missed)) > constants.NOT_QUADRATIC
     magnetics, projection = _fit_spline(rows, system) if saturates else _fit_form(rows, system, functions)
     force = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
     flux = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
@@ -115,13 +97,13 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
         max((worst for _, worst, _ in left_out[1:]), default=0.0),
         max(left_out, key=lambda axis: axis[0])[2],
     )
-    if fit.share > POOR_CIRCUIT and saturates:
+    if fit.share > constants.POOR_CIRCUIT and saturates:
         raise FitError(
             f"The iron saturates, and the co-energy misses force or flux linkages by {amount(fit.share, '')} of their "
             "rms: the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances; "
             f"first of all add {fit.to_be_added()}."
         )
-    if fit.share > POOR_CIRCUIT:
+    if fit.share > constants.POOR_CIRCUIT:
         raise FitError(
             f"No co-energy meets force and flux linkages together: the best one misses them by {amount(fit.share, '')} "
             "of their rms. Sweep more distances; if it stays, a sign or a unit of these columns is wrong."
@@ -141,7 +123,7 @@ def _fit_form(rows: FitRows, system: CoenergySystem, functions: CurrentSplines) 
     beside_magnet = np.triu_indices(len(rows.names) + 1)[0] > 0
     coefficients = np.zeros((basis.shape[0], len(beside_magnet)))
     coefficients[:, beside_magnet | rows.magnet] = projection.coefficients.reshape(basis.shape)
-    magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.u_knots, U_DEGREE, coefficients)
+    magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.u_knots, constants.U_DEGREE, coefficients)
     distances = np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)])
     if indefinite := _indefinite(magnetics, distances, np.zeros((len(distances), len(rows.names)))):
         raise FitError(f"{indefinite} Sweep more distances, or check the signs of the flux linkages.")
@@ -151,15 +133,15 @@ def _fit_form(rows: FitRows, system: CoenergySystem, functions: CurrentSplines) 
 def _fit_spline(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
     """The spline of iron that saturates, and how it was found."""
     require_currents(rows, "The iron saturates")
-    axes, degrees = rows.axes, (U_DEGREE,) * len(rows.axes)
+    axes, degrees = rows.axes, (constants.U_DEGREE,) * len(rows.axes)
     signed = axes if rows.magnet else [np.unique(np.concatenate([axis, -axis])) for axis in axes]
-    knots = [tuple(_knots(axis, share, not rows.magnet) for axis in signed) for share in FINER_CURRENTS]
-    products = int(np.prod([len(of_axis) - U_DEGREE - 1 for of_axis in knots[-1]]))
+    knots = [tuple(_knots(axis, share, not rows.magnet) for axis in signed) for share in constants.FINER_CURRENTS]
+    products = int(np.prod([len(of_axis) - constants.U_DEGREE - 1 for of_axis in knots[-1]]))
     unknowns = len(rows.distances) * (products if rows.magnet else (products - 1) // 2)
-    if unknowns > MOST_UNKNOWNS:
+    if unknowns > constants.MOST_UNKNOWNS:
         raise FitError(
             f"The spline over the distance and {len(axes)} currents would have {unknowns} coefficients; femfit fits at "
-            f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
+            f"most {constants.MOST_UNKNOWNS}. Sweep fewer currents or distances."
         )
     trials = [(CurrentSplines if rows.magnet else even_splines)(trial, degrees) for trial in knots]
     finest = trials[-1 if rows.inductance is not None else -2]  # a knee that is not met hides what the distances show
@@ -188,10 +170,10 @@ def _fit_spline(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyTensor, 
 
 def require_currents(rows: FitRows, why: str) -> None:
     """Refuse two currents of a circuit whose iron bends: a quadratic form would meet both, however it bends."""
-    few = [name for name, axis in zip(rows.names, rows.axes, strict=True) if len(axis) < FEWEST_CURRENTS]
+    few = [name for name, axis in zip(rows.names, rows.axes, strict=True) if len(axis) < constants.FEWEST_CURRENTS]
     if few:
         raise FitError(
-            f"{why}, and each circuit then needs {FEWEST_CURRENTS} currents or more to show how it bends; "
+            f"{why}, and each circuit then needs {constants.FEWEST_CURRENTS} currents or more to show how it bends; "
             f"{' and '.join(few)} {'has' if len(few) == 1 else 'have'} fewer. Sweep more of them, together with all of "
             "the others'."
         )
@@ -204,7 +186,8 @@ def points_left_out(rows: FitRows) -> list[BoolArray]:
     inner = (rows.distance > rows.distances[0]) & (rows.distance < rows.distances[-1]) & currents.any(axis=1)
     inner &= np.all(((currents > low) | ((low == 0.0) & (not rows.magnet))) & (currents < high), axis=1)
     places, turns = np.flatnonzero(inner), np.arange(len(rows.distance))
-    return [np.isin(turns, places[k::LEFT_OUT_EVERY]) for k in range(min(LEFT_OUT_EVERY, len(places)))]
+    every = constants.LEFT_OUT_EVERY
+    return [np.isin(turns, places[k::every]) for k in range(min(every, len(places)))]
 
 
 def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
@@ -214,7 +197,7 @@ def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
     breaks = np.interp(np.linspace(0, steps, cells + 1), np.arange(steps + 1), currents)
     if even:  # to rounding
         breaks = 0.5 * (breaks - breaks[::-1])
-    return clamped_knots(breaks, U_DEGREE)
+    return clamped_knots(breaks, constants.U_DEGREE)
 
 
 def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> CoenergyTensor:
@@ -222,7 +205,7 @@ def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> Coen
     functions = basis.functions
     axes = tuple(map(CircuitAxis, rows.names, functions.knots, functions.degrees))
     table = functions.table(projection.coefficients.reshape(basis.shape))
-    tensor = CoenergyTensor(basis.coordinate, basis.u_knots, U_DEGREE, axes, table)
+    tensor = CoenergyTensor(basis.coordinate, basis.u_knots, constants.U_DEGREE, axes, table)
     if not functions.constant:
         return tensor
     origin = np.clip(np.zeros(len(rows.names)), rows.circuit_currents.min(axis=0), rows.circuit_currents.max(axis=0))

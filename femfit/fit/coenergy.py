@@ -14,18 +14,10 @@ from femfit.fit.basis import CoenergyBasis
 from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system
-from femfit.fit.constants import U_DEGREE
+from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.magnetics import CoenergySpline
-
-SHAPE_POINTS = 24
-"""Numerical: shape constraints are imposed at so many points of an axis, or six a cell where that is more; between them
-a quartic can dip by a fraction of a per cent."""
-
-ALLOWED_VIOLATION = 1e-5
-"""Numerical: a shape counts as obeyed where it fails by less than this part of its largest value (inductance, slope or
-k_m)."""
 
 SHAPES: dict[str, str] = {
     "inductance": "inductance >= 0 (co-energy convex in the current)",

@@ -11,41 +11,11 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import ROUNDING, FloatArray, ranked
 from femfit.core.text import counted
+from femfit.fit import constants
 from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots
 from femfit.fit.coenergy_system import CoenergySystem
-from femfit.fit.constants import CIRCUIT_CELLS, FEWEST_CURRENTS, HELD_OUT_TARGET, SMOOTHED_DEGREE, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import DistanceCoordinate
-
-NEARLY_BEST, NEARLY_BEST_BENT = 1.1, 1.02
-"""Assumed: where none reaches the target (noisy rows), the smallest within this factor of the least held-out error; the
-second where the inductance bends, since what misses the target there is the bend, seldom noise."""
-
-ROUNDS = 3
-"""Numerical: how often distance and current are searched in turn."""
-
-SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
-"""Assumed: shifts s of u = d_0 / (d + s) that are tried, as parts of the range of distances: none suits a magnet far
-from its electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the
-distances."""
-
-CLOSEST = 0.05
-"""Numerical: least distance plus shift, as a part of the range of distances, for a sweep that reaches the face or
-passes it: closer to its pole, an inverse distance puts all distances but one into a corner."""
-
-DISTANCE_CELLS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
-"""Assumed: cells in the distance that are tried for one circuit's co-energy."""
-
-CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 6, 12)
-"""Assumed: cells in the current that are tried; and where the inductance shows a bend, beside the finest."""
-
-MOST_BENT_CELLS, MOST_CELLS = 48, 8
-"""Numerical: in the current and in the distance, where the inductance bends: as many functions as a fit with shapes
-takes in seconds. Up to 17 currents have three cells from each to the next."""
-
-TWO_GAPS = (0.2, 0.25, 0.32, 0.43, 0.57)
-"""Calibrated, on two axial bearings and a double-acting solenoid of steel: the stretches of u = sinh((d - d_0) / h)
-about the middle that are tried, as parts of the range of distances."""
 
 
 def choose_basis(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyBasis, float]:
@@ -54,29 +24,30 @@ def choose_basis(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyBasis, 
     Distance and current are searched in turn, each with what was chosen for the other. The error is that of
     :class:`femfit.fit.coenergy.CoenergyFit`; FitError if there are too few currents or distances.
     """
-    currents = FEWEST_CURRENTS if rows.without_current else len(rows.currents)
-    fewest = U_DEGREE + 1 + (2 if rows.flux_linkage is None else 0)  # flux linkage gives W' itself beside its slope
-    if currents < FEWEST_CURRENTS or len(rows.distances) < fewest:
+    currents = constants.FEWEST_CURRENTS if rows.without_current else len(rows.currents)
+    spare = 2 if rows.flux_linkage is None else 0  # flux linkage gives W' itself beside its slope
+    fewest = constants.U_DEGREE + 1 + spare
+    if currents < constants.FEWEST_CURRENTS or len(rows.distances) < fewest:
         raise FitError(
-            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest} distances; instead received "
+            f"A co-energy needs at least {constants.FEWEST_CURRENTS} currents and {fewest} distances; instead received "
             f"{counted(currents, 'current')} and {counted(len(rows.distances), 'distance')}. Sweep more "
-            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
+            + ("currents." if currents < constants.FEWEST_CURRENTS else "distances, or fit a law.")
         )
-    counts = [n for n in DISTANCE_CELLS if n <= MOST_CELLS or rows.inductance is None]
-    along = chain(*splines_along(rows.distances, counts, fewest - U_DEGREE - 1, breaks="following"))
+    counts = [n for n in constants.DISTANCE_CELLS if n <= constants.MOST_CELLS or rows.inductance is None]
+    along = chain(*splines_along(rows.distances, counts, fewest - constants.U_DEGREE - 1, breaks="following"))
     in_distance: list[dict[str, Any]] = [{"coordinate": coordinate, "u_knots": knots} for coordinate, knots in along]
     in_current: list[dict[str, Any]] = [{"functions": functions} for functions in _current_trials(rows)]
     # A bend that is not resolved hides what the distances show
     start = in_current[0 if rows.inductance is None else -1]
     basis, error, size_of = CoenergyBasis(**in_distance[0], **start), np.inf, attrgetter("size")
-    nearly = NEARLY_BEST if rows.inductance is None else NEARLY_BEST_BENT
-    for _ in range(ROUNDS):
+    nearly = constants.NEARLY_BEST if rows.inductance is None else constants.NEARLY_BEST_BENT
+    for _ in range(constants.ROUNDS):
         before = basis.functions
         for trials in (in_distance, in_current):
             bases = sorted((replace(basis, **trial) for trial in trials), key=size_of)
             alike = (list(group) for _, group in groupby(bases, size_of))
             basis, error = smallest(alike, system.held_out_errors, nearly=nearly)
-            if error < HELD_OUT_TARGET:
+            if error < constants.HELD_OUT_TARGET:
                 return basis, error
         if basis.functions is before:  # the distance was searched with these
             break
@@ -94,8 +65,8 @@ Tried = TypeVar("Tried")
 def smallest(
     groups: Iterable[Sequence[Tried]],
     errors_of: Callable[[Tried], Any],
-    target: float = HELD_OUT_TARGET,
-    nearly: float = NEARLY_BEST,
+    target: float = constants.HELD_OUT_TARGET,
+    nearly: float = constants.NEARLY_BEST,
 ) -> tuple[Tried, float]:
     """The first below its target, or else the first that is nearly the best, and its largest error.
 
@@ -136,16 +107,16 @@ def _current_trials(rows: FitRows) -> list[CurrentSplines]:
     if rows.without_current:
         return [CurrentSplines((np.array([0.0, 1.0]),), (0,))]
     count, last = len(rows.currents), len(rows.currents) - 1
-    forms = [(2, 1)] if count >= FEWEST_CURRENTS else []
-    forms += [(degree, n) for degree in (3, 4) for n in CELLS_IN_CURRENT if degree + n + 2 <= count]
+    forms = [(2, 1)] if count >= constants.FEWEST_CURRENTS else []
+    forms += [(degree, n) for degree in (3, 4) for n in constants.CELLS_IN_CURRENT if degree + n + 2 <= count]
     even = [(degree, np.linspace(rows.currents[0], rows.currents[-1], n + 1)) for degree, n in forms]
     following = []
     if rows.inductance is not None:
         thirds = np.interp(np.arange(3 * last + 1) / 3.0, np.arange(last + 1), rows.currents)
-        finest = 3 * last if 3 * last <= MOST_BENT_CELLS else min(last, MOST_BENT_CELLS)
-        for n in sorted({min(n, finest) for n in (*BENT_CELLS, finest)}):
+        finest = 3 * last if 3 * last <= constants.MOST_BENT_CELLS else min(last, constants.MOST_BENT_CELLS)
+        for n in sorted({min(n, finest) for n in (*constants.BENT_CELLS, finest)}):
             breaks = thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)]
-            following.append((SMOOTHED_DEGREE, breaks))
+            following.append((constants.SMOOTHED_DEGREE, breaks))
     return [CurrentSplines((clamped_knots(breaks, degree),), (degree,)) for degree, breaks in even + following]
 
 
@@ -154,7 +125,12 @@ Along = tuple[DistanceCoordinate, FloatArray]
 
 
 def splines_along(
-    distances: FloatArray, counts: Sequence[int], spare: int = 0, *, degree: int = U_DEGREE, breaks: str = "even"
+    distances: FloatArray,
+    counts: Sequence[int],
+    spare: int = 0,
+    *,
+    degree: int = constants.U_DEGREE,
+    breaks: str = "even",
 ) -> Iterator[list[Along]]:
     """Splines over ascending distances in m, those of as many cells together; ``spare`` distances more than functions.
 
@@ -163,13 +139,15 @@ def splines_along(
     shifts, the plain distance and, with even breaks alone, those between two gaps.
     """
     nearest, stroke = float(distances[0]), float(np.ptp(distances))
-    shifts = [share * stroke for share in SHIFTS]
-    inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
+    shifts = [share * stroke for share in constants.SHIFTS]
+    inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= constants.CLOSEST * stroke]
     coordinates = [DistanceCoordinate(nearest + s, s) for s in inverse]
     coordinates.append(DistanceCoordinate(stroke, kind="distance"))
     if breaks == "even":
         middle = float(distances[[0, -1]].mean())
-        coordinates += [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * stroke) for share in TWO_GAPS]
+        coordinates += [
+            DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * stroke) for share in constants.TWO_GAPS
+        ]
     for count in counts:
         if degree + count + spare > len(distances):
             return
@@ -192,12 +170,13 @@ def best_along_distance(system: CoenergySystem, functions: CurrentSplines) -> Co
         If there are fewer distances than one cell needs.
     """
     distances = np.unique(system.distance)
-    if len(distances) < U_DEGREE + 1:
+    if len(distances) < constants.U_DEGREE + 1:
         raise FitError(
-            f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "
-            "Sweep more distances."
+            f"Several circuits need a sweep of at least {constants.U_DEGREE + 1} distances; instead received "
+            f"{len(distances)}. Sweep more distances."
         )
     groups = (
-        [CoenergyBasis(*along, functions) for along in alike] for alike in splines_along(distances, CIRCUIT_CELLS)
+        [CoenergyBasis(*along, functions) for along in alike]
+        for alike in splines_along(distances, constants.CIRCUIT_CELLS)
     )
     return smallest(groups, lambda basis: system.held_out_errors(basis).max())[0]

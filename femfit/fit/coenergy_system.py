@@ -21,28 +21,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.fit import constants
 from femfit.fit.basis import CoenergyBasis
-from femfit.fit.constants import DISTANCE_FOLDS, FEWEST_CURRENTS, SCATTERED_FOLDS, SMALL_FLUX, SMOOTHED_DEGREE, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import basis_matrix
-
-SMOOTHNESS, SMOOTH_DISTANCE = 1e-5, 1e-4
-"""Numerical: norm of the penalties on what currents and distance leave open, over that of the rows; below the error of
-a sweep where rows decide. A tenth and ten times these change what four devices miss at points left out by a tenth."""
-
-RELATIVE_SIGMA = 1e-4
-"""Assumed: rows are weighted for this error relative to the force's scale, or to the change of flux linkage and of
-inductance over the distance."""
-
-INDUCTANCE_SIGMA = 3.0
-"""Assumed: relative sigma of the inductance, over that of the other columns: it is a difference of flux linkages at
-neighbouring currents, which it must not outweigh."""
-
-FREE_SLOPE, FREE_BEND = 0.3, 30.0
-"""Assumed: sigma of the inductance's slope, as a part of largest inductance over range of currents, and of the flux
-linkage's third derivative in u, as a part of both over the range of u cubed: at a knee both are many times as large, so
-that they hold only what no row determines. With 1 for the first, a solenoid's and a relay's force was missed by twice
-as much at points not fitted; with 0.1, a valve's by as much again on its own."""
 
 _UNDETERMINED = 1e-11
 """Numerical: what is left of a column beside those before it, or of its square beside rows left out, next to rounding.
@@ -223,7 +205,7 @@ def coenergy_system(rows: FitRows) -> CoenergySystem:
     A small force of theirs is met as well as a large one.
     """
     scale = rows.force_scale
-    sigma = _divisor(scale) if rows.several else np.hypot(rows.force_error, RELATIVE_SIGMA * scale)
+    sigma = _divisor(scale) if rows.several else np.hypot(rows.force_error, constants.RELATIVE_SIGMA * scale)
     every, circuits = np.arange(len(rows.force)), range(rows.circuit_currents.shape[1])
     channels = [Channel((), every, rows.force, sigma if rows.several else scale, sigma, along=1)]
     if rows.flux_linkage is not None:
@@ -239,15 +221,15 @@ def coenergy_system(rows: FitRows) -> CoenergySystem:
 def _channel(rows: FitRows, circuits: tuple[int, ...], column: FloatArray) -> Channel:
     """A flux linkage, or an inductance, whose sigma is larger."""
     which = np.flatnonzero(np.isfinite(column))
-    weaker = INDUCTANCE_SIGMA if len(circuits) > 1 else 1.0
+    weaker = constants.INDUCTANCE_SIGMA if len(circuits) > 1 else 1.0
     if not rows.several:
         current, values = rows.current[which], column[which]
         change = float(np.median([np.ptp(values[current == i]) for i in np.unique(current)]))  # over the distances
         least = 1e-3 * float(np.max(np.abs(values)))  # of a column that hardly changes
         scale = np.full(len(which), max(change, least))
-        return Channel(circuits, which, values, scale, RELATIVE_SIGMA * weaker * scale)
+        return Channel(circuits, which, values, scale, constants.RELATIVE_SIGMA * weaker * scale)
     if rows.inductance is None or len(circuits) == 1:
-        sigma = _divisor(np.maximum(np.abs(column), SMALL_FLUX * np.abs(column).max()))
+        sigma = _divisor(np.maximum(np.abs(column), constants.SMALL_FLUX * np.abs(column).max()))
     else:
         first, second = (_divisor(rows.inductance[:, k, k]) for k in circuits)
         sigma = weaker * np.sqrt(first * second)
@@ -264,15 +246,17 @@ def _smooth_plane(rows: FitRows, basis: CoenergyBasis, _weighted: FloatArray) ->
     In the middle of a cell in i, and at as many places of it in u as fix a polynomial there.
     """
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
-    if degree != SMOOTHED_DEGREE or rows.inductance is None:
+    if degree != constants.SMOOTHED_DEGREE or rows.inductance is None:
         return
     u, i = np.unique(basis.u_knots), np.unique(knots)
     middles = 0.5 * (i[1:] + i[:-1])
-    places = (u[:-1, None] + np.diff(u)[:, None] * (np.arange(U_DEGREE + 1.0) + 0.5) / (U_DEGREE + 1.0)).ravel()
+    places = (
+        u[:-1, None] + np.diff(u)[:, None] * (np.arange(constants.U_DEGREE + 1.0) + 0.5) / (constants.U_DEGREE + 1.0)
+    ).ravel()
     largest, wide = float(np.nanmax(np.abs(rows.inductance))), float(np.ptp(rows.current))
     slope, bend = largest / wide, largest * wide / float(np.ptp(basis.u_knots)) ** 3
-    for in_u, in_i, typical in ((0, 3, FREE_SLOPE * slope), (3, 1, FREE_BEND * bend)):
-        along_u = np.linalg.qr(basis_matrix(places, basis.u_knots, U_DEGREE, in_u), mode="r")
+    for in_u, in_i, typical in ((0, 3, constants.FREE_SLOPE * slope), (3, 1, constants.FREE_BEND * bend)):
+        along_u = np.linalg.qr(basis_matrix(places, basis.u_knots, constants.U_DEGREE, in_u), mode="r")
         yield np.asarray(np.kron(along_u, basis_matrix(middles, knots, degree, in_i)), np.float64), typical
 
 
@@ -280,9 +264,9 @@ def _smooth_tensor(basis: CoenergyBasis, weighted: FloatArray) -> Iterator[tuple
     """Of several circuits: what the smoothest coefficients have none of, along currents and distance."""
     size = float(np.linalg.norm(weighted))
     in_u, count = basis.shape
-    rough = [(np.kron(np.diff(np.eye(in_u), U_DEGREE, axis=0), np.eye(count)), SMOOTH_DISTANCE)]
-    if U_DEGREE in basis.functions.degrees:  # a quadratic form leaves nothing open
-        rough = [(np.kron(np.eye(in_u), basis.functions.roughness()), SMOOTHNESS), *rough]
+    rough = [(np.kron(np.diff(np.eye(in_u), constants.U_DEGREE, axis=0), np.eye(count)), constants.SMOOTH_DISTANCE)]
+    if constants.U_DEGREE in basis.functions.degrees:  # a quadratic form leaves nothing open
+        rough = [(np.kron(np.eye(in_u), basis.functions.roughness()), constants.SMOOTHNESS), *rough]
     for penalty, weight in rough:
         if len(penalty):
             yield weight * size / np.linalg.norm(penalty) * penalty, 1.0
@@ -297,12 +281,13 @@ def held_out_masks(rows: FitRows) -> list[BoolArray]:
     with the distance is narrower than what a whole distance or current would leave open.
     """
     distances, currents = rows.distances, rows.currents
-    if rows.inductance is None or len(currents) <= FEWEST_CURRENTS:
-        masks = [np.isin(rows.distance, distances[1:-1][k::DISTANCE_FOLDS]) for k in range(DISTANCE_FOLDS)]
-        if len(currents) > FEWEST_CURRENTS:
+    if rows.inductance is None or len(currents) <= constants.FEWEST_CURRENTS:
+        every = constants.DISTANCE_FOLDS
+        masks = [np.isin(rows.distance, distances[1:-1][k::every]) for k in range(every)]
+        if len(currents) > constants.FEWEST_CURRENTS:
             masks += [rows.current == i for i in currents[1:-1]]
     else:
         j, k = np.searchsorted(distances, rows.distance), np.searchsorted(currents, rows.current)
         inner = (j > 0) & (j < len(distances) - 1) & (k > 0) & (k < len(currents) - 1)
-        masks = [inner & ((j + 2 * k) % SCATTERED_FOLDS == fold) for fold in range(SCATTERED_FOLDS)]
+        masks = [inner & ((j + 2 * k) % constants.SCATTERED_FOLDS == fold) for fold in range(constants.SCATTERED_FOLDS)]
     return [mask for mask in masks if mask.any()]

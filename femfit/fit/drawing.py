@@ -22,6 +22,7 @@ from femfit.device.tolerances import KINDS
 from femfit.fit.basis import row_products
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.coenergy_system import coenergy_system
+from femfit.fit.constants import AT_THE_GAP, EDDY_PER_DECADE
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.model.bspline import basis_matrix
@@ -32,14 +33,6 @@ from femfit.model.hall import HallSpline
 from femfit.model.impedance import CUBIC, impedance_change, induced_impedance
 from femfit.model.magnetics import CoenergySpline, Magnetics
 from femfit.tables.signatures import ImpedanceSlopes, Signatures
-
-AT_THE_GAP = 0.2
-"""Calibrated: a face acts as a change of the distance where that leaves less than this part of its slopes, in rms. By
-drawings solved anew, 0.1 to 0.4 mm elsewhere, the error of the first order then falls by 25 times (0.02 left, a conical
-pole), 5 to 6 (0.14, a flat pole; 0.16, a conical plunger's diameter), 2.6 (0.11, a rim), not at all (0.17, a ball)."""
-
-EDDY_PER_DECADE = 10
-"""Numerical: frequencies at which the change of an impedance by a conductivity is kept."""
 
 
 def drawn_effects(

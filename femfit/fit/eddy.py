@@ -21,7 +21,7 @@ from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerances import KINDS
-from femfit.fit.constants import EDDY_FREQUENCIES, EDDY_LOWEST_HZ
+from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
 from femfit.fit.drawing import CONDUCTIVITY, drawn_effect, spline_frequencies, with_impedances
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.actuator_model import ActuatorModel
@@ -35,10 +35,6 @@ from femfit.tables.sweep_table import SweepTable
 
 TINY_STEP = 1e-30
 """Numerical: of the distance in m, along which the entries are differentiated."""
-
-EDDY_DEGREE, EDDY_BETWEEN = 3, 8
-"""Numerical: of eddy currents' splines through values and slopes, and places between two distances at which they are
-checked to be passive."""
 
 
 def fit_eddy(

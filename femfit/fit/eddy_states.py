@@ -23,19 +23,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
-from femfit.fit.constants import EDDY_DISTANCES
+from femfit.fit.constants import EDDY_DISTANCES, EDDY_FEWER, EDDY_LOOSER, EDDY_POWERS, EDDY_SINGULAR, EDDY_STEPS
 from femfit.tables.eddy_table import EddyTable
-
-EDDY_POWERS, EDDY_STEPS = (1, 1, 3, 3), 25
-"""Numerical: powers of the departures whose least squares the combinations of patterns have, one after the other, with
-what they add to the Hall field found anew before each; and steps of each."""
-
-EDDY_LOOSER, EDDY_SINGULAR = 3.0, 1e-4
-"""Assumed, numerical: how much less the Hall field of currents that motion induces counts, over its largest, than that
-of an ampere; smallest singular value, over the largest, of the responses that a Hall field is fitted with."""
-
-EDDY_FEWER = 0.55
-"""Numerical: of the principal patterns that meet an error, how many combinations may do; the search begins there."""
 
 
 @dataclass(frozen=True, eq=False)

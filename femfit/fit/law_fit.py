@@ -12,7 +12,7 @@ from femfit.core.errors import FitError, UsageError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.core.text import counted
 from femfit.fit.bounded_qp import QPSolution, non_negative
-from femfit.fit.constants import JACKKNIFE_BLOCKS
+from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
     FUNCTIONS,
     CoefficientFunction,
@@ -27,13 +27,6 @@ from femfit.fit.rows import FitRows
 from femfit.laws.catalogue import all_laws
 from femfit.laws.law import ForceLaw
 from femfit.model.magnetics import Coefficient, LawMagnetics
-
-STEPS = (0.0, -0.1, 0.1)
-"""Assumed: starts beside the law's first guess, as parts of the logarithm of the range between its bounds."""
-
-NEGLIGIBLE = 5e-4
-"""Assumed: part of the weight (or of the rms force) below which a coefficient function's held-out error does not
-matter."""
 
 
 def search_shape(

@@ -14,6 +14,7 @@ from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AnySensor, Circuit, HallElement, PickupCoil, Sensor
 from femfit.device.load import circuit_record, read_actuator, sweep_manifest_entry
 from femfit.device.mechanics import Mechanics
+from femfit.fit.constants import STOP_ROUNDING_M
 from femfit.fit.rows import FitRows
 from femfit.fit.sensed_field import SensedFit
 from femfit.fit.words import note
@@ -22,9 +23,6 @@ from femfit.model.hall import HallField, HallSensor, OtherSensor, PickupSensor
 from femfit.model.magnetics import Magnetics
 from femfit.model.several_magnetics import CoenergyMatrix
 from femfit.model.validity import ActuatorKind, ValidityBox
-
-STOP_ROUNDING_M = 1e-12
-"""Numerical: by what rounding may keep a stop that is drawn at an end of the sweep from it."""
 
 
 def actuator_entry(

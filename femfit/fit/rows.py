@@ -12,28 +12,11 @@ from femfit.core.numerics import GRAVITY, BoolArray, FloatArray, IntArray
 from femfit.core.results import listing
 from femfit.core.sweep_columns import current_columns, flux_columns, inductance_columns
 from femfit.core.text import counted
-from femfit.fit.constants import NETWORK_IDLE, SMALL_CIRCUIT_FORCE
+from femfit.fit import constants
 from femfit.model.validity import ActuatorKind
 from femfit.tables.foreign_grid import snap_axis
 from femfit.tables.sweep_table import SweepTable, column_numbers, current_names
 from femfit.tables.units import suspected_by_size
-
-FEWEST_ROWS, FEWEST_DISTANCES = 12, 4
-"""Assumed: fewer rows, or distances, leave too little to check a fit by."""
-
-FAR_ABOVE_WEIGHT = 10.0
-"""Assumed: rms force over the weight from which the weight says nothing of how good a model must be."""
-
-SMALL_FORCE = 0.01
-"""Assumed: forces below this part of the largest one at the same distance are passages through zero, whose relative
-error would say nothing."""
-
-TRAPEZOID = 0.1
-"""Assumed: part of the flux linkage's change over the currents that the integral of the inductance may miss: what the
-trapezoidal rule loses at a bend between a few currents."""
-
-STRAIGHT = 1e-3
-"""Numerical: an inductance that changes with the current by less than this part adds nothing to the flux linkage."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +78,7 @@ class FitRows:
             return self.inductance is not None
         slopes = self.slopes(self.flux_linkage[:, 0])
         bends = [np.ptp(of_distance) for of_distance in slopes if len(of_distance)]
-        return bool(max(bends, default=0.0) > STRAIGHT * np.abs(np.concatenate(slopes)).max(initial=0.0))
+        return bool(max(bends, default=0.0) > constants.STRAIGHT * np.abs(np.concatenate(slopes)).max(initial=0.0))
 
     def slopes(self, flux_linkage: FloatArray) -> list[FloatArray]:
         """Of each distance, the changes of a flux linkage (rows,) over those of the current, from one to the next."""
@@ -111,7 +94,7 @@ class FitRows:
         """
         if self.weight is None or not np.min(self.force) <= self.weight <= np.max(self.force):
             return None
-        return None if self.rms_force > FAR_ABOVE_WEIGHT * self.weight else self.weight
+        return None if self.rms_force > constants.FAR_ABOVE_WEIGHT * self.weight else self.weight
 
     @property
     def rms_force(self) -> float:
@@ -134,11 +117,11 @@ class FitRows:
         """
         size = np.abs(self.force)
         if self.several:
-            return np.asarray(np.maximum(size, SMALL_CIRCUIT_FORCE * np.max(size)))
+            return np.asarray(np.maximum(size, constants.SMALL_CIRCUIT_FORCE * np.max(size)))
         largest = np.array([np.max(size[self.distance == d]) for d in self.distances])
         nearer, farther = np.maximum.accumulate(largest), np.maximum.accumulate(largest[::-1])[::-1]
         around = np.maximum(np.minimum(nearer, farther), 1e-4 * np.max(size) or 1.0)
-        return np.maximum(size, SMALL_FORCE * around[np.searchsorted(self.distances, self.distance)])
+        return np.maximum(size, constants.SMALL_FORCE * around[np.searchsorted(self.distances, self.distance)])
 
     def take(self, which: BoolArray) -> "FitRows":
         """The rows of a boolean mask."""
@@ -213,7 +196,7 @@ def rows_of_table(
     if names and kind is None:  # nobody described the device: does it pull without a current, or leave that open?
         idle = ~measured.circuit_currents.any(axis=1)
         values = np.array([column / rms(column) for column in (force, *measured.linked.T)])
-        magnet = not idle.any() or float(np.abs(values[:, idle]).max()) > NETWORK_IDLE
+        magnet = not idle.any() or float(np.abs(values[:, idle]).max()) > constants.NETWORK_IDLE
         measured = replace(measured, magnet=magnet)
     return replace(measured, inductance=_inductance(rows, measured, circuits))
 
@@ -221,10 +204,10 @@ def rows_of_table(
 def _require_settings(distance: FloatArray, currents: FloatArray) -> None:
     """Refuse too few rows or distances, and rows that repeat another."""
     # A pair of magnets has one row a distance, and each row of several circuits has as many flux linkages
-    fewest = FEWEST_ROWS if currents.shape[1] == 1 and currents.any() else FEWEST_DISTANCES
-    if len(distance) < fewest or len(np.unique(distance)) < FEWEST_DISTANCES:
+    fewest = constants.FEWEST_ROWS if currents.shape[1] == 1 and currents.any() else constants.FEWEST_DISTANCES
+    if len(distance) < fewest or len(np.unique(distance)) < constants.FEWEST_DISTANCES:
         raise TableError(
-            f"A fit needs at least {fewest} usable rows at {FEWEST_DISTANCES} distances; instead received "
+            f"A fit needs at least {fewest} usable rows at {constants.FEWEST_DISTANCES} distances; instead received "
             f"{counted(len(distance), 'row')} at {counted(len(np.unique(distance)), 'distance')}. Sweep more distances."
         )
     duplicate = pd.DataFrame(np.column_stack([distance, currents])).duplicated().to_numpy()
@@ -272,7 +255,7 @@ def is_incremental(rows: FitRows, inductance: FloatArray) -> bool:
             quotient = np.max(np.abs(slope[k] * i[k] - flux[k]))
             misses.append((integral - np.sum(change), quotient, np.sum(np.abs(change))))
             bends.append(float(np.ptp(slope[k])))
-    if max(bends) < STRAIGHT * np.abs(slope).max(initial=0.0) or not misses:
+    if max(bends) < constants.STRAIGHT * np.abs(slope).max(initial=0.0) or not misses:
         return False
     slope_miss, quotient_miss, changes = np.linalg.norm(misses, axis=0)
-    return bool(slope_miss <= min(TRAPEZOID * changes, 0.5 * quotient_miss))
+    return bool(slope_miss <= min(constants.TRAPEZOID * changes, 0.5 * quotient_miss))

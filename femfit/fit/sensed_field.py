@@ -23,17 +23,14 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import PICKUP_COLUMN
+from femfit.fit import constants
 from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, lines_by_current, misfit_by_currents
 from femfit.fit.coenergy_choice import smallest, splines_along
 from femfit.fit.coenergy_system import Channel, CoenergySystem
-from femfit.fit.constants import CIRCUIT_CELLS, COARSE, DISTANCE_FOLDS, HALL_TARGET, HELD_OUT_TARGET, U_DEGREE
 from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import TensorSpline
 from femfit.model.hall import CurrentAxis, HallSpline, SensedField
 from femfit.tables.sweep_table import SweepTable, current_names
-
-CURRENT_DEGREE = 3
-"""Conventional: of the splines along a current that a field at a sensor takes where iron saturates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +59,11 @@ def fit_sensed(distance: FloatArray, currents: FloatArray, values: FloatArray, w
     lines, scale = lines_by_current([axis[[0, -1]] for axis in axes]), float(np.ptp(values)) or 1.0
     missed = rms(misfit_by_currents(lines.columns(currents), values, distance)) / scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
-    trials = [*([lines] if missed < COARSE else []), *([_splines(axes)] if missed > HELD_OUT_TARGET else [])]
-    basis, coefficients, error = _fitted(distance, currents, values, trials, HELD_OUT_TARGET, what)
+    trials = [
+        *([lines] if missed < constants.COARSE else []),
+        *([_splines(axes)] if missed > constants.HELD_OUT_TARGET else []),
+    ]
+    basis, coefficients, error = _fitted(distance, currents, values, trials, constants.HELD_OUT_TARGET, what)
     functions = basis.functions
     axes_of = tuple(map(CurrentAxis, functions.knots, functions.degrees))
     field = SensedField(basis.coordinate, basis.u_knots, basis.u_degree, axes_of, functions.table(coefficients))
@@ -72,10 +72,10 @@ def fit_sensed(distance: FloatArray, currents: FloatArray, values: FloatArray, w
 
 def _splines(axes: list[FloatArray]) -> CurrentSplines:
     """Interpolating splines, whose knots lie at currents but the outermost ones."""
-    degrees = tuple(min(CURRENT_DEGREE, len(axis) - 1) for axis in axes)
+    degrees = tuple(min(constants.CURRENT_DEGREE, len(axis) - 1) for axis in axes)
     knots = []
     for axis, degree in zip(axes, degrees, strict=True):
-        inner = axis[2:-2] if degree == CURRENT_DEGREE else axis[:0]
+        inner = axis[2:-2] if degree == constants.CURRENT_DEGREE else axis[:0]
         knots.append(clamped_knots(np.concatenate([axis[:1], inner, axis[-1:]]), degree))
     return CurrentSplines(tuple(knots), degrees)
 
@@ -92,13 +92,15 @@ def _fitted(
     distances = np.unique(distance)
     scale = np.full(len(values), float(np.ptp(values)) or 1.0)
     inner, channel = distances[1:-1], Channel((), np.arange(len(values)), values, scale, scale)
-    folds = [np.isin(distance, inner[k::DISTANCE_FOLDS]) for k in range(min(DISTANCE_FOLDS, len(inner)))]
+    every = min(constants.DISTANCE_FOLDS, len(inner))
+    folds = [np.isin(distance, inner[k::every]) for k in range(every)]
     system = CoenergySystem(distance, currents, (channel,), folds)
-    degree = min(U_DEGREE, len(distances) - 2)  # one distance left out must leave as many as there are functions
+    # One distance left out must leave as many as there are functions
+    degree = min(constants.U_DEGREE, len(distances) - 2)
     groups = (
         [CoenergyBasis(*along, functions, degree) for along in alike]
         for functions in trials
-        for alike in splines_along(distances, CIRCUIT_CELLS, degree=degree, breaks="geometric")
+        for alike in splines_along(distances, constants.CIRCUIT_CELLS, degree=degree, breaks="geometric")
     )
     basis, error = smallest(groups, system.held_out_errors, target)
     projection = system.projection(basis)
@@ -136,7 +138,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     degrees = range(1, min(3, len(rows.currents) - 1) + 1) if several else [0]
     trials = [CurrentSplines((np.repeat(ends, degree + 1),), (degree,)) for degree in degrees]
     what, (distance, currents) = "The field at the Hall element", (rows.distance, rows.circuit_currents)
-    basis, coefficients, held_out = _fitted(distance, currents, hall, trials, HALL_TARGET, what)
+    basis, coefficients, held_out = _fitted(distance, currents, hall, trials, constants.HALL_TARGET, what)
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
     field = HallSpline(basis.coordinate, TensorSpline(basis.u_knots, knots, basis.u_degree, degree, coefficients))
     fitted, _, slope = field.derivatives(distance, currents)

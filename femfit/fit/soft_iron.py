@@ -27,8 +27,8 @@ from femfit.core.graph import Expression, GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.text import amount, counted
+from femfit.fit import constants
 from femfit.fit.bounded_qp import non_negative
-from femfit.fit.constants import NETWORK_IDLE, POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
 from femfit.fit.model_parts import actuator_entry, circuits_of, mechanics_of, sample_time
 from femfit.fit.ranking import as_written, ranking_folds
@@ -41,19 +41,6 @@ from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.several_magnetics import NETWORK, NetworkMagnetics
 from femfit.model.validity import ValidityBox
 from femfit.tables.measurement import InductanceTable
-
-NETWORK_STARTS = ((0.3, 0.02), (0.3, 0.2), (0.05, 0.02), (0.05, 0.2))
-"""Assumed: where the search for a plunger's network starts: its shift, as a part of the median distance, and the iron's
-own current, as a part of the largest."""
-
-NETWORK_CURRENTS, NETWORK_DISTANCES = 3, 6
-"""Derived: a knee takes three currents beside zero, and a network's ten numbers six distances of them."""
-
-NETWORK_NUMBERS = 10
-"""Derived: numbers of the network: a, four of ln r, two of s, c, two of the leakage."""
-
-NETWORK_OFF = 10.0
-"""Numerical: residual of numbers that make no network, ten times the rms of what is fitted."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -134,7 +121,7 @@ def fit_inductance(
     )
     model = as_written(replace(model, sample_time_s=sample_time(model)))
     error = model.magnetics.inductance(table.distance, table.current[:, None])[:, 0, 0] - table.inductance
-    if rms(error) > POOR_CIRCUIT * float(np.ptp(table.inductance)):
+    if rms(error) > constants.POOR_CIRCUIT * float(np.ptp(table.inductance)):
         notes = (*notes, note("inductance_misfit", rms(error) / float(np.ptp(table.inductance))))
     findings = tuple(map(str, table.findings))
     return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, findings)
@@ -188,13 +175,14 @@ def _require_plunger(rows: FitRows) -> None:
             "none. Sweep or import it, or take another law."
         )
     currents = np.unique(np.abs(rows.current[rows.current != 0.0]))
-    if len(currents) < NETWORK_CURRENTS or len(rows.distances) < NETWORK_DISTANCES:
+    if len(currents) < constants.NETWORK_CURRENTS or len(rows.distances) < constants.NETWORK_DISTANCES:
         raise FitError(
-            f"Law {NETWORK} must have at least {NETWORK_CURRENTS} currents beside zero and {NETWORK_DISTANCES} "
-            f"distances; instead received {len(currents)} and {len(rows.distances)}. Sweep more."
+            f"Law {NETWORK} must have at least {constants.NETWORK_CURRENTS} currents beside zero and "
+            f"{constants.NETWORK_DISTANCES} distances; instead received {len(currents)} and {len(rows.distances)}. "
+            "Sweep more."
         )
     idle = np.abs(rows.force[rows.current == 0.0])
-    if np.max(idle, initial=0.0) > NETWORK_IDLE * rows.rms_force:
+    if np.max(idle, initial=0.0) > constants.NETWORK_IDLE * rows.rms_force:
         raise FitError(
             f"Law {NETWORK} is of plungers without a magnet; the table has {amount(float(idle.max()), 'N', 3)} without "
             "current. Take another law, or the co-energy."
@@ -211,13 +199,13 @@ def _starts(rows: FitRows) -> list[FloatArray]:
         np.array(
             [np.log(a), -np.log(inductance), 0.6, 0, 0, 1.3 * largest, 0, np.log(c * current), 0.05 * inductance, 0]
         )
-        for a, c in NETWORK_STARTS
+        for a, c in constants.NETWORK_STARTS
     ]
 
 
 def _magnetics(numbers: Expression, rows: FitRows) -> NetworkMagnetics:
     """The law of numbers, or of an expression's."""
-    a, r0, r1, r2, r3, s0, s1, c, l0, l1 = (numbers[k] for k in range(NETWORK_NUMBERS))
+    a, r0, r1, r2, r3, s0, s1, c, l0, l1 = (numbers[k] for k in range(constants.NETWORK_NUMBERS))
     reference = float(np.median(rows.distances - min(rows.distances[0], 0.0)))
     shift = reference * np.exp(a) - min(float(rows.distances[0]), 0.0)
     return NetworkMagnetics(reference, shift, (r0, r1, r2, r3), (s0, s1), np.exp(c), (l0, l1))
@@ -226,7 +214,7 @@ def _magnetics(numbers: Expression, rows: FitRows) -> NetworkMagnetics:
 def _readings(rows: FitRows) -> GraphFunction:
     """Of points (2, n) and numbers: force and flux linkage, and after them their slopes along each number."""
     with building():
-        at, numbers = SX.sym("at", 2), SX.sym("numbers", NETWORK_NUMBERS)
+        at, numbers = SX.sym("at", 2), SX.sym("numbers", constants.NETWORK_NUMBERS)
         coenergy = _magnetics(numbers, rows).expression(at[0], at[1])
         seen = ca.vertcat(-ca.gradient(coenergy, at[0]), ca.gradient(coenergy, at[1]))
         return GraphFunction([at, numbers], ca.vertcat(seen, ca.vec(ca.jacobian(seen, numbers))))
@@ -241,18 +229,20 @@ def _best(readings: GraphFunction, rows: FitRows, fitted: BoolArray, starts: lis
     size = np.repeat([rows.rms_force, rms(rows.linked)], points.shape[1])
 
     def unbounded(values: FloatArray) -> FloatArray:
-        return np.nan_to_num((values[:2].ravel() - measured) / size, nan=NETWORK_OFF)
+        return np.nan_to_num((values[:2].ravel() - measured) / size, nan=constants.NETWORK_OFF)
 
     def errors(x: FloatArray) -> FloatArray:
-        return unbounded(readings(points, x * unit)).clip(-NETWORK_OFF, NETWORK_OFF)
+        return unbounded(readings(points, x * unit)).clip(-constants.NETWORK_OFF, constants.NETWORK_OFF)
 
     def slopes(x: FloatArray) -> FloatArray:
         values = readings(points, x * unit)
-        along = np.nan_to_num(values[2:].reshape(NETWORK_NUMBERS, -1).T / size[:, None], posinf=0.0, neginf=0.0)
-        return np.where(np.abs(unbounded(values))[:, None] < NETWORK_OFF, along * unit, 0.0)
+        along = np.nan_to_num(
+            values[2:].reshape(constants.NETWORK_NUMBERS, -1).T / size[:, None], posinf=0.0, neginf=0.0
+        )
+        return np.where(np.abs(unbounded(values))[:, None] < constants.NETWORK_OFF, along * unit, 0.0)
 
     minima = [least_squares(errors, start / unit, slopes, max_nfev=300) for start in starts]
     best = min(minima, key=lambda minimum: float(minimum.cost))
-    if not np.isfinite(best.cost) or best.cost >= NETWORK_OFF:
+    if not np.isfinite(best.cost) or best.cost >= constants.NETWORK_OFF:
         raise FitError(f"Law {NETWORK} comes to no minimum on this table. Take another law, or the co-energy.")
     return np.asarray(best.x * unit)
