@@ -85,11 +85,10 @@ def eddy_sweep(
     solved = {distance: result for distance, result in results.items() if result["status"] == "ok"}
     if not solved:
         raise FieldSolverError(_reason(next(iter(results.values()))))
-    columns: dict[str, Any] = {
-        name: None if column[0] is None else np.array(column)
-        for name in ("force", "flux_linkage", "hall", "rest")
-        for column in [[result[name] for result in solved.values()]]
-    }
+    columns: dict[str, Any] = {}
+    for name in ("force", "flux_linkage", "hall", "rest"):
+        column = [result[name] for result in solved.values()]
+        columns[name] = None if column[0] is None else np.array(column)
     conductivities = {  # in the order of the points' materials
         region.material.name: region.material.conductivity_S_per_m
         for region in actuator.regions
@@ -159,7 +158,7 @@ def _probe(
     biases: Mapping[float, tuple[float, ...]],
 ) -> _Probed:
     """Solve the probes, and some between them to check by, and find the patterns that the probes have in common."""
-    low, high = np.maximum([f(reference.actuator.frequencies_Hz) for f in (min, max)], LOWEST_HZ).tolist()
+    low, high = (max(reference.actuator.frequencies_Hz[end], LOWEST_HZ) for end in (0, -1))
     between = [d for d in meshes if d not in probes]
     checks = [between[k] for k in evenly_spread(len(between), CHECKS)]
     beyond = _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)

@@ -29,15 +29,7 @@ from femfit.field.material_points import MaterialPoints
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.point_rows import Coefficients
-from femfit.field.weak_form import (
-    FieldArray,
-    LayerForce,
-    csr,
-    inner_products,
-    materials,
-    source_loads,
-    stiffness,
-)
+from femfit.field.weak_form import FieldArray, LayerForce, csr, inner_products, materials, source_loads, stiffness
 
 
 class NonlinearSystem:
