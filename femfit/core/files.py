@@ -18,8 +18,8 @@ import tomllib
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from os.path import realpath
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, TypeVar
 from zipfile import BadZipFile
 
@@ -166,12 +166,12 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
 
     A path of None stands for an option that was not given, a kind of None for that of the file's suffix.
     """
-    read = {realpath(path) for path in inputs if path is not None}  # of a link to itself, too
+    read = {os.path.realpath(path) for path in inputs if path is not None}  # of a link to itself, too
     written: set[str] = set()
     for path, kind in outputs:
         if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
             continue
-        place = realpath(path)
+        place = os.path.realpath(path)
         if place in read:
             raise OutputError(f"{path} is what this command reads; its result would replace it. Choose another name.")
         if place in written:
@@ -209,7 +209,7 @@ def _is_of(path: Path, kind: str) -> bool:
 
 Made = TypeVar("Made")
 
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, BadZipFile, zlib.error, IndexError)
+_DAMAGED = OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError, BadZipFile, zlib.error, TokenError
 
 
 def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:

@@ -69,8 +69,7 @@ def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: So
 
 def _require_whole(mesh: Mesh, shape: Any, distance: float) -> None:
     """Refuse a mesh that covers a region twice or leaves a part of it out, of which Netgen only prints a line."""
-    drawn: defaultdict[str, float] = defaultdict(float)
-    meshed: defaultdict[str, float] = defaultdict(float)
+    drawn, meshed = defaultdict[str, float](float), defaultdict[str, float](float)
     for face in shape.faces:
         drawn[face.name] += face.mass
     for name, area in zip(mesh.GetMaterials(), Integrate(CF(1.0), mesh, region_wise=True), strict=True):
@@ -155,13 +154,13 @@ def _parts(actuator: Actuator, distance: float, layout: Layout, settings: Solver
     """Faces of the regions and coils that move, or of those that stand still."""
     prefix, shift = ("moving", distance) if moves else ("fixed", 0.0)
     parts, faces = {name: part for name, part in parts_of(actuator).items() if name.startswith(prefix)}, []
-    singular = iter(singular_corners([part for part in parts.values() if isinstance(part, Region)]))
+    singular = singular_corners([part for part in parts.values() if isinstance(part, Region)])
     for name, part in parts.items():
         face = _face(part.vertices_m, bulges_of(part), shift)
         face.faces.name, face.faces.maxh = name, _largest_element(part, layout, settings)
         faces.append(face)
         if isinstance(part, Region):
-            corners = np.array(part.vertices_m)[next(singular)] + np.array([0.0, shift])
+            corners = singular[part.material] + np.array([0.0, shift])
             for vertex in face.vertices:
                 if np.any(np.hypot(*(corners - np.array([vertex.p.x, vertex.p.y])).T) < COINCIDENT):
                     vertex.maxh = settings.corner_fraction * _extent(part)

@@ -18,23 +18,19 @@ A. Ruhe, Linear Algebra Appl. 58 (1984) 391: rational Krylov spaces, whose real 
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from ngsolve import H1, GridFunction, SetNumThreads
-from numpy.typing import NDArray
+from ngsolve import H1, SetNumThreads
 
-from femfit.core.numerics import ComplexArray, FloatArray
-from femfit.device.drawn_numbers import DrawnNumber
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.eddy_sweep import principal
-from femfit.field.harmonic import ConductorPoints, FieldArray, HarmonicSystem
+from femfit.field.harmonic import ConductorPoints, HarmonicSystem
 from femfit.field.linear_system import SourceFields
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.nonlinear_system import static_system
-from femfit.field.signature_rows import impedance_slopes
 from femfit.field.sweep_task import MeshGroup, Patterns
-from femfit.field.weak_form import function_of, hall_field
+from femfit.field.weak_form import FieldArray, hall_fields
 from femfit.tables.eddy_table import Transfers
 
 MOTION_STEP = 0.02
@@ -47,7 +43,7 @@ class EddyProbe:
     def __init__(
         self, actuator: Actuator, moving: MovingMesh, distance: float, order: int, bias: Sequence[float] = ()
     ) -> None:
-        self._actuator, self._hall, self._moving, self.distance = actuator, actuator.hall, moving, distance
+        self._hall, self._moving, self.distance = actuator.hall, moving, distance
         self._static = static_system(moving, actuator, order)
         self._static.bias, points = np.array(bias), self._static.points
         self._real, self._harmonic = (
@@ -71,14 +67,9 @@ class EddyProbe:
             for frequency in frequencies:
                 fields.append(self._harmonic.solve(2j * np.pi * frequency, system.loads[1:]))
                 solutions.append(self._responses(2j * np.pi * frequency, fields[-1]))
-        flux, force, hall = (np.array(values) for values in zip(*solutions, strict=True))
-        return Transfers(frequencies, flux, force, None if self._hall is None else hall), np.array(fields)
-
-    def slopes(self, numbers: Sequence[DrawnNumber], frequencies: FloatArray, fields: FieldArray) -> ComplexArray:
-        """What numbers of the drawing change of the inductances, as of :func:`impedance_slopes`."""
-        return impedance_slopes(
-            self._actuator, numbers, self._moving, self.points.space, self.distance, frequencies, fields
-        )
+        flux, force, hall = zip(*solutions, strict=True)
+        at_hall = None if self._hall is None else np.array(hall)
+        return Transfers(frequencies, np.array(flux), np.array(force), at_hall), np.array(fields)
 
     def patterns(self, fields: FieldArray, shifts: FloatArray, places: ConductorPoints, tolerance: float) -> FloatArray:
         """Rows (k, n) of induced currents at the points of another mesh.
@@ -92,7 +83,7 @@ class EddyProbe:
         with self._moving.at(self.distance):
             self._real.move()
             for shift in (0.0, *shifts):
-                solved = self._real.solve(float(shift), [*system.loads, *braked])
+                solved = self._real.solve(float(shift), np.concatenate([system.loads, braked]))
                 states += [*solved[: len(system.loads)], *(motion - shift * solved[len(system.loads) :])]
         rows = self.points.rows(np.array(states))
         power = (self.points.weight * rows**2).sum(axis=1)
@@ -109,29 +100,16 @@ class EddyProbe:
         """
         return self.points.products(self.points.rows(self._motion))
 
-    def _responses(self, s: complex, fields: FieldArray) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    def _responses(self, s: complex, fields: FieldArray) -> tuple[FieldArray, FieldArray, FieldArray | None]:
         """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
-        system, hall, beside = self._static, self._hall, self._beside
-        source_fields = [GridFunction(system.space) for _ in fields]
-        forces, halls, induced_loads = [], [], []
-        for field in fields:  # -s M w of the moving part
-            real, imaginary = self.points.loads(self.points.rows(np.array([field.real, field.imag])), moving=True)
-            induced_loads.append(-s * (real + 1j * imaginary))
-        for component in (np.real, np.imag):
-            totals = [function_of(system.space, component(field)) for field in fields]
-            loads = [component(load) for load in induced_loads]
-            if component is np.real:
-                loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
-            system.find_own(totals, loads, source_fields)
-            pull = system.layer_force.between(system.total[beside], totals)
-            forces.append(2.0 * (pull - system.layer_force.between(system.own[beside], source_fields)))
-            halls.append([0.0 if hall is None else hall_field(hall, system.mesh, total) for total in totals])
-        forces_of_fields, field_at_hall = (
-            np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls)
-        )
+        system, beside = self._static, self._beside
+        induced = -s * self.points.loads(self.points.rows(fields), moving=True)  # -s M w of the moving part
+        alone = system.own_of(fields, system.own_loads[1:] + induced)
         force = np.zeros((len(system.total), len(fields)), dtype=np.complex128)
-        force[: len(forces_of_fields)] = forces_of_fields
-        return system.loads[1:] @ fields.T, force, field_at_hall
+        pull, own = system.layer_force.between(system.total, fields), system.layer_force.between(system.own, alone)
+        force[beside] = 2.0 * (pull - own)[beside]
+        hall = None if self._hall is None else hall_fields(self._hall, system.space, fields)
+        return system.loads[1:] @ fields.T, force, hall
 
 
 @lru_cache(maxsize=2)

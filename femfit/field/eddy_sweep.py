@@ -6,7 +6,7 @@ there, and at distances between, say how far the patterns are off.
 
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,7 @@ from femfit.core.journal import Journal
 from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.sweep_task import AGAIN, FormsTask, MeshGroup, Patterns, ProbeTask, Solve
+from femfit.field.sweep_task import AGAIN, FormsTask, MeshGroup, Patterns, ProbeTask, Solve, mesh_groups
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import EddyTable, Transfers
 from femfit.tables.signatures import ImpedanceSlopes
@@ -69,22 +68,27 @@ def eddy_sweep(
     FieldSolverError
         If no distance can be solved.
     """
-    plan = _Plan.of(actuator, biases or {})
-    numbers = () if actuator.saturates else numbers
+    biases, numbers, distances = biases or {}, () if actuator.saturates else numbers, actuator.sweep.distances_m
+    highest = max(actuator.frequencies_Hz[-1], LOWEST_HZ)
+    meshes = mesh_groups(actuator, SolverSettings(order=ORDER, skin_frequency_Hz=highest))
+    probes = [distances[k] for k in evenly_spread(len(distances), PROBES)]
+    reference = meshes[probes[len(probes) // 2]]
     probed = _read(file, key)
     if probed is None:
-        probed = _probe(plan, solve, numbers)
+        probed = _probe(meshes, probes, reference, solve, numbers, biases)
         write_arrays(vars(probed) | {"key": key}, file)
-    patterns = Patterns(plan.reference, probed.rows, zlib.crc32(probed.rows.tobytes()))
-    tasks = [FormsTask(plan.meshes[d], d, patterns, plan.biases.get(d, ())) for d in actuator.sweep.distances_m]
+    patterns = Patterns(reference, probed.rows, zlib.crc32(probed.rows.tobytes()))
+    tasks = [FormsTask(meshes[d], d, patterns, biases.get(d, ())) for d in distances]
     unsolved = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
     solve(unsolved, lambda task, result: journal.record(task.key, result))
     results = {task.distance: journal.finished[task.key] for task in tasks}
     solved = {distance: result for distance, result in results.items() if result["status"] == "ok"}
     if not solved:
         raise FieldSolverError(_reason(next(iter(results.values()))))
-    force, flux = (np.array([result[name] for result in solved.values()]) for name in ("force", "flux_linkage"))
-    hall = None if actuator.hall is None else np.array([result["hall"] for result in solved.values()])
+    columns: dict[str, Any] = {}
+    for name in ("force", "flux_linkage", "hall", "rest"):
+        column = [result[name] for result in solved.values()]
+        columns[name] = None if column[0] is None else np.array(column)
     conductivities = {  # in the order of the points' materials
         region.material.name: region.material.conductivity_S_per_m
         for region in actuator.regions
@@ -94,18 +98,15 @@ def eddy_sweep(
         circuits=tuple(circuit.name for circuit in actuator.circuits),
         distances_m=np.array(list(solved)),
         frequencies_Hz=np.array(actuator.frequencies_Hz),
-        force=force,
-        flux_linkage=flux,
-        hall=hall,
-        checked_Hz=np.array(plan.frequencies),
-        errors=np.zeros((len(plan.frequencies), 3)),
+        checked_Hz=probed.frequencies,
+        errors=probed.discretisation,
         braking_error=np.nan,
         materials=tuple(conductivities),
         conductivities_S_per_m=np.array([*conductivities.values()]),
         resistances=probed.resistances,
         asked_error=actuator.eddy_error,
-        bias_A=np.array([plan.biases[d] for d in solved]) if actuator.saturates else None,
-        rest=np.array([result["rest"] for result in solved.values()]) if actuator.saturates else None,
+        bias_A=np.array([biases[d] for d in solved]) if actuator.saturates else None,
+        **columns,
     )
     errors, braking_error = probed.errors(table)
     facts = tuple(number.facts for number in numbers)
@@ -117,40 +118,6 @@ def induces(actuator: Actuator) -> bool:
     """Whether frequencies are asked for, and a part conducts."""
     conducts = any(region.material.conductivity_S_per_m for region in actuator.regions)
     return bool(actuator.frequencies_Hz) and conducts
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """Which distances are probed, on which meshes and at which frequencies."""
-
-    meshes: dict[float, MeshGroup]  # By distance
-    reference: MeshGroup
-    probes: tuple[float, ...]
-    checks: tuple[float, ...]
-    frequencies: tuple[float, ...]
-    shifts: tuple[float, ...]
-    biases: Mapping[float, tuple[float, ...]]
-
-    @classmethod
-    def of(cls, actuator: Actuator, biases: Mapping[float, tuple[float, ...]]) -> "_Plan":
-        """The plan of an actuator that conducts."""
-        low, high = max(actuator.frequencies_Hz[0], LOWEST_HZ), max(actuator.frequencies_Hz[-1], LOWEST_HZ)
-        settings = SolverSettings(order=ORDER, skin_frequency_Hz=high)
-        layout, distances = layout_of(actuator, settings), actuator.sweep.distances_m
-        groups = stretch_groups(distances, layout, settings)
-        meshes = {d: MeshGroup(actuator, layout, settings, group) for group in groups for d in group}
-        probes = tuple(distances[k] for k in evenly_spread(len(distances), PROBES))
-        between = [d for d in distances if d not in probes]
-        beyond = _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)
-        return cls(
-            meshes,
-            meshes[probes[len(probes) // 2]],
-            probes,
-            tuple(between[k] for k in evenly_spread(len(between), CHECKS)),
-            _decades(low, high, MOST_FREQUENCIES),
-            tuple(2.0 * math.pi * frequency for frequency in beyond),
-            biases,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,25 +149,33 @@ class _Probed:
         return self.discretisation + np.max(departures, axis=0), float(np.fmax.reduce(braked))
 
 
-def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Probed:
-    """Solve the probes, and find the patterns that they have in common."""
-    tasks = []
-    for d in (*plan.probes, *plan.checks):
-        shifts = plan.shifts if d in plan.probes else ()
-        coarse = d == plan.probes[0] or d in plan.checks
-        settings = plan.meshes[d], plan.reference, d, plan.frequencies
-        tasks.append(ProbeTask(*settings, shifts, coarse, numbers, plan.biases.get(d, ())))
-    results: dict[float, dict[str, Any]] = {}
+def _probe(
+    meshes: Mapping[float, MeshGroup],
+    probes: Sequence[float],
+    reference: MeshGroup,
+    solve: Solve,
+    numbers: tuple[DrawnNumber, ...],
+    biases: Mapping[float, tuple[float, ...]],
+) -> _Probed:
+    """Solve the probes, and some between them to check by, and find the patterns that the probes have in common."""
+    low, high = (max(reference.actuator.frequencies_Hz[end], LOWEST_HZ) for end in (0, -1))
+    between = [d for d in meshes if d not in probes]
+    checks = [between[k] for k in evenly_spread(len(between), CHECKS)]
+    beyond = _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)
+    shifts = tuple(2.0 * math.pi * frequency for frequency in beyond)
+    frequencies, tasks, results = _decades(low, high, MOST_FREQUENCIES), [], dict[float, dict[str, Any]]()
+    for d in (*probes, *checks):
+        coarse, own_shifts = d == probes[0] or d in checks, shifts if d in probes else ()
+        tasks.append(ProbeTask(meshes[d], reference, d, frequencies, own_shifts, coarse, numbers, biases.get(d, ())))
     solve(tasks, lambda task, result: results.update({task.distance: result}))
     solved = {task.distance: results[task.distance] for task in tasks if results[task.distance]["status"] == "ok"}
     made = [result for result in solved.values() if "rows" in result]
     if not made:
-        raise FieldSolverError(_reason(results[plan.probes[0]]))
+        raise FieldSolverError(_reason(results[probes[0]]))
     weight, rows = made[0]["weight"], np.concatenate([result["rows"] for result in made])
-    basis = principal((weight * rows) @ rows.T, plan.reference.actuator.eddy_error) @ rows
-    both = [result for result in solved.values() if "coarse" in result]
-    discretisation = [np.zeros((len(plan.frequencies), 3))]
-    discretisation += [result["coarse"].departures(result["transfers"]) for result in both]
+    basis = principal((weight * rows) @ rows.T, reference.actuator.eddy_error) @ rows
+    discretisation = [np.zeros((len(frequencies), 3))]
+    discretisation += [r["coarse"].departures(r["transfers"]) for r in solved.values() if "coarse" in r]
     rows = basis / np.sqrt((weight * basis**2).sum(axis=1))[:, None]
     inside = np.arange(made[0]["material"].max() + 1)[:, None] == made[0]["material"]
     exact = [result["transfers"] for result in solved.values()]

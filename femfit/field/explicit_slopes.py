@@ -30,9 +30,9 @@ from ngsolve import H1, Grad, GridFunction, InnerProduct, LinearForm, VectorH1, 
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.materials import BHCurve
-from femfit.device.parts import Actuator, Coil, LinearMaterial, Material
+from femfit.device.parts import Actuator, Coil, LinearMaterial
 from femfit.field.layout import coil_region
+from femfit.field.material_points import Medium
 from femfit.field.moving_mesh import FieldPoints, MovingMesh, PlacedPoints
 from femfit.field.outline_motion import OutlineMotion
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, materials
@@ -41,46 +41,15 @@ BESIDE = 1e-7
 """Numerical: how far beside an edge, in m, its two sides are looked at."""
 
 
-class _Medium:
-    """A material's law, with its remanence; sigma where it is solid, and sigma b^2 / 12 where it is of sheets."""
-
-    def __init__(self, material: Material) -> None:
-        self._curve, self._reluctivity, self._coercive = None, 0.0, (0.0, 0.0)
-        if isinstance(material, LinearMaterial):
-            self._reluctivity = material.reluctivity
-            r, z = material.direction
-            strength = material.reluctivity * material.remanence_T
-            self._coercive = strength * r, strength * z
-        else:
-            self._curve = BHCurve(material.flux_density_T, material.field_A_per_m)
-        sigma, sheet = material.conductivity_S_per_m, material.lamination_m
-        self._solid, self._sheets = 0.0 if sheet else sigma, sigma * sheet**2 / 12.0
-
-    def respond(self, b: FloatArray, rw: FloatArray, s: complex) -> tuple[Any, Any, Any]:
-        """H in A/m, u in J/m^3 and what ring currents add to it, at s, where B is b (2, ..) and r w is rw."""
-        if self._curve is not None:
-            size = np.hypot(*b)
-            h, u = self._curve.reluctivity(size) * b, self._curve.energy_density(size)
-        else:
-            h, (r, z) = self._reluctivity * b, self._coercive
-            u = 0.5 * (b[0] * h[0] + b[1] * h[1])
-            if r or z:
-                h, u = np.stack([h[0] - r, h[1] - z]), u - r * b[0] - z * b[1]
-        if not s:
-            return h, u, 0.0
-        h, u = h + s * self._sheets * b, u + 0.5 * s * self._sheets * (b * b).sum(axis=0)
-        return h, u, 0.5 * s * self._solid * rw**2
-
-
-_AIR = _Medium(LinearMaterial("air", 1.0))
+_AIR = Medium(LinearMaterial("air", 1.0))
 """Of all places that no material fills."""
 
-_Media = list[tuple[IntArray, _Medium]]
+Media = list[tuple[IntArray, Medium]]
 """Places with the medium that fills them."""
 
 
-def _responses(media: _Media, b: FloatArray, rw: FloatArray, s: complex) -> tuple[Any, Any, Any]:
-    """As :meth:`_Medium.respond`, at places of which some lie in air."""
+def _responses(media: Media, b: FloatArray, rw: FloatArray, s: complex) -> tuple[Any, Any, Any]:
+    """As :meth:`Medium.respond`, at places of which some lie in air."""
     h, u, _ = _AIR.respond(b, rw, 0.0)
     rings = np.zeros_like(rw)
     for places, medium in media:
@@ -107,13 +76,13 @@ class ExplicitSlopes:
         self._velocities = velocities.reshape(len(numbers), -1)
         self._loads = self._coil_slopes(motion, velocities)
         self._named = materials(actuator)
-        self._media = [(self.points.of_region(name), _Medium(material)) for name, material in self._named.items()]
-        self._changes: list[list[tuple[IntArray, _Medium, _Medium]]] = []
+        self._media = [(self.points.of_region(name), Medium(material)) for name, material in self._named.items()]
+        self._changes: list[list[tuple[IntArray, Medium, Medium]]] = []
         for number in numbers:
             larger, smaller = materials(number.larger), materials(number.smaller)
             changed = [name for name in self._named if larger[name] != smaller[name]]
             self._changes.append(
-                [(self.points.of_region(name), _Medium(larger[name]), _Medium(smaller[name])) for name in changed]
+                [(self.points.of_region(name), Medium(larger[name]), Medium(smaller[name])) for name in changed]
             )
         left = self._left = motion.remainder(velocities)
         self._sides = [
@@ -182,7 +151,7 @@ class ExplicitSlopes:
                 result[k, circuits.index(coil.circuit)] += change
         return result
 
-    def _media_of_sides(self) -> tuple[list[_Media], BoolArray]:
+    def _media_of_sides(self) -> tuple[list[Media], BoolArray]:
         """The media inside and outside of edges with a remainder, and where the two sides differ."""
         if not self._sides:
             return [], np.zeros(0, dtype=np.bool_)

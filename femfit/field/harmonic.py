@@ -27,14 +27,13 @@ J. Gyselinck, L. Vandevelde, J. Melkebeek and P. Dular, IEEE Trans. Magn. 38 (20
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import ngsolve as ng
 import numpy as np
 import shapely
 from ngsolve import H1, BilinearForm, InnerProduct, dx
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -45,6 +44,7 @@ from femfit.field.linear_system import SummedInverse
 from femfit.field.material_points import MaterialPoints, QuadraturePoints
 from femfit.field.weak_form import (
     RADIAL_WEIGHT_ORDER,
+    FieldArray,
     flux_density,
     function_of,
     linear_materials,
@@ -76,15 +76,11 @@ def add_eddy_form(form: BilinearForm, named: Mapping[str, Material], factor: Any
     """Add M of the named conductors, times a factor, to a form that is not assembled yet."""
     w, v = form.space.TnT()
     for name, material in named.items():
+        density = ng.x**2 * w * v
+        if material.lamination_m:
+            density = material.lamination_m**2 / 12.0 * InnerProduct(flux_density(w), flux_density(v))
         measure = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
-        form += factor * _density(material, w, v) * 2.0 * math.pi * ng.x * measure
-
-
-def _density(material: Material, w: Any, v: Any) -> Any:
-    conductivity, sheet = material.conductivity_S_per_m, material.lamination_m
-    if sheet:
-        return conductivity * sheet**2 / 12.0 * InnerProduct(flux_density(w), flux_density(v))
-    return conductivity * ng.x**2 * w * v
+        form += factor * material.conductivity_S_per_m * density * 2.0 * math.pi * ng.x * measure
 
 
 def skin_layers(region: Region, largest_element: float, frequency_Hz: float) -> int:
@@ -96,10 +92,6 @@ def skin_layers(region: Region, largest_element: float, frequency_Hz: float) -> 
     element = min(largest_element, 2.0 * outline.area / shapely.length(outline))
     ratio = LAYER_DEPTHS * skin_depth(material, frequency_Hz) / element
     return min(MOST_LAYERS, max(0, math.ceil(math.log(ratio) / math.log(LAYER_FACTOR))))
-
-
-FieldArray = NDArray[Any]
-"""Coefficients of fields, real at real s and complex else."""
 
 
 class HarmonicSystem:
@@ -138,13 +130,13 @@ class HarmonicSystem:
         """Take the mesh as it is now stretched."""
         self._air.Assemble()
 
-    def solve(self, frequency: complex, loads: Sequence[FloatArray] | FloatArray) -> FieldArray:
+    def solve(self, frequency: complex, loads: FloatArray) -> FieldArray:
         """Solve at s in 1/s for loads (k, unknowns), on the mesh as last taken; the same shape."""
         self._frequency.Set(frequency)
         for form in self._renewed:
             form.Assemble()
         self._inverse.renew((self._air, *self._still, *self._renewed))
-        return np.array([self._inverse.solve(load) for load in loads]).reshape(len(loads), self.space.ndof)
+        return self._inverse.solve_all(loads)
 
 
 class ConductorPoints:
@@ -170,7 +162,14 @@ class ConductorPoints:
         of_material = np.array([places.index(name) for name in names], dtype=np.int64)[of_part]
         self.material_rows = np.concatenate([of_material, of_material[self.sheets]])  # Which of the materials
         self.moving_rows = np.concatenate([self.moving, self.moving[self.sheets]])
-        self._map = self._rows_map()
+        w, factor = space.TrialFunction(), sparse.diags(self.factor)
+        b = flux_density(w)
+        self._map = factor @ self._points.map_of(space, ng.x * w)
+        if self.sheets.any():
+            along, across = (factor @ self._points.map_of(space, component) for component in (b[0], b[1]))
+            of_sheets = sparse.diags(self.sheets.astype(np.float64))
+            first = self._map - of_sheets @ self._map + of_sheets @ along
+            self._map = sparse.vstack([first, across[self.sheets]]).tocsr()
         self._to_load = self._map.T.tocsr()
 
     def rows(self, states: FloatArray) -> FloatArray:
@@ -206,14 +205,3 @@ class ConductorPoints:
         result = np.zeros((len(rows), self.space.ndof))
         result[:, inside] = splu(mass[inside][:, inside]).solve(self.loads(rows).T[inside]).T
         return result
-
-    def _rows_map(self) -> Any:
-        w, factor, sheets = self.space.TrialFunction(), sparse.diags(self.factor), self.sheets
-        b = flux_density(w)
-        current = factor @ self._points.map_of(self.space, ng.x * w)
-        if not sheets.any():
-            return current
-        along, across = (factor @ self._points.map_of(self.space, component) for component in (b[0], b[1]))
-        of_sheets = sparse.diags(sheets.astype(np.float64))
-        first = current - of_sheets @ current + of_sheets @ along
-        return sparse.vstack([first, across[sheets]]).tocsr()

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from femfit.core.errors import FieldSolverError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.outlines import flattened
 from femfit.device.parts import Actuator, Coil, Material, Region
 from femfit.field.tolerance import SolverSettings
@@ -60,46 +60,35 @@ def fixed_parts(actuator: Actuator) -> list[Region | Coil]:
     return [part for name, part in parts_of(actuator).items() if name.startswith("fixed")]
 
 
-def singular_corners(regions: Sequence[Region]) -> list[BoolArray]:
-    """Which corners of each region the field is singular at.
+def singular_corners(regions: Sequence[Region]) -> dict[Material, FloatArray]:
+    """Where the field is singular, at corners (n, 2) of what each material fills, in m.
 
     A corner is one of what the material fills, whichever regions it is drawn in: where two of one material meet nothing
     happens, nor where an arc goes on smoothly, nor where an edge meets the axis at a right angle. Where there is
     neither iron nor magnet there is nothing to refine.
     """
-    corners: dict[Material, FloatArray] = {}
     parts: defaultdict[Material, list[shapely.Polygon]] = defaultdict(list)
     for region in regions:
-        parts[region.material].append(polygon(region))
-    for material, of_it in parts.items():
-        magnetic = material.relative_permeability != 1.0 or material.remanence_T != 0.0
-        corners[material] = np.array(list(_corners(shapely.union_all(of_it)) if magnetic else [])).reshape(-1, 2)
-    return [
-        np.array([np.any(np.hypot(*(corners[region.material] - place).T) < COINCIDENT) for place in region.vertices_m])
-        for region in regions
-    ]
+        magnetic = region.material.relative_permeability != 1.0 or region.material.remanence_T
+        parts[region.material] += [polygon(region)] if magnetic else []
+    return {
+        material: np.array([*_corners(shapely.union_all(of_it))]).reshape(-1, 2) for material, of_it in parts.items()
+    }
 
 
 def _corners(filled: Any) -> Iterable[tuple[float, float]]:
+    """The corners of what a material fills, on the axis those of the outline together with its mirror image."""
     for piece in getattr(filled, "geoms", [filled]):
         for ring in (piece.exterior, *piece.interiors):
             points = np.array(ring.simplify(0.0).coords)[:-1]
             points = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > COINCIDENT]
-            for before, here, after in zip(
-                np.roll(points, 1, axis=0), points, np.roll(points, -1, axis=0), strict=True
-            ):
-                if _turn(before, here, after) > SMOOTH:
-                    yield tuple(here)
-
-
-def _turn(before: FloatArray, here: FloatArray, after: FloatArray) -> float:
-    """Angle by which an outline turns at a point; on the axis together with its mirror image."""
-    steps = [here - before, after - here]
-    if here[0] < COINCIDENT:  # one of the edges lies on the axis, the other one goes on mirrored
-        (step,) = [step for step in steps if abs(step[0]) > COINCIDENT] or [np.array([1.0, 0.0])]
-        return 2.0 * math.atan2(abs(step[1]), abs(step[0]))
-    first, second = (step / np.hypot(*step) for step in steps)
-    return abs(math.atan2(first[0] * second[1] - first[1] * second[0], first @ second))
+            before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+            across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+            turn = np.abs(np.arctan2(across, (before * after).sum(axis=1)))
+            # One of the edges lies on the axis, the other one goes on mirrored
+            leaving = np.where(np.abs(before[:, :1]) > COINCIDENT, before, after)
+            mirrored = 2.0 * np.arctan2(np.abs(leaving[:, 1]), np.abs(leaving[:, 0]))
+            yield from map(tuple, points[np.where(points[:, 0] < COINCIDENT, mirrored, turn) > SMOOTH])
 
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance

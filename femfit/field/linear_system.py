@@ -2,7 +2,7 @@
 
 In a solution w, H = nu_0 B - M holds with the moving part's magnetisation M = (nu_0 - nu) B + nu B_rem, so that w is
 exactly u + v: u of M, frozen, and of the moving coils' currents in free space, v of everything else (as in
-:mod:`femfit.field.nonlinear_point`). All are linear in the sources (1, i_1 .. i_n).
+:mod:`femfit.field.problem`). All are linear in the sources (1, i_1 .. i_n). A field is the array of its coefficients.
 """
 
 from abc import ABC, abstractmethod
@@ -17,11 +17,13 @@ from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.parts import Actuator
 from femfit.field.layout import AIR
 from femfit.field.material_points import MaterialPoints
-from femfit.field.newton import inner
 from femfit.field.point_rows import Coefficients
 from femfit.field.weak_form import (
+    FieldArray,
     LayerForce,
-    hall_field,
+    csr,
+    hall_fields,
+    inner_products,
     linear_materials,
     reluctivity,
     source_loads,
@@ -38,8 +40,8 @@ PatternLoads = Callable[[H1], tuple[FloatArray, FloatArray]]
 class SourceFields(ABC):
     """Right-hand sides and fields of all sources on one space: the magnets, 1 A in each circuit, and patterns.
 
-    ``loads`` and ``own_loads``, of what of them moves, have the shape (m, unknowns); ``total`` and ``own`` have one
-    function a source. Where parts saturate, ``bias`` has the circuits' currents in A about which the fields are small,
+    ``loads`` and ``own_loads``, of what of them moves, and the fields ``total`` and ``own`` have the shape
+    (m, unknowns). Where parts saturate, ``bias`` has the circuits' currents in A about which the fields are small,
     and ``points`` the material's points, with the incremental permeability of the state that was last solved.
     """
 
@@ -53,7 +55,7 @@ class SourceFields(ABC):
             induced, induced_moving = patterns(space)
             self.loads = np.concatenate([self.loads, induced])
             self.own_loads = np.concatenate([self.own_loads, induced_moving])
-        self.total, self.own = (tuple(GridFunction(space) for _ in self.loads) for _ in range(2))
+        self.total = self.own = np.zeros_like(self.loads)
         self.layer_force = LayerForce(space, g)
 
     @abstractmethod
@@ -62,24 +64,21 @@ class SourceFields(ABC):
 
     @abstractmethod
     def solve(self) -> None:
-        """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
+        """Renew ``total`` and ``own`` on the mesh as it is now stretched."""
 
     @abstractmethod
-    def find_own(
-        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, alone: Sequence[GridFunction]
-    ) -> None:
-        """Overwrite by the fields of the moving part alone, of its currents' loads and of what fields magnetise."""
+    def own_of(self, fields: FieldArray, loads: FieldArray) -> FieldArray:
+        """Fields (k, unknowns) of the moving part alone, of its currents' loads and of what fields magnetise."""
 
     def evaluate(self) -> Coefficients:
         """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
         self.solve()
-        hall = self._hall
         linked = inner_products(self.loads, self.total)
         return Coefficients(
             force=self.layer_force.of_sum(self.total) - self.layer_force.of_sum(self.own),
             flux_linkage=linked[1:],
-            coenergy=0.5 * linked[0, 0],
-            hall=None if hall is None else np.array([hall_field(hall, self.mesh, total) for total in self.total]),
+            coenergy=0.5 * float(linked[0, 0]),
+            hall=None if self._hall is None else hall_fields(self._hall, self.space, self.total),
         )
 
 
@@ -98,40 +97,28 @@ class LinearSystem(SourceFields):
             for reluctivity in (nu, nu_0)
         )
         self._inverse, self._free_inverse = (SummedInverse(self.space) for _ in range(2))
-        self._induced = stiffness(self.space, nu_0 - nu, None, regions="moving:.*", condense=False)
+        induced = stiffness(self.space, nu_0 - nu, None, regions="moving:.*", condense=False)
+        self._induced = csr(induced.Assemble().mat, self.space.ndof)
 
     def solve(self) -> None:
-        """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
-        for solution, total in zip(self.state(), self.total, strict=True):
-            total.vec.FV().NumPy()[:] = solution
+        """Renew ``total`` and ``own`` on the mesh as it is now stretched."""
+        self.total = self.state()
         self._free_inverse.renew((self._air, *self._vacuum))
-        self.find_own(self.total, self.own_loads, self.own)
+        self.own = self.own_of(self.total, self.own_loads)
 
-    def find_own(
-        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, alone: Sequence[GridFunction]
-    ) -> None:
-        """Overwrite by the fields of the moving part alone, of its currents' loads and of what fields magnetise."""
-        magnetisation, own_loads = self.total[0].vec.CreateVector(), []
-        for total, load in zip(totals, loads, strict=True):
-            self._induced.Apply(total.vec, magnetisation)  # element by element, on the moving part alone
-            own_loads.append(magnetisation.FV().NumPy() + load)
-        for load, function in zip(own_loads, alone, strict=True):
-            function.vec.FV().NumPy()[:] = self._free_inverse.solve(load) if load.any() else 0.0
+    def own_of(self, fields: FieldArray, loads: FieldArray) -> FieldArray:
+        """Fields (k, unknowns) of the moving part alone, of its currents' loads and of what fields magnetise."""
+        return self._free_inverse.solve_all((self._induced @ fields.T).T + loads)
 
     def state(self) -> FloatArray:
         """As of all sources, shape (m, unknowns)."""
         self._air.Assemble()
         self._inverse.renew((self._air, *self._solid))
-        return self.respond(np.zeros(0), self.loads)
+        return self._inverse.solve_all(self.loads)
 
     def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:  # noqa: ARG002  nothing depends on it
         """What loads (k, unknowns) change of any state of the mesh as it was last solved, in the same shape."""
-        return np.array([self._inverse.solve(load) if load.any() else np.zeros_like(load) for load in loads])
-
-
-def inner_products(loads: FloatArray, functions: Sequence[GridFunction]) -> FloatArray:
-    """Of each load (k, unknowns) with each function, shape (k, functions)."""
-    return np.array([[inner(load, function.vec.FV().NumPy()) for function in functions] for load in loads])
+        return self._inverse.solve_all(loads)
 
 
 class SummedInverse:
@@ -181,6 +168,13 @@ class SummedInverse:
         for form in self._parts:
             solution.data += form.inner_solve * rhs
         return np.array(solution.FV().NumPy())
+
+    def solve_all(self, loads: FieldArray) -> FieldArray:
+        """The same for several right-hand sides (k, unknowns), complex ones of real forms too."""
+        if np.iscomplexobj(loads) and not self._space.is_complex:
+            return self.solve_all(loads.real) + 1j * self.solve_all(loads.imag)
+        solved = [self.solve(load) if load.any() else np.zeros_like(load) for load in loads]
+        return np.array(solved).reshape(loads.shape)
 
 
 def _entry_keys(form: BilinearForm) -> IntArray:

@@ -23,7 +23,7 @@ from femfit.core.numerics import MU_0, BoolArray, FloatArray, IntArray
 from femfit.device.materials import BHCurve
 from femfit.device.parts import LinearMaterial, Material
 from femfit.field.newton import inner
-from femfit.field.weak_form import flux_density
+from femfit.field.weak_form import csr, flux_density
 
 BEYOND_SHARE = 0.01
 
@@ -68,6 +68,36 @@ class QuadraturePoints:
         return sparse.vstack(rows).tocsr()
 
 
+class Medium:
+    """A material's law, with its remanence; sigma where it is solid, and sigma b^2 / 12 where it is of sheets."""
+
+    def __init__(self, material: Material) -> None:
+        self.curve, self.reluctivity, self.coercive = None, 0.0, np.zeros(2)
+        if isinstance(material, LinearMaterial):
+            self.reluctivity = material.reluctivity
+            self.coercive = material.reluctivity * material.remanence_T * np.array(material.direction)  # nu B_r
+        else:
+            self.curve = BHCurve(material.flux_density_T, material.field_A_per_m)
+            self.last_T = material.flux_density_T[-1]  # Of the curve's points
+        sigma, sheet = material.conductivity_S_per_m, material.lamination_m
+        self._solid, self._sheets = 0.0 if sheet else sigma, sigma * sheet**2 / 12.0
+
+    def respond(self, b: FloatArray, rw: FloatArray, s: complex) -> tuple[Any, Any, Any]:
+        """H in A/m, u in J/m^3 and what ring currents add to it, at s, where B is b (2, ..) and r w is rw."""
+        if self.curve is not None:
+            size = np.hypot(*b)
+            h, u = self.curve.reluctivity(size) * b, self.curve.energy_density(size)
+        else:
+            h, (r, z) = self.reluctivity * b, self.coercive
+            u = 0.5 * (b[0] * h[0] + b[1] * h[1])
+            if r or z:
+                h, u = np.stack([h[0] - r, h[1] - z]), u - r * b[0] - z * b[1]
+        if not s:
+            return h, u, 0.0
+        h, u = h + s * self._sheets * b, u + 0.5 * s * self._sheets * (b * b).sum(axis=0)
+        return h, u, 0.5 * s * self._solid * rw**2
+
+
 class MaterialPoints:
     """Points and laws of an actuator's parts on one mesh and space."""
 
@@ -86,13 +116,11 @@ class MaterialPoints:
         self.coercive_field = np.zeros((2, len(self.weight)))
         for name, material in named.items():
             points = np.flatnonzero(self._named_points(name))
-            if isinstance(material, LinearMaterial):
-                self._reluctivity[points] = material.reluctivity
-                coercive = material.reluctivity * material.remanence_T * np.array(material.direction)  # nu B_r
-                self.coercive_field[:, points] = coercive[:, None]
-            else:
-                curve = BHCurve(material.flux_density_T, material.field_A_per_m)
-                self._curves.append((points, curve, material.flux_density_T[-1]))
+            medium = Medium(material)
+            self._reluctivity[points] = medium.reluctivity
+            self.coercive_field[:, points] = medium.coercive[:, None]
+            if medium.curve is not None:
+                self._curves.append((points, medium.curve, medium.last_T))
         self.moving = self._named_points("moving:.*")
         self._tensor = tuple(GridFunction(self._points.space) for _ in range(3))
         self.tangent_form = self.tangent_on(space)
@@ -159,9 +187,3 @@ class MaterialPoints:
         h = ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]))
         form += InnerProduct(h, c) * 2.0 * math.pi * ng.x * self._points.measure
         return form
-
-
-def csr(matrix: Any, columns: int) -> Any:
-    """A copy of an NGSolve matrix for scipy."""
-    values, indices, starts = (np.array(array) for array in matrix.CSR())
-    return sparse.csr_matrix((values, indices.astype(np.int32), starts.astype(np.int32)), (len(starts) - 1, columns))

@@ -11,38 +11,32 @@ K_d of the state's equations (the incremental permeability), and each changes th
 field with the state's, F = F_0 + 2 dF. What is of second order in small currents is left out, and zero in the forms.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, ConvertOperator, GridFunction
+from ngsolve import H1, ConvertOperator
 
 from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.layout import AIR
-from femfit.field.linear_system import (
-    LinearSystem,
-    PatternLoads,
-    SourceFields,
-    SummedInverse,
-    inner_products,
-)
-from femfit.field.material_points import MaterialPoints, csr
+from femfit.field.linear_system import LinearSystem, PatternLoads, SourceFields, SummedInverse
+from femfit.field.material_points import MaterialPoints
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.point_rows import Coefficients
-from femfit.field.weak_form import function_of, materials, source_loads, stiffness
+from femfit.field.weak_form import FieldArray, LayerForce, csr, inner_products, materials, source_loads, stiffness
 
 
 class NonlinearSystem:
     """What :func:`femfit.field.newton.minimise` minimises; states are coefficient vectors of w."""
 
     def __init__(self, moving: MovingMesh, actuator: Actuator, order: int) -> None:
-        self.space = H1(moving.mesh, order=order)
+        self.space, self._mover_weight = H1(moving.mesh, order=order), moving.mover_weight
         self.points = MaterialPoints(self.space, materials(actuator))
         self._magnets = self.points.load(self.points.coercive_field)
         # Loads of 1 A in each circuit, and in its moving coils alone; shape (circuits, unknowns)
@@ -88,27 +82,36 @@ class NonlinearSystem:
     def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:
         """What loads (k, unknowns) change of a state at the distance last moved to, in the same shape."""
         self.renew(state)
-        return np.array([self.solve(load) for load in loads])
+        return self._inverse.solve_all(loads)
 
     def inductance(self, state: FloatArray) -> FloatArray:
         """d(flux linkages)/d(currents) at a converged state, in H, shape (circuits, circuits)."""
-        return np.array([self.flux_linkage(change) for change in self.respond(state, self.circuits)])
+        return inner_products(self.respond(state, self.circuits), self.circuits)
 
     def flux_linkage(self, state: FloatArray) -> FloatArray:
         """Of each circuit, in Wb."""
-        return np.array([inner(load, state) for load in self.circuits])
+        return inner_products(self.circuits, state[None])[:, 0]
 
     def own_state(self, state: FloatArray, currents: FloatArray) -> FloatArray:
         """The field in free space of the moving part's magnetisation, frozen as in a state, and of its currents."""
         magnetisation = self.points.magnetisation(self._flux_density(state)) * self.points.moving
-        return self.solve_free(self.points.load(magnetisation) + currents @ self.own_circuits)
+        return self.solve_free((self.points.load(magnetisation) + currents @ self.own_circuits)[None])[0]
 
-    def solve_free(self, load: FloatArray) -> FloatArray:
-        """The field of a load in free space."""
+    def solve_free(self, loads: FieldArray) -> FieldArray:
+        """The fields of loads (k, unknowns) in free space."""
         if not self._free_ready:
             self._free_inverse.renew((self._air, self._vacuum))
             self._free_ready = True
-        return self._free_inverse.solve(load)
+        return self._free_inverse.solve_all(loads)
+
+    def force(self, state: FloatArray, currents: FloatArray) -> float:
+        """The force of a state in N, without what the moving part's own field has of it on the mesh."""
+        total, alone = (self._layer.of_sum(w[None]).item() for w in (state, self.own_state(state, currents)))
+        return float(total - alone)
+
+    @cached_property
+    def _layer(self) -> LayerForce:
+        return LayerForce(self.space, self._mover_weight)
 
     def _flux_density(self, state: FloatArray) -> FloatArray:
         """At the parts' points; that of the last state is kept, which is asked for again and again."""
@@ -164,30 +167,24 @@ class BiasedSystem(SourceFields):
         return state
 
     def solve(self) -> None:
-        """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
-        state = self._state(self.bias)
-        fine = self._levels[-1]
-        fine.renew(state)
+        """Renew ``total`` and ``own`` on the mesh as it is now stretched."""
+        state, fine = self._state(self.bias), self._levels[-1]
+        self.total = np.concatenate([state[None], fine.respond(state, self.loads[1:])])
         self._tensor = fine.points.tensor(fine.points.flux_density(state))
-        solutions = [state, *(fine.solve(load) for load in self.loads[1:])]
-        for solution, total in zip(solutions, self.total, strict=True):
-            total.vec.FV().NumPy()[:] = solution
-        self.own[0].vec.FV().NumPy()[:] = fine.own_state(state, self.bias)
-        self.find_own(self.total[1:], self.own_loads[1:], self.own[1:])
+        alone = fine.own_state(state, self.bias)
+        self.own = np.concatenate([alone[None], self.own_of(self.total[1:], self.own_loads[1:])])
 
-    def find_own(
-        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, alone: Sequence[GridFunction]
-    ) -> None:
-        """As :meth:`LinearSystem.find_own`, of small fields."""
-        fine, (rr, rz, zz) = self._levels[-1], self._tensor
-        for total, load, function in zip(totals, loads, alone, strict=True):
-            b = fine.points.flux_density(total.vec.FV().NumPy())
+    def own_of(self, fields: FieldArray, loads: FieldArray) -> FieldArray:
+        """As :meth:`LinearSystem.own_of`, of small fields."""
+        fine, (rr, rz, zz), magnetised = self._levels[-1], self._tensor, []
+        for field in fields:
+            b = fine.points.flux_density(field)
             induced = b / MU_0 - np.stack([rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]])
-            function.vec.FV().NumPy()[:] = fine.solve_free(fine.points.load(induced * fine.points.moving) + load)
+            magnetised.append(fine.points.load(induced * fine.points.moving))
+        return fine.solve_free(np.array(magnetised).reshape(loads.shape) + loads)
 
     def evaluate(self) -> Coefficients:
         """With the flux linkages at rest, without any current."""
-        rest = function_of(self.space, self._state(np.zeros_like(self.bias)))
-        result = super().evaluate()
+        rest, result = self._state(np.zeros_like(self.bias)), super().evaluate()
         result.force[1:, 1:] = 0.0
-        return replace(result, rest=inner_products(self.loads[1:], [rest])[:, 0])
+        return replace(result, rest=inner_products(self.loads[1:], rest[None])[:, 0])

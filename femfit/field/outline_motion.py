@@ -27,8 +27,7 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.outlines import arc_circle
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.field.layout import bulges_of, parts_of
-from femfit.field.material_points import csr
-from femfit.field.weak_form import materials
+from femfit.field.weak_form import csr, materials
 
 ON_EDGE = 1e-9
 """In m: a vertex of the mesh that is nearer to an edge of the drawing lies on it."""
@@ -112,7 +111,8 @@ class OutlineMotion:
         x, gauss = np.polynomial.legendre.leggauss(NODES)
         x, gauss = 0.5 * (1.0 + x), 0.5 * gauss
         largest = np.abs(velocities).max(axis=(1, 2), initial=0.0)[:, None]
-        edges_seen, rows = set[tuple[int, int]](), list[tuple[FloatArray, FloatArray, str, FloatArray]]()
+        places, normals, weights = [np.zeros((2, 0))], [np.zeros((2, 0))], [np.zeros((len(self.numbers), 0))]
+        edges_seen, inside = set[tuple[int, int]](), list[str]()
         for edge in self._edges:
             line = self._line(edge.part, edge.edge)
             for k in range(len(edge.vertices) - 1):
@@ -125,21 +125,17 @@ class OutlineMotion:
                 points, high, low = (_edge_at(*line, t + step) for step in (0.0, STEP, -STEP))
                 tangents = (high - low) / (2.0 * STEP)
                 length = np.hypot(*tangents) * (edge.fractions[k + 1] - edge.fractions[k])
-                normals = np.array([tangents[1], -tangents[0]]) / np.hypot(*tangents)
+                normal = np.array([tangents[1], -tangents[0]]) / np.hypot(*tangents)
                 true = self._edge_velocities(edge, t)
                 by_vertices = velocities[:, :, ends[0], None] * (1.0 - x) + velocities[:, :, ends[1], None] * x
-                remainder = np.einsum("pcn,cn->pn", true - by_vertices, normals)
+                remainder = np.einsum("pcn,cn->pn", true - by_vertices, normal)
                 if np.any(np.abs(remainder) > LEFT_OVER * largest):
-                    weights = remainder * gauss * length * 2.0 * math.pi * points[0]
-                    rows.append((points, normals, edge.part, weights))
-        if not rows:
-            return EdgeRemainder(np.zeros((0, 2)), np.zeros((0, 2)), (), np.zeros((len(self.numbers), 0)))
-        return EdgeRemainder(
-            np.concatenate([row[0].T for row in rows]),
-            np.concatenate([row[1].T for row in rows]),
-            tuple(name for _, _, name, _ in rows for _ in x),
-            np.concatenate([row[3] for row in rows], axis=1),
-        )
+                    places.append(points)
+                    normals.append(normal)
+                    weights.append(remainder * gauss * length * 2.0 * math.pi * points[0])
+                    inside += [edge.part] * NODES
+        points, normal, weight = (np.concatenate(rows, axis=1) for rows in (places, normals, weights))
+        return EdgeRemainder(points.T, normal.T, tuple(inside), weight)
 
     def _on_edges(self, part: str) -> list[EdgePoints]:
         """The mesh's vertices on every edge of a part."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from femfit.core.numerics import BIAS_SHARE, BoolArray, FloatArray
-from femfit.core.sweep_columns import flux_columns, inductance_columns, pickup_column
+from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.parts import Actuator, SweepAxes
 
 if TYPE_CHECKING:
@@ -28,12 +28,6 @@ def current_points(currents: CurrentsLike, circuits: int) -> FloatArray:
     """Currents in A of shape (points, circuits); without a circuit the zeros that stand for it are left out."""
     values = np.atleast_1d(np.asarray(currents, dtype=np.float64))
     return np.zeros((len(values), 0)) if circuits == 0 else values.reshape(-1, circuits)
-
-
-def sources(currents: CurrentsLike, circuits: Sequence[str]) -> FloatArray:
-    """(1, i_1 .. i_n) of each point; shape (points, 1 + circuits)."""
-    points = current_points(currents, len(circuits))
-    return np.column_stack([np.ones(len(points)), points])
 
 
 def swept_currents(axes: SweepAxes) -> FloatArray:
@@ -82,9 +76,9 @@ ERROR_SAFETY = 3.0
 """Factor on the force's change between two polynomial orders. At re-entrant corners the error falls algebraically with
 the order, by a factor q = 0.5..0.75 each time, so the true error is q / (1 - q) = 1..3 times the last change."""
 
-BEYOND_CURVE = "beyond_bh_curve"
-"""Not a column of the table; the sweep's manifest counts it."""
-
+BEYOND_CURVE, COARSE_FORCE = "beyond_bh_curve", "coarse_force_N"
+"""No columns of the table: the sweep's manifest counts the first, and an error follows from the force one order lower.
+"""
 
 NO_CONVERGENCE = "failed: Newton's iteration did not converge"
 """The status of points that a saturating part made fail; the table's Newton columns say how near they came."""
@@ -101,18 +95,18 @@ class Coefficients:
     rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
     # Change of the force from one polynomial order lower, where that was solved; shape (m, m)
     force_change: FloatArray | None = None
-    pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by the coils' names; shape (m,) each
+    pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by their columns; shape (m,) each
 
 
-def superpose(sources: FloatArray, solution: Coefficients, circuits: Sequence[str]) -> dict[str, FloatArray]:
-    """Table columns at sources of shape (points, 1 + circuits).
+def superpose(currents: FloatArray, solution: Coefficients, circuits: Sequence[str]) -> dict[str, FloatArray]:
+    """Table columns at currents of shape (points, circuits).
 
     The terms of the change between the orders add in magnitude, so that no cancellation flatters the error, which is
     absent where the change is unknown.
     """
-    flux = solution.flux_linkage
-    count = len(sources)
-    currents, linked = sources[:, 1:], sources @ flux.T
+    flux, count = solution.flux_linkage, len(currents)
+    sources = np.insert(currents, 0, 1.0, axis=1)
+    linked = sources @ flux.T
     columns = {
         "force_N": _form(sources, solution.force),
         **dict(zip(flux_columns(circuits), linked.T, strict=True)),
@@ -123,23 +117,14 @@ def superpose(sources: FloatArray, solution: Coefficients, circuits: Sequence[st
         columns["force_error_N"] = ERROR_SAFETY * _form(np.abs(sources), np.abs(solution.force_change))
     if solution.hall is not None:
         columns["hall_T"] = sources @ solution.hall
-    return columns | {pickup_column(name): sources @ linked for name, linked in solution.pickup.items()}
+    return columns | {name: sources @ linked for name, linked in solution.pickup.items()}
 
 
 def _form(sources: FloatArray, matrix: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("pj,jk,pk->p", sources, matrix, sources))
 
 
-@dataclass(frozen=True, eq=False)
-class PointSolution:
-    """One point of the currents at one distance where parts saturate."""
-
-    columns: dict[str, Any]  # Of the sweep table
-    coarse_force: float  # One order lower, in N; NaN where that was not solved
-    state: FloatArray  # Of the finer order, shape (unknowns,)
-
-
-def table_rows(rows: Sequence[Mapping[str, Any]], coarse_force: FloatArray, currents: FloatArray) -> dict[str, Any]:
+def table_rows(rows: Sequence[Mapping[str, Any]], currents: FloatArray) -> dict[str, Any]:
     """Columns of the sweep table, one value a point, of what each point has; without convergence it has no field.
 
     The force's error is absent where its change from one order lower is unknown. At single currents that change passes
@@ -148,9 +133,9 @@ def table_rows(rows: Sequence[Mapping[str, Any]], coarse_force: FloatArray, curr
     """
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
-    if np.isfinite(coarse_force).any():
+    if COARSE_FORCE in columns:
         force = np.array(columns["force_N"])
-        change, size = np.abs(force - coarse_force), np.abs(force)
+        change, size = np.abs(force - columns.pop(COARSE_FORCE)), np.abs(force)
         share = np.nansum(change) / (np.nansum(size) or np.inf)
         least = share * np.fmax(size, size[weakest(currents)])
         columns["force_error_N"] = (ERROR_SAFETY * np.fmax(change, least)).tolist()

@@ -1,22 +1,32 @@
-r"""The field problem of an actuator: all currents of a linear actuator from one factorisation a distance.
+r"""The field problem of an actuator: all points of the currents at a distance, on one mesh of several distances.
 
-The field is a sum over the sources s = (1, i_1 .. i_n) of the magnets' and of each circuit's with 1 A, so the force is
-a quadratic form in s, flux linkages and the Hall field are linear in it, and the co-energy is a quadratic form again.
-The stress of the moving part's own field integrates to zero, but not on a mesh: it is evaluated on the same mesh with
-everything else taken away, and subtracted (:mod:`femfit.field.linear_system`).
+**Linear materials.** The field is a sum over the sources s = (1, i_1 .. i_n) of the magnets' and of each circuit's with
+1 A, so one factorisation a distance gives all: the force is a quadratic form in s, flux linkages and the Hall field are
+linear in it, and the co-energy is a quadratic form again. The stress of the moving part's own field integrates to zero,
+but not on a mesh: it is evaluated on the same mesh with everything else taken away, and subtracted
+(:mod:`femfit.field.linear_system`).
 
-The flux linkage of windings without current is a quadrature of the solved field over their sections. A winding of N
-turns that fill a section of area A links (N / A) integral 2 pi r A_phi = (N / A) integral 2 pi r^2 w. Without a current
-it changes nothing, so the mesh knows nothing of it, and it may share its section with a coil. The section is cut at the
-heights of its corners; in each strip the nodes of Gauss lie along z, and along r between edges.
+**Saturating parts.** Along the currents a state changes much, along the distances little, so states at the group's
+reference distance are solved once at a low polynomial order, and a point starts from them
+(:mod:`femfit.field.newton`). Each higher order starts in the same way from the one below. Nothing depends on
+which distances were solved before, so that a resumed sweep gives the same digits.
+
+In a converged state H = nu_0 B - M holds at every point of the mesh with the magnetisation M = B / mu_0 - H
+(permanent, induced or both), so the discrete field is exactly u + v: u of the moving part's M, frozen, and of its
+coils' currents in free space, v of everything else. The stress of u integrates to zero on every surface round the
+moving part, whatever M is; what it integrates to on the mesh is error, and is subtracted. It needs no linear material
+and no permanent magnet.
+
+References
+----------
+F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighted over a layer.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -24,92 +34,38 @@ from ngsolve import GridFunction
 
 from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import FloatArray
+from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.electrics import PickupCoil
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh
+from femfit.field.newton import NewtonResult, States, along_currents
+from femfit.field.nonlinear_system import FIRST_ORDER, at_orders
+from femfit.field.pickup_coils import pickups_at
 from femfit.field.point_rows import (
+    BEYOND_CURVE,
+    COARSE_FORCE,
+    NO_CONVERGENCE,
     Coefficients,
     CurrentsLike,
     current_points,
-    sources,
     superpose,
     swept_currents,
+    table_rows,
     weakest,
 )
 from femfit.field.signature_rows import SignatureRows
 from femfit.field.tolerance import (
     LevelChoice,
+    Rows,
     SolverSettings,
-    ToleranceProblem,
     check_currents,
     meet_tolerance,
     refinement_levels,
+    with_errors,
 )
-
-NODES = 6
-"""Numerical: of Gauss along each side of a strip, exact for polynomials of degree 11; fields have degree 5 or so."""
-
-INSIDE = 0.9
-"""Numerical: of the radius up to which the field is solved; the mesh's outer edges are chords of that circle."""
-
-STRIPS = 4
-"""Numerical: a section is cut into at least as many strips, and each of them into as many cells."""
-
-
-class PickupCoils:
-    """The pickup coils of an actuator on a mesh; none where the drawing has none."""
-
-    def __init__(self, actuator: Actuator, moving: MovingMesh) -> None:
-        self._moving = moving
-        coils = [sensor for sensor in actuator.sensors if isinstance(sensor, PickupCoil)]
-        for coil in coils:
-            farthest = max(float(np.hypot(r, z)) for r, z in coil.vertices_m)
-            if farthest > INSIDE * moving.layout.outer_radius:
-                raise FieldSolverError(
-                    f"Pickup coil {coil.name!r} must lie near the actuator; it reaches {1e3 * farthest:.4g} mm from "
-                    f"the origin, and the field ends at {1e3 * moving.layout.outer_radius:.4g} mm. Draw it nearer."
-                )
-        self._coils = [(coil, *section_nodes(coil.vertices_m)) for coil in coils]
-
-    def at(self, distance: float) -> Callable[[GridFunction], dict[str, float]]:
-        """What a solution gives each coil's flux linkage in Wb, with the moving part at a distance in m."""
-        placed = {}
-        for coil, points, weights in self._coils:
-            physical = points + np.array([0.0, distance if coil.moves else 0.0])
-            fields = self._moving.unstretched(physical, distance)
-            density = coil.turns / weights.sum() * 2.0 * np.pi * points[:, 0] ** 2
-            placed[coil.name] = self._moving.mesh(fields[:, 0], fields[:, 1]), density * weights
-        return lambda w: {name: float(weights @ w(places)[:, 0]) for name, (places, weights) in placed.items()}
-
-
-def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
-    """Nodes (n, 2) and weights (n,) for integrals over the inside of a polygon; the weights sum to its area."""
-    starts = np.array(corners)
-    stops, heights = np.roll(starts, -1, axis=0), np.unique(starts[:, 1])
-    points: list[FloatArray] = []
-    weights: list[FloatArray] = []
-    for low, high in pairwise(heights):
-        strips = max(1, int(np.ceil(STRIPS * (high - low) / np.ptp(heights))))
-        for z, along in zip(*_in_cells(low, high, strips), strict=True):
-            crosses = (starts[:, 1] > z) != (stops[:, 1] > z)
-            a, b = starts[crosses], stops[crosses]
-            edges = np.sort(a[:, 0] + (z - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]))
-            for near, far in zip(edges[::2], edges[1::2], strict=True):
-                r, across = _in_cells(near, far, STRIPS)
-                points.append(np.column_stack([r, np.full_like(r, z)]))
-                weights.append(along * across)
-    return np.concatenate(points), np.concatenate(weights)
-
-
-def _in_cells(low: float, high: float, cells: int) -> tuple[FloatArray, FloatArray]:
-    """Nodes of Gauss and their weights between two ends, in cells of equal width."""
-    x, w = np.polynomial.legendre.leggauss(NODES)
-    ends = np.linspace(low, high, cells + 1)
-    half = 0.5 * np.diff(ends)[:, None]
-    return (0.5 * (ends[1:] + ends[:-1])[:, None] + half * x).ravel(), (half * w).ravel()
+from femfit.field.weak_form import function_of, hall_fields
 
 
 class MeshedActuator(ABC):
@@ -128,17 +84,38 @@ class MeshedActuator(ABC):
         *,
         estimate: bool = True,
     ) -> None:
-        self._actuator, self._group = actuator, group
+        self._actuator, self._group, self.settings = actuator, group, settings
+        # Where this is the level that meets a tolerance: its search's outcome, and rows that it has found at points
+        self.choice: LevelChoice | None = None
+        self.found: tuple[FloatArray, Rows] = np.zeros((0, 0)), {}
         self._circuits = tuple(circuit.name for circuit in actuator.circuits)
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
-        self._pickups = PickupCoils(actuator, self._moving)
         self._signatures: SignatureRows | None = None
         self.unknowns = self._discretise(settings, estimate=estimate)
 
     @abstractmethod
     def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
         """Make the systems on the mesh; the number of unknowns of the finest one."""
+
+    @abstractmethod
+    def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
+        """What is solved at a distance for points (n, circuits)."""
+
+    @abstractmethod
+    def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
+        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
+
+    @abstractmethod
+    def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
+        """The field w and the force in N at a point, with the mesh left stretched to it."""
+
+    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
+        """Columns of the sweep table at a distance, one value a point of the currents."""
+        points, (found, rows) = current_points(currents, len(self._circuits)), self.found
+        reusable = distance in rows and np.array_equal(points, found)
+        columns = rows[distance] if reusable else self.solved_rows(distance, points)
+        return columns if self.choice is None else with_errors(columns, points, self.choice)
 
     def _slopes(self, numbers: Sequence[DrawnNumber], space: ng.H1, loads: FloatArray) -> SignatureRows:
         """The signatures of numbers, made when they are first asked for."""
@@ -160,48 +137,129 @@ class LinearActuator(MeshedActuator):
         """Solve at a distance."""
         with self._moving.at(distance):
             fine = self._system.evaluate()
-            linked = [*map(self._pickups.at(distance), self._system.total)]
+            totals = [function_of(self._system.space, total) for total in self._system.total]
+            linked = [*map(pickups_at(self._actuator, self._moving, distance), totals)]
             lower = None if self._lower is None else self._lower.evaluate()
         self._solved = distance
         change = None if lower is None else fine.force - lower.force
         pickup = {name: np.array([links[name] for links in linked]) for name in linked[0]}
         return replace(fine, force_change=change, pickup=pickup)
 
-    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance, one value a point of the currents."""
+    def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
+        """What is solved at a distance for points (n, circuits)."""
         solution = self.solve(distance)
         if not np.all(np.isfinite(solution.force)):
             raise FieldSolverError(
                 "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
             )
-        columns = superpose(sources(currents, self._circuits), solution, self._circuits)
+        columns = superpose(points, solution, self._circuits)
         return {name: values.tolist() for name, values in columns.items()}
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
-        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`, at points of the currents."""
+        """Of any points, from the fields of the sources."""
         if self._solved != distance:
             self.solve(distance)
-        system = self._system
-        totals = np.stack([total.vec.FV().NumPy() for total in system.total])
-        points = current_points(currents, len(self._circuits))
+        system, points = self._system, current_points(currents, len(self._circuits))
         slopes = self._slopes(numbers, system.space, system.loads[1:])
-        return slopes.of_sources(distance, points, totals, system.respond)
+        return slopes.of_sources(distance, points, system.total, system.respond)
 
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
-        """The field w and the force in N at a point, with the mesh left stretched to it."""
+        """The sum of the sources' fields."""
         solution = self.solve(distance)
         self._moving.move_to(distance)
-        (factors,) = sources(currents, self._circuits)
-        field = ng.GridFunction(self._system.space)
-        for factor, total in zip(factors, self._system.total, strict=True):  # as solved
-            field.vec.data += factor * total.vec
-        return field, float(factors @ solution.force @ factors)
+        factors = np.insert(current_points(currents, len(self._circuits))[0], 0, 1.0)
+        return function_of(self._system.space, factors @ self._system.total), float(factors @ solution.force @ factors)
 
 
-if TYPE_CHECKING:
-    from femfit.field.tolerance import LevelProblem
+class NonlinearActuator(MeshedActuator):
+    """An actuator with saturating parts, solved point by point."""
 
-    FieldProblem: TypeAlias = LevelProblem | ToleranceProblem
+    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
+        self._tolerance, below = settings.newton_tolerance, settings.order - 1
+        orders = min(FIRST_ORDER, below), settings.order, *([below] if estimate else [])
+        self._systems, self._raise_order = at_orders(self._moving, self._actuator, *orders)
+        self.fine, self._lower = self._systems[-1], self._systems[-2] if estimate else None
+        # The distance last solved, and states and columns of its points
+        self._solved: tuple[float, States, dict[tuple[float, ...], dict[str, Any]]] = np.nan, {}, {}
+        self._references: States = {}
+        if len(self._group) > 1:
+            self._systems[0].move()
+            swept = current_points(swept_currents(self._actuator.sweep), len(self._circuits))
+            self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
+        return int(self.fine.space.ndof)
+
+    def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
+        """The same; a point without convergence has its ``status`` and no field."""
+        with self._moving.at(distance):
+            results, bases, pending = [], self._references, points
+            for system, higher in zip(self._systems[:-1], self._raise_order, strict=True):
+                system.move()
+                results.append(dict(along_currents(system, pending, bases, self._tolerance)))
+                bases = {key: higher @ state for key, state in _states(results[-1]).items()}
+                pending = np.array([point for point in points if tuple(point) in bases])
+            self.fine.move()
+            coarse, linked, solutions = _states(results[-1]), pickups_at(self._actuator, self._moving, distance), {}
+            results.append({})
+            for key, result in along_currents(self.fine, pending, bases, self._tolerance):
+                results[-1][key] = result
+                if result.converged:
+                    solutions[key] = self._columns(np.array(key), result.state, coarse[key])
+                    solutions[key] |= linked(function_of(self.fine.space, result.state))
+        self._solved, rows = (distance, _states(results[-1]), solutions), []
+        for key in map(tuple, points):  # from the lowest order to the one at which a point ended
+            ended = [of_order[key] for of_order in results if key in of_order]
+            iterations = sum(order.iterations for order in ended)
+            newton = {"newton_iterations": iterations, "newton_residual": ended[-1].residual}
+            rows.append(newton | solutions.get(key, {"status": NO_CONVERGENCE}))
+        return table_rows(rows, points)
+
+    def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
+        """From the state of each point."""
+        points = current_points(currents, len(self._circuits))
+        states, slopes = self._states_at(distance, points), self._slopes(numbers, self.fine.space, self.fine.circuits)
+        solved = np.array([tuple(point) in states for point in points])
+        found = np.array([states[tuple(point)] for point in points[solved]]).reshape(-1, self.unknowns)
+        rows = slopes.of_states(distance, points[solved], found, self.fine.respond)
+        result = np.full((len(points), *rows.shape[1:]), np.nan)
+        result[solved] = rows
+        return result
+
+    def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
+        """The state of the point."""
+        point = current_points(currents, len(self._circuits))[0]
+        state = self._states_at(distance, point[None]).get(tuple(point))
+        if state is None:
+            amperes = ", ".join(f"{i:g}" for i in point)
+            raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {NO_CONVERGENCE}.")
+        self._moving.move_to(distance)
+        return function_of(self.fine.space, state), self._solved[2][tuple(point)]["force_N"]
+
+    def _states_at(self, distance: float, points: FloatArray) -> States:
+        """The states at a distance, with those of points (n, circuits) where their iteration converged."""
+        if self._solved[0] != distance or not all(tuple(point) in self._solved[1] for point in points):
+            self.solved_rows(distance, points)
+        return self._solved[1]
+
+    def _columns(self, currents: FloatArray, fine: FloatArray, coarse: FloatArray) -> dict[str, Any]:
+        """What a state is, and one of the order below, at the distance that the mesh is stretched to."""
+        hall, inductance = self._actuator.hall, self.fine.inductance(fine)
+        columns: dict[str, Any] = {
+            "status": "ok",
+            "force_N": self.fine.force(fine, currents),
+            **dict(zip(flux_columns(self._circuits), self.fine.flux_linkage(fine).tolist(), strict=True)),
+            **{name: float(inductance[place]) for name, place in inductance_columns(self._circuits).items()},
+            "coenergy_J": -self.fine.evaluate(fine, currents).energy,
+            BEYOND_CURVE: self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
+        }
+        if self._lower is not None:
+            columns[COARSE_FORCE] = self._lower.force(coarse, currents)
+        if hall is not None:
+            columns["hall_T"] = float(hall_fields(hall, self.fine.space, fine[None])[0])
+        return columns
+
+
+def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:
+    return {key: result.state for key, result in results.items() if result.converged}
 
 
 def prepare(
@@ -211,7 +269,7 @@ def prepare(
     settings: SolverSettings,
     choice: LevelChoice | None = None,
     currents: CurrentsLike | None = None,
-) -> "FieldProblem":
+) -> MeshedActuator:
     """Mesh an actuator for a group of ascending distances in m that share the mesh.
 
     Parameters
@@ -221,17 +279,14 @@ def prepare(
         not saturate are solved for all of them at once.
     """
     saturates = actuator.saturates
-    kind: Callable[..., LevelProblem] = LinearActuator
-    if saturates:
-        from femfit.field.nonlinear_point import NonlinearActuator  # noqa: PLC0415  loads interpolation and sparse matrices
-
-        kind = NonlinearActuator
+    kind = NonlinearActuator if saturates else LinearActuator
     if settings.tolerance is None:
         return kind(actuator, group, layout, settings)
     level = partial(kind, actuator, group, layout, estimate=False)
     if choice is not None:
-        chosen = refinement_levels(settings)[choice.level]
-        return ToleranceProblem(level(chosen), chosen, choice)
+        problem = level(refinement_levels(settings)[choice.level])
+        problem.choice = choice
+        return problem
     circuits = len(actuator.circuits)
     swept = current_points(swept_currents(actuator.sweep), circuits)
     ends = check_currents(swept) if saturates else swept

@@ -24,16 +24,15 @@ from itertools import combinations, combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from ngsolve import H1, VOL, ElementId, GridFunction, Mesh
+from ngsolve import H1, VOL, ElementId, Mesh
 
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import HallElement
 from femfit.device.parts import Actuator, LinearMaterial, Region
 from femfit.field.explicit_slopes import ExplicitSlopes
-from femfit.field.harmonic import FieldArray
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.weak_form import hall_field
+from femfit.field.weak_form import FieldArray, hall_fields
 
 STEP = 1e-3
 """Numerical: step of central differences, as a part of the currents, of the clearance and of the field."""
@@ -76,7 +75,8 @@ class SignatureRows:
         currents, states : array, shapes (points, circuits) and (points, unknowns)
         """
         stretch, rows = distance - self._moving.reference, []
-        points, step = self._slopes.points, self._step
+        points, step, largest = self._slopes.points, self._step, self._slopes.largest_in_parts
+        held, circuits = np.zeros(len(self._loads)), np.eye(len(self._loads))
         for point, state in zip(currents[:, None], states, strict=True):
             sample = self._slopes.sample(state[:, None])
             fields = sample[: 3 * len(points.weight)]
@@ -84,11 +84,14 @@ class SignatureRows:
             pull = (closer - farther).T / (2.0 * step)  # what a metre of distance changes of the field's equations
             loads = np.concatenate([pull, self._loads, self._hall])
             pulled, *changes = self._slopes.sample(solve(state, loads).T).T[:, :, None]
-            high, low = (self._slopes.evaluate(sample + s * pulled, point, stretch + s) for s in (step, -step))
-            columns = [np.asarray((low - high) / (2.0 * step))]  # -dE/dd
-            for change, unit in zip(changes, np.eye(len(self._loads)), strict=False):
-                columns.append(self._difference(stretch, point, sample, self._size, change, unit))
-            columns += [self._of_hall(stretch, point, sample, change, state) for change in changes[len(self._loads) :]]
+            at = sample, point, stretch
+            columns = [-self._difference(at, step, pulled, held, 1.0)]  # -dE/dd
+            for change, unit in zip(changes, circuits, strict=False):
+                columns.append(self._difference(at, self._size, change, unit))
+            for change in changes[len(circuits) :]:
+                # Next to a Hall element the field is that of a point: a step by the largest anywhere would be rounding
+                size = STEP * (largest(sample) or 1.0) / largest(change)
+                columns.append(self._difference(at, size, change, held) + self._hall_moves @ state)
             rows.append(np.stack(columns, axis=2))
         return np.concatenate(rows)
 
@@ -103,23 +106,18 @@ class SignatureRows:
         return np.tensordot(_quadratic(currents) @ np.linalg.inv(_quadratic(corners)), slopes, axes=1)
 
     def _difference(
-        self, stretch: float, currents: FloatArray, sample: FloatArray, size: float, change: FloatArray, fed: FloatArray
+        self,
+        at: tuple[FloatArray, FloatArray, float],
+        size: float,
+        change: FloatArray,
+        fed: FloatArray,
+        way: float = 0.0,
     ) -> FloatArray:
-        """The slope of E along a change of samples and currents."""
-        high, low = (self._slopes.evaluate(sample + s * change, currents + s * fed, stretch) for s in (size, -size))
+        """The slope of E at (samples, currents, stretch) along a change of these."""
+        sample, currents, stretch = at
+        evaluate = self._slopes.evaluate
+        high, low = (evaluate(sample + s * change, currents + s * fed, stretch + s * way) for s in (size, -size))
         return np.asarray((high - low) / (2.0 * size))
-
-    def _of_hall(
-        self, stretch: float, currents: FloatArray, sample: FloatArray, change: FloatArray, states: FloatArray
-    ) -> FloatArray:
-        """Slopes of the field at a Hall element, from the change by a test current there.
-
-        Next to the element that is the field of a point: a step by the largest anywhere would be rounding.
-        """
-        largest = self._slopes.largest_in_parts
-        size = STEP * (largest(sample) or 1.0) / largest(change)
-        still = np.zeros(len(self._loads))
-        return self._difference(stretch, currents, sample, size, change, still) + states @ self._hall_moves.T
 
 
 def _corners(circuits: int) -> FloatArray:
@@ -136,13 +134,10 @@ def _quadratic(points: FloatArray) -> FloatArray:
 
 def hall_row(hall: HallElement, space: H1) -> FloatArray:
     """The field in T that a Hall element measures, as a product with a state; shape (unknowns,)."""
-    mesh, function = space.mesh, GridFunction(space)
-    row, values = np.zeros(space.ndof), function.vec.FV().NumPy()
-    element = mesh[_element_at(hall, mesh)]
-    for dof in space.GetDofNrs(element):
-        values[:] = 0.0
-        values[dof] = 1.0
-        row[dof] = hall_field(hall, mesh, function)
+    dofs = list(space.GetDofNrs(space.mesh[_element_at(hall, space.mesh)]))
+    row, units = np.zeros(space.ndof), np.zeros((len(dofs), space.ndof))
+    units[range(len(dofs)), dofs] = 1.0
+    row[dofs] = hall_fields(hall, space, units)
     return row
 
 

@@ -15,10 +15,9 @@ from femfit.device.parts import Actuator
 from femfit.device.rewrite import VariantSweep, only, read_variants
 from femfit.device.tolerances import KINDS
 from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
-from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.point_rows import bias_currents, current_points, swept_currents
 from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
-from femfit.field.sweep_task import AGAIN, DistanceTask, Done, MeshGroup, Result, solvers, versions
+from femfit.field.sweep_task import AGAIN, DistanceTask, Done, Result, mesh_groups, solvers, versions
 from femfit.field.tolerance import SolverSettings, settings_for
 from femfit.tables.eddy_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
@@ -100,22 +99,20 @@ def run_sweep(
     configuration = _configuration(sweep, settings, numbers)
     at_rest = tuple(number for number in numbers if KINDS[number.facts.kind].at_rest)
     tasks = [replace(task, numbers=at_rest) for task in tasks]
-    of_impedances = numbers if harmonic and not sweep.actuator.saturates else ()
     currents = len(swept_currents(sweep.variants[0].sweep))
     names = {task.key for task in tasks}
 
     def report() -> None:
         if progress is not None:
-            progress(SweepProgress(len(finished) * currents, len(tasks) * currents, journal.changed))
+            finished = len(names & journal.finished.keys())
+            progress(SweepProgress(finished * currents, len(tasks) * currents, journal.changed))
 
     def record(task: DistanceTask, result: Result) -> None:
         journal.record(task.key, result)
-        finished.add(task.key)
         report()
 
     header = JournalHeader(configuration["hash"], configuration["parts"])
     with Journal(directory, header) as journal, solvers(workers) as solve:
-        finished = names & journal.finished.keys()
         report()
         unfinished = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
         solve([task for task in unfinished if task.chooses], record)
@@ -126,9 +123,7 @@ def run_sweep(
         eddy, slopes = None, None
         if harmonic:
             patterns, biases = directory / PATTERNS_NAME, bias_currents(sweep.actuator, rows)
-            eddy, slopes = eddy_sweep(
-                sweep.actuator, journal, patterns, configuration["hash"], solve, of_impedances, biases
-            )
+            eddy, slopes = eddy_sweep(sweep.actuator, journal, patterns, configuration["hash"], solve, numbers, biases)
         manifest = sweep_manifest(sweep, configuration)
         tables = [result.get("rows", {}) for result in solved.values()]
         beyond = [columns["beyond_bh_curve"] for columns in tables if "beyond_bh_curve" in columns]
@@ -138,17 +133,6 @@ def run_sweep(
         table = SweepTable(rows, manifest, drawn_slopes, eddy, slopes)
         _write(table, sweep.actuator, directory, journal)
     return table
-
-
-def plan_sweep(actuator: Actuator, settings: SolverSettings, variant: int = 1) -> list[DistanceTask]:
-    """The tasks of an actuator's sweep, in order of distance."""
-    layout = layout_of(actuator, settings)
-    groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
-    return [
-        DistanceTask(MeshGroup(actuator, layout, settings, group), distance, variant)
-        for group in groups
-        for distance in group
-    ]
 
 
 def _plan(
@@ -161,7 +145,8 @@ def _plan(
         problem = variant.problem
         if variant.actuator is not None:
             try:
-                tasks += plan_sweep(variant.actuator, settings, number)
+                meshes = mesh_groups(variant.actuator, settings)
+                tasks += [DistanceTask(mesh, distance, number) for distance, mesh in meshes.items()]
                 continue
             except FieldSolverError as error:
                 problem = str(error)

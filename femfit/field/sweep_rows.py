@@ -1,6 +1,5 @@
 """From a sweep's results to its table and manifest, and what it came to in a few numbers."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -8,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.results import listing
-from femfit.core.sweep_columns import VARIANT, current_columns, flux_columns, sweep_columns
+from femfit.core.sweep_columns import VARIANT, current_columns, flux_columns, pickup_column, sweep_columns
 from femfit.core.text import counted
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import PickupCoil
 from femfit.device.load import sweep_manifest_entry
-from femfit.device.parts import Actuator, SweepAxes
+from femfit.device.parts import Actuator
 from femfit.device.rewrite import VariantSweep
 from femfit.field.point_rows import NO_CONVERGENCE, swept_currents
 from femfit.field.tolerance import scale
@@ -46,15 +45,21 @@ def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result])
     columns, frames = sweep_columns(circuits, pickups), []
     for number, variant in enumerate(sweep.variants, 1):
         parameters = {VARIANT: number, **dict(zip(sweep.columns, variant.values, strict=True))} if sweep.columns else {}
-        frames += [
-            _distance_rows(variant.sweep, circuits, distance, results[number, distance]) | parameters
-            for distance in variant.sweep.distances_m
-        ]
-    rows = pd.concat([pd.DataFrame(frame) for frame in frames], ignore_index=True)
-    axes = [VARIANT, *sweep.columns] if sweep.columns else []
-    rows = rows.reindex(columns=[*(name for name in columns if name in rows), *axes])
-    if rows["hall_T"].isna().all():
-        rows = rows.drop(columns="hall_T")
+        points = swept_currents(variant.sweep)
+        for distance in variant.sweep.distances_m:
+            settings = dict(zip(current_columns(circuits), points.T, strict=True))
+            settings["distance_m"] = np.full(len(points), distance)
+            result = results[number, distance]
+            solved = {
+                name: np.array(values, dtype=np.float64) if None in values else values
+                for name, values in result.get("rows", {}).items()
+            }
+            frames.append(pd.DataFrame({**settings, "status": result["status"], **solved, **parameters}))
+    rows = pd.concat(frames, ignore_index=True)
+    axes, optional = [VARIANT, *sweep.columns] if sweep.columns else [], {*NEWTON_COLUMNS, "hall_T"}
+    optional.update(map(pickup_column, pickups))
+    columns = [name for name in columns if name not in optional or (name in rows and rows[name].notna().any())]
+    rows = rows.reindex(columns=[*columns, *axes])
     return rows.sort_values([*axes[:1], *current_columns(circuits), "distance_m"], kind="stable", ignore_index=True)
 
 
@@ -113,22 +118,6 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
         for number, variant in enumerate(sweep.variants, 1)
     ]
     return manifest | {"parameters": list(sweep.columns), "variants": variants}
-
-
-def _distance_rows(axes: SweepAxes, circuits: Sequence[str], distance: float, result: Result) -> dict[str, Any]:
-    points = swept_currents(axes)
-    nothing = np.full(len(points), math.nan)
-    solved = {
-        name: np.array(values, dtype=np.float64) if None in values else values
-        for name, values in result.get("rows", {}).items()
-    }
-    return {
-        **dict.fromkeys((name for name in sweep_columns(circuits) if name not in NEWTON_COLUMNS), nothing),
-        **dict(zip(current_columns(circuits), points.T, strict=True)),
-        "distance_m": np.full(len(points), distance),
-        "status": result["status"],
-        **solved,
-    }
 
 
 def summarise(table: SweepTable) -> dict[str, Any]:

@@ -26,9 +26,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.processes import ProcessPool, kept_interrupts, process_pool
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.layout import Layout
+from femfit.field.layout import Layout, layout_of, stretch_groups
 from femfit.field.point_rows import swept_currents
-from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem, shares_checks
+from femfit.field.tolerance import LevelChoice, SolverSettings, shares_checks
 
 Task = TypeVar("Task")
 Result = dict[str, Any]
@@ -101,7 +101,7 @@ def _alone(task: Any) -> Result:
 
 
 if TYPE_CHECKING:
-    from femfit.field.problem import FieldProblem
+    from femfit.field.problem import MeshedActuator
 
 
 @dataclass(frozen=True)
@@ -124,6 +124,13 @@ class MeshGroup:
     def of(self, distance: float) -> "MeshGroup":
         """The group of a distance alone, in m."""
         return replace(self, distances=(distance,), choice=None)
+
+
+def mesh_groups(actuator: Actuator, settings: SolverSettings) -> dict[float, MeshGroup]:
+    """What each distance of an actuator's sweep is solved on, in ascending order."""
+    layout = layout_of(actuator, settings)
+    groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
+    return {distance: MeshGroup(actuator, layout, settings, group) for group in groups for distance in group}
 
 
 @dataclass(frozen=True)
@@ -159,22 +166,21 @@ class DistanceTask:
         """On the group's mesh, or on one of the distance's own where that cannot be made."""
         choice = None
         try:
-            problem = MESHES.problem(self.mesh)
-            if self.chooses and isinstance(problem, ToleranceProblem):
+            problem = problem_of(self.mesh)
+            if self.chooses and problem.choice is not None:
                 choice = asdict(problem.choice)
         except FieldSolverError:
             if len(self.mesh.distances) == 1:
                 raise
-            problem = MESHES.problem(self.mesh.of(self.distance))
+            problem = problem_of(self.mesh.of(self.distance))
         currents = swept_currents(self.mesh.actuator.sweep)
-        rows = problem.rows(self.distance, currents)
-        result = {"rows": json_ready(rows)}  # a current without a field has null
+        result = {"rows": json_ready(problem.rows(self.distance, currents))}  # a current without a field has null
         if choice is not None:
             result["choice"] = choice
-        if not self.numbers:
-            return result
-        slopes = problem.signatures(self.distance, currents, self.numbers)
-        return result | {"signatures": json_ready(slopes.tolist())}
+        if self.numbers:
+            slopes = problem.signatures(self.distance, currents, self.numbers)
+            result["signatures"] = json_ready(slopes.tolist())
+        return result
 
 
 def solve_task(task: "DistanceTask | ProbeTask | FormsTask") -> dict[str, Any]:
@@ -199,43 +205,27 @@ def solve_task(task: "DistanceTask | ProbeTask | FormsTask") -> dict[str, Any]:
         if not isinstance(error, NgException | RuntimeError | MemoryError | ArithmeticError):
             raise
         if isinstance(error, MemoryError) or "allocate" in text:
-            return {
-                "status": f"failed: out of memory ({text}). Give the same command with fewer workers, or more memory",
-                AGAIN: True,
-            }
-        return {
-            "status": f"failed: the field solver stopped ({text}). Look for extreme dimensions or materials in the "
-            "actuator file"
-        }
+            remedy = "Give the same command with fewer workers, or more memory"
+            return {"status": f"failed: out of memory ({text}). {remedy}", AGAIN: True}
+        remedy = "Look for extreme dimensions or materials in the actuator file"
+        return {"status": f"failed: the field solver stopped ({text}). {remedy}"}
 
 
-class MeshCache:
-    """The mesh of one group, kept while a worker's tasks stay in it."""
-
-    def __init__(self) -> None:
-        self._group: MeshGroup | None = None
-        self._problem: FieldProblem | None = None
-
-    def problem(self, group: MeshGroup) -> "FieldProblem":
-        """The group's field problem, made where it is not the one that was asked for last."""
-        if self._problem is None or group != self._group:
-            from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
-
-            from femfit.field.problem import prepare  # noqa: PLC0415
-
-            SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
-            self.clear()
-            self._problem = prepare(group.actuator, group.distances, group.layout, group.settings, group.choice)
-            self._group = group
-        return self._problem
-
-    def clear(self) -> None:
-        """Forget the mesh, as in a new process."""
-        self._group = self._problem = None
+MESHES: "dict[MeshGroup, MeshedActuator]" = {}
+"""This process's mesh, one at most; a worker solves many distances on it."""
 
 
-MESHES = MeshCache()
-"""This process's mesh; a worker solves many distances on one."""
+def problem_of(group: MeshGroup) -> "MeshedActuator":
+    """A group's field problem, made where it is not the one that was asked for last."""
+    if group not in MESHES:
+        from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
+
+        from femfit.field.problem import prepare  # noqa: PLC0415
+
+        SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
+        MESHES.clear()
+        MESHES[group] = prepare(group.actuator, group.distances, group.layout, group.settings, group.choice)
+    return MESHES[group]
 
 
 @dataclass(frozen=True)
@@ -268,6 +258,7 @@ class ProbeTask:
     def result(self) -> dict[str, Any]:
         """Solve; nothing of it is written to the journal."""
         from femfit.field import eddy_probe  # noqa: PLC0415  the field solver loads in the workers only
+        from femfit.field.signature_rows import impedance_slopes  # noqa: PLC0415
 
         moving, order = eddy_probe.moving_mesh(self.mesh), self.mesh.settings.order
         actuator, frequencies = self.mesh.actuator, np.array(self.frequencies)
@@ -278,7 +269,8 @@ class ProbeTask:
             coarser = eddy_probe.EddyProbe(actuator, moving, self.distance, order - 1, self.bias)
             result["coarse"] = coarser.transfers(frequencies)[0]
         if self.numbers:
-            result["slopes"] = probe.slopes(self.numbers, frequencies, fields)
+            space, d = probe.points.space, self.distance
+            result["slopes"] = impedance_slopes(actuator, self.numbers, moving, space, d, frequencies, fields)
         if not self.shifts:
             return result
         places = probe.points if self.reference == self.mesh else eddy_probe.conductor_points(self.reference)

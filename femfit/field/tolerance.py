@@ -21,8 +21,7 @@ converge exponentially.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import is_flux
 from femfit.device.parts import Actuator
 from femfit.field.newton import TOLERANCE
-from femfit.field.point_rows import CurrentsLike, between, current_points, weakest
+from femfit.field.point_rows import between, weakest
 
 
 @dataclass(frozen=True)
@@ -61,10 +60,7 @@ def settings_for(actuator: Actuator) -> SolverSettings:
 
 
 if TYPE_CHECKING:
-    from femfit.field.nonlinear_point import NonlinearActuator
-    from femfit.field.problem import LinearActuator
-
-    LevelProblem: TypeAlias = LinearActuator | NonlinearActuator
+    from femfit.field.problem import MeshedActuator
 
 FIRST_ORDER = 4
 """Errors of lower orders scatter so much with distance that three checks do not bound them."""
@@ -100,76 +96,59 @@ class LevelChoice:
     force_errors: tuple[float, ...]
 
 
-class ToleranceProblem:
-    """A group of distances on the level that meets the tolerance; mesh, unknowns and field are the level's."""
+Rows = dict[float, dict[str, list[Any]]]
+"""Columns of the sweep table by distance in m."""
 
-    def __init__(
-        self, problem: "LevelProblem", settings: SolverSettings, choice: LevelChoice, solved: "_Solved | None" = None
-    ) -> None:
-        self.settings, self.choice, self._solved = settings, choice, solved
-        self.mesh, self.unknowns, self.field = problem.mesh, problem.unknowns, problem.field
-        self._rows, self.signatures = problem.rows, problem.signatures
-        self._currents: FloatArray = np.array(choice.currents_A)
-        self._errors: FloatArray = np.array(choice.force_errors)
 
-    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance, one value a point."""
-        points = current_points(currents, self._currents.shape[1])
-        solved = self._solved
-        reusable = solved is not None and distance in solved.rows and np.array_equal(points, solved.points)
-        columns = dict(solved.rows[distance]) if solved and reusable else self._rows(distance, currents)
-        if "force_N" in columns:
-            # The largest error of the checked points round each point: with no other checked one between
-            near = [[between(self._currents, x, place).sum() == 1 for place in self._currents] for x in points]
-            error = np.max(np.where(near, self._errors, 0.0), axis=1) * scale(columns["force_N"], points)
-            columns["force_error_N"] = error.tolist()
+def with_errors(columns: dict[str, list[Any]], points: FloatArray, choice: LevelChoice) -> dict[str, list[Any]]:
+    """Columns at points (n, circuits) with the force's error: the largest of the checked points round each.
+
+    Round it are those with no other checked one between.
+    """
+    if "force_N" not in columns:
         return columns
+    checked = np.array(choice.currents_A)
+    near = [[between(checked, x, place).sum() == 1 for place in checked] for x in points]
+    error = np.max(np.where(near, choice.force_errors, 0.0), axis=1) * scale(columns["force_N"], points)
+    return columns | {"force_error_N": error.tolist()}
 
 
 def meet_tolerance(
-    build: "Callable[[SolverSettings], LevelProblem]",
+    build: "Callable[[SolverSettings], MeshedActuator]",
     group: tuple[float, ...],
     swept: FloatArray,
     checked: FloatArray,
     settings: SolverSettings,
     first: FloatArray | None = None,
-) -> ToleranceProblem:
+) -> "MeshedActuator":
     """Refine until ascending distances that share a mesh meet the tolerance at some of the swept points, or to its end.
 
     The rows say the error that is left, also where the last level does not meet the tolerance. ``first`` are the points
-    of the coarsest level, the checked ones among them, of which the largest values say what is small.
+    of the coarsest level, the checked ones among them, of which the largest values say what is small. What was solved
+    on the level of a group that shares no checks is kept.
     """
     shared = shares_checks(group)
     distances = (group[0], group[len(group) // 2], group[-1]) if shared else group
-    tolerance = float(settings.tolerance or 0.0)
+    tolerance, levels = float(settings.tolerance or 0.0), refinement_levels(settings)
 
-    def solve(number: int) -> _Solved:
-        problem = build(levels[number])
-        points = swept if number and not shared else checked  # the level above is the one to keep
-        points = points if number or first is None else first
-        return _Solved(problem, number, checked, points, {d: problem.rows(d, points) for d in distances})
+    def solve(level: int, points: FloatArray) -> tuple["MeshedActuator", FloatArray, Rows]:
+        problem = build(levels[level])
+        return problem, points, {distance: problem.rows(distance, points) for distance in distances}
 
-    levels = refinement_levels(settings)
-    above, met = solve(0), False
-    small = [
-        {
-            name: SMALL * float(np.fmax.reduce(np.abs(values)))
-            for name, values in column.items()
-            if name == "force_N" or is_flux(name)
-        }
-        for column in above.rows.values()
-    ]
+    coarsest = above = solve(0, checked if first is None else first)
     for level in range(1, len(levels)):
-        if met:
+        below, above = above, solve(level, checked if shared else swept)  # the level above is the one to keep
+        coarse, fine = (_at_points(checked, points, rows) for _, points, rows in (below, above))
+        force, *linked = (
+            CHECK_SAFETY * _difference(name, coarse, fine, coarsest[2], checked)
+            for name in ("force_N", *filter(is_flux, coarse[0]))
+        )
+        if max(errors.max() for errors in (force, *linked)) <= tolerance:
             break
-        below, above = above, solve(level)
-        force = CHECK_SAFETY * _difference("force_N", below, above, small)
-        linked = [_difference(name, below, above, small).max() for name in below.columns[0] if is_flux(name)]
-        flux = CHECK_SAFETY * max(linked, default=0.0)
-        chosen = below if shared else above
-        met = max(force.max(), flux) <= tolerance
-    choice = LevelChoice(chosen.level, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
-    return ToleranceProblem(chosen.problem, levels[chosen.level], choice, None if shared else chosen)
+    chosen, (problem, points, rows) = (level - 1, below) if shared else (level, above)
+    problem.choice = LevelChoice(chosen, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
+    problem.found = points, {} if shared else rows
+    return problem
 
 
 def shares_checks(group: tuple[float, ...]) -> bool:
@@ -196,30 +175,24 @@ def check_currents(points: FloatArray) -> FloatArray:
     return points[sorted({*spread.tolist(), weakest(points)})]
 
 
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """What a level gave: rows at points of the currents, by distance in m."""
-
-    problem: "LevelProblem"
-    level: int
-    checked: FloatArray
-    points: FloatArray
-    rows: dict[float, dict[str, list[Any]]]
-
-    @cached_property
-    def columns(self) -> list[dict[str, FloatArray]]:
-        """The rows of each distance at the checked points."""
-        places = {tuple(point): k for k, point in enumerate(self.points)}
-        chosen = [places[tuple(point)] for point in self.checked]
-        return [{name: np.array(values)[chosen] for name, values in rows.items()} for rows in self.rows.values()]
+Columns = Sequence[Mapping[str, FloatArray]]
+"""Columns of the sweep table, of one distance after the other."""
 
 
-def _difference(name: str, first: _Solved, second: _Solved, small: Sequence[Mapping[str, float]]) -> FloatArray:
+def _at_points(checked: FloatArray, points: FloatArray, rows: Rows) -> Columns:
+    """Rows of points (n, circuits) at some of them."""
+    places = {tuple(point): k for k, point in enumerate(points)}
+    chosen = [places[tuple(point)] for point in checked]
+    return [{name: np.array(values)[chosen] for name, values in columns.items()} for columns in rows.values()]
+
+
+def _difference(name: str, first: Columns, second: Columns, coarsest: Rows, checked: FloatArray) -> FloatArray:
     """The largest difference over the distances, relative to the scale, for each checked point; shape (points,)."""
-    worst = np.zeros(len(first.checked))
-    for coarse, fine, least in zip(first.columns, second.columns, small, strict=True):
+    worst = np.zeros(len(checked))
+    for coarse, fine, values in zip(first, second, coarsest.values(), strict=True):
         if name in coarse and name in fine:  # a current that did not converge has NaN, which says nothing of the error
-            change, size = np.abs(coarse[name] - fine[name]), np.fmax(scale(fine[name], first.checked), least[name])
+            small = SMALL * float(np.fmax.reduce(np.abs(values[name])))
+            change, size = np.abs(coarse[name] - fine[name]), np.fmax(scale(fine[name], checked), small)
             worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(worst)), where=size > 0.0))
     return worst
 

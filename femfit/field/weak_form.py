@@ -26,13 +26,14 @@ F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the eggshell metho
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
 import shapely
 from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, ds, dx, grad
+from numpy.typing import NDArray
+from scipy import sparse
 
 from femfit.core.numerics import MU_0, BoolArray, FloatArray
 from femfit.device.electrics import HallElement
@@ -43,6 +44,21 @@ LAYER = "layer"
 """The region of the mesh's own layer round the moving part, which touches no corner."""
 
 RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the quadrature's order
+
+
+FieldArray = NDArray[Any]
+"""Coefficients of fields, complex where eddy currents flow at a frequency."""
+
+
+def csr(matrix: Any, columns: int) -> Any:
+    """A copy of an NGSolve matrix for scipy."""
+    values, indices, starts = (np.array(array) for array in matrix.CSR())
+    return sparse.csr_matrix((values, indices.astype(np.int32), starts.astype(np.int32)), (len(starts) - 1, columns))
+
+
+def inner_products(first: FieldArray, second: FieldArray) -> FieldArray:
+    """Of each row (j, unknowns) with each (k, unknowns), shape (j, k); in one thread, as :func:`newton.inner`."""
+    return np.asarray(np.einsum("jn,kn->jk", first, second))
 
 
 def flux_density(w: Any) -> Any:
@@ -59,10 +75,13 @@ def function_of(space: H1, coefficients: FloatArray) -> GridFunction:
     return function
 
 
-def hall_field(hall: HallElement, mesh: Mesh, w: GridFunction) -> float:
-    """The component of B in T that a Hall element measures."""
-    b = flux_density(w)(mesh(hall.radius_m, hall.height_m))
-    return float(hall.direction[0] * b[0] + hall.direction[1] * b[1])
+def hall_fields(hall: HallElement, space: H1, fields: FieldArray) -> FieldArray:
+    """The component of B in T that a Hall element measures of each field (k, unknowns) of a real space."""
+    if np.iscomplexobj(fields):
+        return hall_fields(hall, space, fields.real) + 1j * hall_fields(hall, space, fields.imag)
+    place = space.mesh(hall.radius_m, hall.height_m)
+    b = [flux_density(function_of(space, field))(place) for field in fields]
+    return np.array(b).reshape(-1, 2) @ np.array(hall.direction)
 
 
 def materials(actuator: Actuator) -> dict[str, Material]:
@@ -140,36 +159,21 @@ def _dofs(space: H1, region: ng.Region) -> BoolArray:
     return np.array(list(space.GetDofs(region)), dtype=np.bool_)
 
 
-def stress_density(b: Any, c: Any, slope: Any) -> Any:
-    """The weighted stress of two flux densities, bilinear and symmetric, in N/m^2, positive towards the electromagnet.
-
-    Its integral over (r, z) is the force; ``slope`` is the gradient of the weight in 1/m.
-    """
-    radial = 0.5 * (b[0] * c[1] + b[1] * c[0])
-    axial = 0.5 * (b[1] * c[1] - b[0] * c[0])
-    return (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x
-
-
 class LayerForce:
-    """The force as a quadratic form of solutions on one mesh."""
+    """The force as a quadratic form of solutions on one mesh: the weighted stress, symmetrised, over the layer."""
 
     def __init__(self, space: H1, g: GridFunction) -> None:
-        w, v = space.TnT()
-        form = BilinearForm(space, symmetric=True)
-        region = dx(LAYER, bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
-        form += stress_density(flux_density(w), flux_density(v), grad(g)) * region
-        self._form = form.Assemble()
+        (b, c), slope = map(flux_density, space.TnT()), grad(g)
+        radial, axial = 0.5 * (b[0] * c[1] + b[1] * c[0]), 0.5 * (b[1] * c[1] - b[0] * c[0])
+        density = (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x
+        form = BilinearForm(density * dx(LAYER, bonus_intorder=RADIAL_WEIGHT_ORDER + 1))
+        self._form = csr(form.Assemble().mat, space.ndof)
 
-    def between(self, first: Sequence[GridFunction], second: Sequence[GridFunction]) -> FloatArray:
-        """The bilinear force of solutions w with others in N: that of a sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
-        result = np.zeros((len(first), len(second)))
-        for k, function in enumerate(second):
-            image = function.vec.CreateVector()
-            image.data = self._form.mat * function.vec
-            result[:, k] = [InnerProduct(other.vec, image) for other in first]
-        return result
+    def between(self, first: FieldArray, second: FieldArray) -> FieldArray:
+        """The bilinear force of fields w with others in N: that of a sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
+        return inner_products(first, (self._form @ second.T).T)
 
-    def of_sum(self, functions: Sequence[GridFunction]) -> FloatArray:
-        """The force of a sum of solutions as a quadratic form in their factors: symmetric, in N."""
-        whole = self.between(functions, functions)
+    def of_sum(self, fields: FloatArray) -> FloatArray:
+        """The force of a sum of fields as a quadratic form in their factors: symmetric, in N."""
+        whole = self.between(fields, fields)
         return np.asarray(0.5 * (whole + whole.T))

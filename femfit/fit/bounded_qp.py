@@ -90,7 +90,6 @@ class _ScaledQP:
     rows: FloatArray
     ends: FloatArray
     labels: Sequence[str]
-    limits: tuple[FloatArray, FloatArray]  # Lowest and highest coefficients in their own units
     column_scale: FloatArray  # Norms of the columns of A / sigma; shape (k,)
     scale: float
 
@@ -125,9 +124,9 @@ class BoundedQP:
     matrix: FloatArray  # A; shape (n, k) with n >= k
     y: FloatArray  # Shape (n,)
     sigma: FloatArray  # > 0, in the unit of y; shape (n,)
-    # Bounds, shape (k,); infinite ones bound nothing
-    lower: FloatArray | None = None
-    upper: FloatArray | None = None
+    # Bounds, shape (k,), or one for all; infinite ones bound nothing
+    lower: FloatArray | float = -np.inf
+    upper: FloatArray | float = np.inf
     inequalities: Inequalities | None = None
     names: Sequence[str] | None = None
 
@@ -149,7 +148,7 @@ class BoundedQP:
                 "the data contradict."
             )
         on_bound = [z - problem.lower < _ACTIVE, problem.upper - z < _ACTIVE]
-        x = np.select(on_bound, problem.limits, problem.unscaled(z))
+        x = np.select(on_bound, [self.lower, self.upper], problem.unscaled(z))
         imposed = 0 if self.inequalities is None else len(self.inequalities.right)
         slack = problem.rows @ z - problem.ends
         return QPSolution(
@@ -169,9 +168,9 @@ class BoundedQP:
     @property
     def _scaled(self) -> _ScaledQP:
         """Rows scaled by sigma and columns by their norm, and factorised."""
-        count, ends_of = self.matrix.shape[1], ((self.lower, -np.inf), (self.upper, np.inf))
+        count = self.matrix.shape[1]
         labels = self.names or [f"x{k + 1}" for k in range(count)]
-        low, high = (np.full(count, free) if end is None else np.asarray(end, np.float64) for end, free in ends_of)
+        low, high = (np.broadcast_to(np.asarray(end, np.float64), count) for end in (self.lower, self.upper))
         if len(self.matrix) < count:
             raise FitError(
                 f"{counted(count, 'coefficient needs', 'coefficients need')} at least "
@@ -195,7 +194,7 @@ class BoundedQP:
         q_factor, triangle = qr(weighted / column_scale, mode="economic")
         scale = float(np.linalg.norm(target)) or 1.0
         right = q_factor.T @ target / scale
-        limits, (low, high) = (low, high), (end * column_scale / scale for end in (low, high))
+        low, high = (end * column_scale / scale for end in (low, high))
         below, above = np.isfinite(low), np.isfinite(high)
         rows, ends = [np.eye(count)[below], -np.eye(count)[above]], [low[below], -high[above]]
         if self.inequalities is not None:
@@ -213,7 +212,6 @@ class BoundedQP:
             rows=np.concatenate(rows),
             ends=np.concatenate(ends),
             labels=labels,
-            limits=limits,
             column_scale=column_scale,
             scale=scale,
         )

@@ -19,7 +19,6 @@ from femfit.fit.eddy import with_eddy_currents
 from femfit.fit.law_fit import fit_law
 from femfit.fit.model_parts import (
     actuator_entry,
-    circuit_of,
     circuits_of,
     hall_sensor_of,
     kind_of,
@@ -33,7 +32,7 @@ from femfit.fit.model_parts import (
 from femfit.fit.ranking import as_written, import_notes, misfit_notes, misfit_to_rows, rank_laws
 from femfit.fit.result import FitResult, Fits
 from femfit.fit.rows import FitRows, rows_of_table
-from femfit.fit.sensed_field import HallFit, SensedRows, fit_hall, fit_pickups, fit_sensed
+from femfit.fit.sensed_field import HallFit, fit_hall, fit_pickups, fit_sensed
 from femfit.fit.soft_iron import fit_network
 from femfit.fit.words import note
 from femfit.laws.catalogue import all_laws, law_by_name
@@ -42,10 +41,7 @@ from femfit.model.hall import HallField
 from femfit.model.several_magnetics import NETWORK
 from femfit.tables.sweep_table import SweepTable, choose_variant, read_sweep_table
 
-COENERGY = "coenergy"
-
-
-ALL = "all"
+COENERGY, ALL = "coenergy", "all"
 
 
 def fit_model(
@@ -118,28 +114,23 @@ def fit_model(
         table = read_sweep_table(table)
     table = choose_variant(table, dict(where or {}))
     entry = actuator_entry(table.manifest.get("actuator"), actuator, mass_kg, resistance_ohm, supply_V)
-    kind, mechanics = kind_of(entry), mechanics_of(entry)
-    rows = swept_rows(table, entry)
+    kind, rows = kind_of(entry), swept_rows(table, entry)
     if rows.several and law is not None:
         raise UsageError(f"Several circuits take the co-energy alone; instead received model {law!r}.")
     if rows.several and kind is not None and kind.saturates:
         require_currents(rows, "The drawing's iron has a magnetisation curve")
     fits = Fits(circuits=fit_circuits(rows)) if rows.several else _fits(rows, law, bounds, functions, inductance_H)
     has_coil = rows.several or not rows.without_current or entry.get("resistance_ohm") is not None
-    circuits, unknown = (
-        circuits_of(entry, rows.names)
-        if rows.several
-        else circuit_of(entry, rows.flux_linkage is not None, inductance_H is not None)
-    )
-    validity = validity_of(fits.magnetics(rows, inductance_H), rows, bool(circuits))
-    motion, unmoved = within_sweep(mechanics, rows.distances)
+    circuits, unknown = circuits_of(entry, rows.names, rows.flux_linkage is not None, inductance_H is not None)
+    magnetics = fits.magnetics(inductance_H)
+    motion, unmoved = within_sweep(mechanics_of(entry), rows.distances)
     field, hall, unsensed = _hall_field(entry, rows, has_coil)
     other_sensors, not_held = other_sensors_of(entry, fit_pickups(table))
     drawn = drawn_effects(None if rows.several else table.signatures, rows, fits.coenergy, hall)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
-        magnetics=fits.magnetics(rows, inductance_H),
-        validity=validity,
+        magnetics=magnetics,
+        validity=validity_of(magnetics, rows, bool(circuits)),
         circuits=circuits,
         motion=motion,
         sensor=hall_sensor_of(entry["hall"], field) if field and entry.get("hall") else None,
@@ -152,18 +143,22 @@ def fit_model(
     model = with_eddy_currents(model, table)
     model = replace(model, sample_time_s=period_of(entry) or sample_time(model))
     model = replace(model, misfit=misfit_to_rows(as_written(model), rows))
-    spline = None if fits.law or fits.network else fits.coenergy
     notes = (
         *(unknown if has_coil else ()),  # a pair of magnets lacks none
         *unmoved,
         *not_held,
         *unsensed,
-        *(fits.circuits.notes() if fits.circuits else misfit_notes(model, rows, spline)),
+        *(fits.circuits.notes() if fits.circuits else misfit_notes(model, rows, fits.spline)),
     )
-    of_data = import_notes(table)
-    result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=of_data)
+    result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=import_notes(table))
     versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
-    return result.with_provenance(table.manifest, versions={"python": platform.python_version(), **versions})
+    sweep = {key: value for key, value in table.manifest.items() if key != "actuator"}
+    provenance = {
+        "fit": result.to_dict(),
+        "sweep": sweep,
+        "versions": {"python": platform.python_version(), **versions},
+    }
+    return replace(result, model=replace(model, provenance=provenance))
 
 
 def swept_rows(table: SweepTable, entry: Mapping[str, Any]) -> FitRows:
@@ -184,12 +179,11 @@ def _fits(
     law_fit, ranking, network, coenergy = None, None, None, None
     if law == ALL:
         ranking = rank_laws(tuple(all_laws().values()), rows)
-        with suppress(FitError):
-            network = None if ranking.reached else fit_network(rows)
-        error = ranking.recommended.error * rows.error_scale[0]
-        if network is not None and network.left_out * rows.rms_force >= error:
-            network = None
-        law_fit = None if network else ranking.recommended.fit
+        if not ranking.reached:
+            with suppress(FitError):
+                network = fit_network(rows)
+        if network is None or network.left_out * rows.rms_force >= ranking.recommended.error * rows.error_scale[0]:
+            network, law_fit = None, ranking.recommended.fit
     elif law == NETWORK:
         network = fit_network(rows)
     elif law is not None:
@@ -206,21 +200,19 @@ def _hall_field(
     entry: Mapping[str, Any], rows: FitRows, has_coil: bool
 ) -> tuple[HallField | None, HallFit | None, tuple[str, ...]]:
     """The field at the Hall element, how one circuit's was fitted, and what is said of an element left out."""
-    drawn = entry.get("hall")
+    drawn, hall = entry.get("hall"), None
     if not rows.several:
-        one_current = len(rows.currents) < 2 and not rows.without_current
-        hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
-        field = None if hall is None else hall.field
-        if (hall and drawn) or not has_coil or entry.get("sensors"):
-            return field, hall, ()
-        return field, hall, (note("no_sensor"),)
+        if rows.hall is not None and (len(rows.currents) > 1 or rows.without_current):
+            hall = fit_hall(rows, rows.hall)
+        lacking = has_coil and not (hall and drawn) and not entry.get("sensors")
+        return hall.field if hall else None, hall, (note("no_sensor"),) if lacking else ()
     if not drawn:
         return None, None, ()
-    if rows.hall is None:
-        return None, None, (note("not_in_the_model", "The Hall element", "no hall_T"),)
-    what = "The field at the Hall element"
-    try:
-        sensed = fit_sensed(SensedRows(rows.distance, rows.circuit_currents, rows.hall), what)
-    except FitError as error:
-        return None, None, (note("not_in_the_model", "The Hall element", str(error)),)
-    return sensed.field, None, (note("sensed", sensed, what, "T"),)
+    why, what = "no hall_T", "The field at the Hall element"
+    if rows.hall is not None:
+        try:
+            sensed = fit_sensed(rows.distance, rows.circuit_currents, rows.hall, what)
+            return sensed.field, None, (note("sensed", sensed, what, "T"),)
+        except FitError as error:
+            why = str(error)
+    return None, None, (note("not_in_the_model", "The Hall element", why),)

@@ -5,7 +5,7 @@ linear in its coefficients, so all columns of the sweep enter one bounded QP, an
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from femfit.core.numerics import FloatArray
 from femfit.fit.basis import CoenergyBasis
 from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
-from femfit.fit.coenergy_system import coenergy_system, determined
+from femfit.fit.coenergy_system import coenergy_system
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
@@ -61,9 +61,9 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
     """
     names = tuple(obeyed_shapes(rows))
     system = coenergy_system(rows)
-    basis, held_out = choose_basis(system)
+    basis, held_out = choose_basis(rows, system)
     matrix, value, sigma = system.equations(basis)
-    keep = determined(basis, rows)
+    keep = system.determined(basis)
     shape = _shape_inequalities(basis, rows, names, open_inductance_H)
     imposed = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
     qp, active = _solve_with_shapes(matrix[:, keep], value, sigma, imposed, len(names))
@@ -156,9 +156,7 @@ def _shape_inequalities(
 def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> CoenergySpline:
     """The spline of coefficients, W' counted from the largest distance without current."""
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
-
-    def spline(table: FloatArray) -> CoenergySpline:
-        return CoenergySpline(basis.coordinate, TensorSpline(basis.u_knots, knots, U_DEGREE, degree, table))
-
-    origin = np.clip(0.0, rows.currents[0], rows.currents[-1])
-    return spline(coefficients - spline(coefficients).coenergy(rows.distances[-1:], np.array([[origin]])))
+    spline = TensorSpline(basis.u_knots, knots, U_DEGREE, degree, coefficients)
+    origin = np.array([[np.clip(0.0, rows.currents[0], rows.currents[-1])]])
+    offset = CoenergySpline(basis.coordinate, spline).coenergy(rows.distances[-1:], origin)
+    return CoenergySpline(basis.coordinate, replace(spline, coefficients=coefficients - offset))

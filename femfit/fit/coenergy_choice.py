@@ -11,60 +11,43 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import ROUNDING, FloatArray, ranked
 from femfit.core.text import counted
+from femfit.fit import constants
 from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots
 from femfit.fit.coenergy_system import CoenergySystem
-from femfit.fit.constants import (
-    BENT_CELLS,
-    CELLS_IN_CURRENT,
-    CIRCUIT_CELLS,
-    CLOSEST,
-    DISTANCE_CELLS,
-    FEWEST_CURRENTS,
-    HELD_OUT_TARGET,
-    MOST_BENT_CELLS,
-    MOST_CELLS,
-    NEARLY_BEST,
-    NEARLY_BEST_BENT,
-    ROUNDS,
-    SHIFTS,
-    SMOOTHED_DEGREE,
-    TWO_GAPS,
-    U_DEGREE,
-)
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import DistanceCoordinate
 
 
-def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
+def choose_basis(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     """The smallest basis below its target on held-out rows, or else the smallest that is nearly the best.
 
     Distance and current are searched in turn, each with what was chosen for the other. The error is that of
     :class:`femfit.fit.coenergy.CoenergyFit`; FitError if there are too few currents or distances.
     """
-    rows = system.rows
-    currents = FEWEST_CURRENTS if rows.without_current else len(rows.currents)
-    fewest = U_DEGREE + 1 + (2 if rows.flux_linkage is None else 0)  # flux linkage gives W' itself beside its slope
-    if currents < FEWEST_CURRENTS or len(rows.distances) < fewest:
+    currents = constants.FEWEST_CURRENTS if rows.without_current else len(rows.currents)
+    spare = 2 if rows.flux_linkage is None else 0  # flux linkage gives W' itself beside its slope
+    fewest = constants.U_DEGREE + 1 + spare
+    if currents < constants.FEWEST_CURRENTS or len(rows.distances) < fewest:
         raise FitError(
-            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest} distances; instead received "
+            f"A co-energy needs at least {constants.FEWEST_CURRENTS} currents and {fewest} distances; instead received "
             f"{counted(currents, 'current')} and {counted(len(rows.distances), 'distance')}. Sweep more "
-            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
+            + ("currents." if currents < constants.FEWEST_CURRENTS else "distances, or fit a law.")
         )
-    counts = [n for n in DISTANCE_CELLS if n <= MOST_CELLS or rows.inductance is None]
-    along = chain(*splines_along(rows.distances, counts, fewest - U_DEGREE - 1, breaks="following"))
+    counts = [n for n in constants.DISTANCE_CELLS if n <= constants.MOST_CELLS or rows.inductance is None]
+    along = chain(*splines_along(rows.distances, counts, fewest - constants.U_DEGREE - 1, breaks="following"))
     in_distance: list[dict[str, Any]] = [{"coordinate": coordinate, "u_knots": knots} for coordinate, knots in along]
     in_current: list[dict[str, Any]] = [{"functions": functions} for functions in _current_trials(rows)]
     # A bend that is not resolved hides what the distances show
     start = in_current[0 if rows.inductance is None else -1]
     basis, error, size_of = CoenergyBasis(**in_distance[0], **start), np.inf, attrgetter("size")
-    nearly = NEARLY_BEST if rows.inductance is None else NEARLY_BEST_BENT
-    for _ in range(ROUNDS):
+    nearly = constants.NEARLY_BEST if rows.inductance is None else constants.NEARLY_BEST_BENT
+    for _ in range(constants.ROUNDS):
         before = basis.functions
         for trials in (in_distance, in_current):
             bases = sorted((replace(basis, **trial) for trial in trials), key=size_of)
             alike = (list(group) for _, group in groupby(bases, size_of))
             basis, error = smallest(alike, system.held_out_errors, nearly=nearly)
-            if error < HELD_OUT_TARGET:
+            if error < constants.HELD_OUT_TARGET:
                 return basis, error
         if basis.functions is before:  # the distance was searched with these
             break
@@ -82,8 +65,8 @@ Tried = TypeVar("Tried")
 def smallest(
     groups: Iterable[Sequence[Tried]],
     errors_of: Callable[[Tried], Any],
-    target: float = HELD_OUT_TARGET,
-    nearly: float = NEARLY_BEST,
+    target: float = constants.HELD_OUT_TARGET,
+    nearly: float = constants.NEARLY_BEST,
 ) -> tuple[Tried, float]:
     """The first below its target, or else the first that is nearly the best, and its largest error.
 
@@ -115,40 +98,26 @@ def _current_trials(rows: FitRows) -> list[CurrentSplines]:
     """Splines of the current: a held-out fold must leave more data than functions.
 
     Without any current W' depends on the distance alone: one function of degree zero.
+
+    Where the inductance bends, breaks also lie at the currents and at the thirds between them, at each current if these
+    are many, or evenly fewer. Each current gives three numbers of W'(i): its slope in the distance by the force, the
+    flux linkage and the inductance. From one current to the next a cubic spline meets those of both ends with three
+    cells, not with two; a number that cuts some intervals once and others twice misses more than either.
     """
     if rows.without_current:
         return [CurrentSplines((np.array([0.0, 1.0]),), (0,))]
-    count = len(rows.currents)
-    forms = [(2, 1)] if count >= FEWEST_CURRENTS else []
-    forms += [(degree, n) for degree in (3, 4) for n in CELLS_IN_CURRENT if degree + n + 2 <= count]
+    count, last = len(rows.currents), len(rows.currents) - 1
+    forms = [(2, 1)] if count >= constants.FEWEST_CURRENTS else []
+    forms += [(degree, n) for degree in (3, 4) for n in constants.CELLS_IN_CURRENT if degree + n + 2 <= count]
     even = [(degree, np.linspace(rows.currents[0], rows.currents[-1], n + 1)) for degree, n in forms]
-    following = [(SMOOTHED_DEGREE, breaks) for breaks in _bent_breaks(rows)]
+    following = []
+    if rows.inductance is not None:
+        thirds = np.interp(np.arange(3 * last + 1) / 3.0, np.arange(last + 1), rows.currents)
+        finest = 3 * last if 3 * last <= constants.MOST_BENT_CELLS else min(last, constants.MOST_BENT_CELLS)
+        for n in sorted({min(n, finest) for n in (*constants.BENT_CELLS, finest)}):
+            breaks = thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)]
+            following.append((constants.SMOOTHED_DEGREE, breaks))
     return [CurrentSplines((clamped_knots(breaks, degree),), (degree,)) for degree, breaks in even + following]
-
-
-def _bent_breaks(rows: FitRows) -> list[FloatArray]:
-    """Breaks at the currents and at the thirds between them, at each current if these are many, or evenly fewer.
-
-    Each current gives three numbers of W'(i): its slope in the distance by the force, the flux linkage and the
-    inductance. From one current to the next a cubic spline meets those of both ends with three cells, not with two;
-    a number that cuts some intervals once and others twice misses more than either.
-    """
-    if rows.inductance is None:
-        return []
-    last = len(rows.currents) - 1
-    thirds = np.interp(np.arange(3 * last + 1) / 3.0, np.arange(last + 1), rows.currents)
-    finest = 3 * last if 3 * last <= MOST_BENT_CELLS else min(last, MOST_BENT_CELLS)
-    counts = sorted({min(n, finest) for n in (*BENT_CELLS, finest)})
-    return [thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)] for n in counts]
-
-
-def distance_coordinates(distances: FloatArray) -> list[DistanceCoordinate]:
-    """The coordinates that are tried for ascending distances in m: inverse ones with several shifts, and the plain."""
-    stroke = float(np.ptp(distances))
-    nearest = float(distances[0])
-    shifts = [share * stroke for share in SHIFTS]
-    inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
-    return [*(DistanceCoordinate(nearest + s, s) for s in inverse), DistanceCoordinate(stroke, kind="distance")]
 
 
 Along = tuple[DistanceCoordinate, FloatArray]
@@ -156,18 +125,29 @@ Along = tuple[DistanceCoordinate, FloatArray]
 
 
 def splines_along(
-    distances: FloatArray, counts: Sequence[int], spare: int = 0, *, degree: int = U_DEGREE, breaks: str = "even"
+    distances: FloatArray,
+    counts: Sequence[int],
+    spare: int = 0,
+    *,
+    degree: int = constants.U_DEGREE,
+    breaks: str = "even",
 ) -> Iterator[list[Along]]:
     """Splines over ascending distances in m, those of as many cells together; ``spare`` distances more than functions.
 
     Breaks lie evenly in the coordinate, or, ``following``, also where the distances do: these leave data in every cell.
-    ``geometric`` ones are even in its logarithm where it is inverse. With even ones alone, coordinates between two gaps
-    are tried as well.
+    ``geometric`` ones are even in its logarithm where it is inverse. The coordinates are inverse ones with several
+    shifts, the plain distance and, with even breaks alone, those between two gaps.
     """
-    coordinates = distance_coordinates(distances)
+    nearest, stroke = float(distances[0]), float(np.ptp(distances))
+    shifts = [share * stroke for share in constants.SHIFTS]
+    inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= constants.CLOSEST * stroke]
+    coordinates = [DistanceCoordinate(nearest + s, s) for s in inverse]
+    coordinates.append(DistanceCoordinate(stroke, kind="distance"))
     if breaks == "even":
-        middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
-        coordinates += [DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * width) for share in TWO_GAPS]
+        middle = float(distances[[0, -1]].mean())
+        coordinates += [
+            DistanceCoordinate(middle, kind="two_gaps", stretch_m=share * stroke) for share in constants.TWO_GAPS
+        ]
     for count in counts:
         if degree + count + spare > len(distances):
             return
@@ -189,13 +169,14 @@ def best_along_distance(system: CoenergySystem, functions: CurrentSplines) -> Co
     FitError
         If there are fewer distances than one cell needs.
     """
-    distances = system.rows.distances
-    if len(distances) < U_DEGREE + 1:
+    distances = np.unique(system.distance)
+    if len(distances) < constants.U_DEGREE + 1:
         raise FitError(
-            f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "
-            "Sweep more distances."
+            f"Several circuits need a sweep of at least {constants.U_DEGREE + 1} distances; instead received "
+            f"{len(distances)}. Sweep more distances."
         )
     groups = (
-        [CoenergyBasis(*along, functions) for along in alike] for alike in splines_along(distances, CIRCUIT_CELLS)
+        [CoenergyBasis(*along, functions) for along in alike]
+        for alike in splines_along(distances, constants.CIRCUIT_CELLS)
     )
     return smallest(groups, lambda basis: system.held_out_errors(basis).max())[0]

@@ -130,13 +130,14 @@ def with_impedances(
     follows = _following(inductance, distance, frequency, eddy)
     at_probes = _following(inductance, distance, slopes.frequencies_Hz, eddy)
     before = np.asarray(np.linalg.inv(at_probes), dtype=np.complex128)
-    effects = {effect.key: effect for effect in drawn}
+    effects, probed = {effect.key: effect for effect in drawn}, np.log(slopes.frequencies_Hz)
     for number, by_number in zip(slopes.numbers, slopes.slopes[:, order], strict=True):
         if number.effect or number.kind == CONDUCTIVITY or not by_number.any():
             continue
         effect = effects.get(number.key) or drawn_effect(number, (), at_rest=KINDS[number.kind].at_rest)
         ratio = _turned(before, by_number) - _static(effect, distance)[:, None, None, None]
-        rest = _turned(follows, _along(np.log(slopes.frequencies_Hz), ratio, np.log(frequency)))
+        between = make_interp_spline(probed, ratio, k=min(CUBIC, len(probed) - 1), axis=1)
+        rest = _turned(follows, between(np.log(frequency)))
         change = impedance_change(
             effect.parameter,
             eddy.coordinate,
@@ -176,8 +177,3 @@ def spline_frequencies(frequency: FloatArray) -> FloatArray:
     if low == high:
         return frequency[:1]
     return np.geomspace(low, high, 1 + max(CUBIC, round(EDDY_PER_DECADE * np.log10(high / low))))
-
-
-def _along(x: FloatArray, values: ComplexArray, places: FloatArray) -> ComplexArray:
-    """Values (d, x) interpolated at other places of x."""
-    return np.asarray(make_interp_spline(x, values, k=min(CUBIC, len(x) - 1), axis=1)(places))

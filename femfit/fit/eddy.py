@@ -33,6 +33,9 @@ from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
 from femfit.tables.sweep_table import SweepTable
 
+TINY_STEP = 1e-30
+"""Numerical: of the distance in m, along which the entries are differentiated."""
+
 
 def fit_eddy(
     table: EddyTable | None, magnetics: Magnetics, error: float | None = None, saturating: Collection[str] = ()
@@ -77,11 +80,11 @@ def fit_eddy(
         hall=float(errors[2]) if n and table.hall is not None else None,
         **_static_errors(table, magnetics),
     )
-    if table.bias_A is None or not n:
-        return replace(eddy, error=stated)
-    order = np.argsort(table.distances_m)
-    which = tuple(name for name in table.materials if name in saturating)
-    return replace(eddy, error=stated, bias=EddyBias(table.distances_m[order], table.bias_A[order], which))
+    bias = None
+    if table.bias_A is not None and n:
+        order, which = np.argsort(table.distances_m), tuple(name for name in table.materials if name in saturating)
+        bias = EddyBias(table.distances_m[order], table.bias_A[order], which)
+    return replace(eddy, error=stated, bias=bias)
 
 
 def with_eddy_currents(model: ActuatorModel, table: SweepTable) -> ActuatorModel:
@@ -147,40 +150,33 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
 def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     """C, lambda, Q and h of each distance in a row, and their slopes in 1/m; those that are not known are NaN.
 
-    They are those of h, and all of an actuator that saturates.
-    """
-    values, slopes, c = [], [], len(table.circuits)
-    upper = np.triu_indices(table.patterns)
-    for k in range(len(table.distances_m)):
-        flux, slope = table.flux_linkage[k], -2.0 * table.force[k, 1:]
-        between, alone = flux[:c, 1 + c :], flux[:, 0]
-        coupling = _coupling(table, k)
-        bend = np.linalg.solve(flux[:c, 1 : 1 + c], slope[:c, 1 + c :] - slope[:c, 1 : 1 + c] @ coupling)
-        rest = alone if table.rest is None else table.rest[k]
-        linked = rest[c:] - coupling.T @ rest[:c]
-        linking = slope[c:, 0] - bend.T @ alone[:c] - coupling.T @ slope[:c, 0]
-        crossed = between.T @ coupling
-        inductance = flux[c:, 1 + c :] - crossed - crossed.T + coupling.T @ flux[:c, 1 : 1 + c] @ coupling
-        rising = slope[c:, 1 + c :] - slope[:c, 1 + c :].T @ coupling - between.T @ bend
-        hall = np.zeros(0)
-        if table.hall is not None:
-            hall = table.hall[k, 1 + c :] - coupling.T @ table.hall[k, 1 : 1 + c]
-        values.append([*coupling.ravel(), *linked, *inductance[upper], *hall])
-        slopes.append([*bend.ravel(), *linking, *rising[upper], *np.full_like(hall, np.nan)])
-    return np.array(values), np.array(slopes) if table.bias_A is None else np.full(np.shape(values), np.nan)
-
-
-def _coupling(table: EddyTable, k: int) -> FloatArray:
-    """C at a distance, shape (n, q).
+    They are those of h, and all of an actuator that saturates. The others are the imaginary part of what a tiny
+    imaginary way gives, exact to rounding (Squire and Trapp, SIAM Rev. 40 (1998) 110).
 
     Beside iron that saturates the patterns of a single circuit link the flux of the currents C that they act like, from
     rest to the bias; small currents alone, and C = L^-1 m, do not tell what they link there.
     """
-    flux, c = table.flux_linkage[k], len(table.circuits)
-    if c == 1 and table.rest is not None and table.bias_A is not None and table.bias_A[k].any():
-        linked = flux[:, 0] - table.rest[k]
-        return np.asarray(linked[None, 1:] / linked[0])
-    return np.linalg.solve(flux[:c, 1 : 1 + c], flux[:c, 1 + c :])
+    c, count = len(table.circuits), len(table.distances_m)
+    flux = table.flux_linkage - 2j * TINY_STEP * table.force[:, 1:]
+    rest = flux[:, :, 0] if table.rest is None else table.rest
+    own, between, among = flux[:, :c, 1 : 1 + c], flux[:, :c, 1 + c :], flux[:, c:, 1 + c :]
+    coupling = np.linalg.solve(own, between)
+    if c == 1 and table.bias_A is not None:
+        biased = np.flatnonzero(table.bias_A.any(axis=1))
+        linked = (flux[:, :, 0] - rest)[biased]
+        coupling[biased, 0] = linked[:, 1:] / linked[:, :1]
+    turned = coupling.swapaxes(1, 2)
+    crossed, (first, second) = between.swapaxes(1, 2) @ coupling, np.triu_indices(table.patterns)
+    inductance = among - crossed - crossed.swapaxes(1, 2) + turned @ own @ coupling
+    linking = rest[:, c:] - (turned @ rest[:, :c, None])[:, :, 0]
+    entries = [coupling.reshape(count, -1), linking, inductance[:, first, second]]
+    if table.hall is not None:
+        hall = table.hall[:, 1 + c :] - (turned @ table.hall[:, 1 : 1 + c, None])[:, :, 0]
+        entries.append(hall)
+    values = np.concatenate(entries, axis=1)
+    slopes, known = values.imag / TINY_STEP, sum(entry.shape[1] for entry in entries[:3])
+    slopes[:, known if table.bias_A is None else 0 :] = np.nan
+    return values.real, slopes
 
 
 def _splines(

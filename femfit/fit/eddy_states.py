@@ -41,7 +41,7 @@ class _Place:
 
     def departures(self, combinations: FloatArray) -> ComplexArray:
         """Of the responses by combinations, over their sizes, shape (f, k, l)."""
-        turned = orthonormal(combinations)
+        turned = np.linalg.qr(combinations)[0]
         responses = np.einsum("rk,frl->fkl", turned.T @ self.outputs, self._driven(turned))
         return np.asarray((responses - self.target) / self.size)
 
@@ -186,8 +186,3 @@ class StateChoice:
             size[:, n - 1 : 2 * n - 1, n - 1 :] = slow
         size[size == 0.0] = np.inf
         return size
-
-
-def orthonormal(columns: FloatArray) -> FloatArray:
-    """Orthonormal columns with the same span."""
-    return np.asarray(np.linalg.qr(columns)[0])

@@ -73,13 +73,9 @@ class TermBounds:
     inequalities: Inequalities  # Perhaps none
     sides: tuple[str, ...]  # ``lower`` or ``upper`` for each inequality
 
-    def solve(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> QPSolution:
-        """The least squares within them, proved."""
-        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities, self.names).solve()
-
-    def refit(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> FloatArray:
-        """The same quickly and without proof."""
-        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities).solve_unproven()
+    def problem(self, matrix: FloatArray, y: FloatArray, sigma: FloatArray) -> BoundedQP:
+        """The least squares within them."""
+        return BoundedQP(matrix, y, sigma, self.lower, self.upper, self.inequalities, self.names)
 
     def active(self, solution: QPSolution) -> tuple[str, ...]:
         """The bounds that a solution stands on, in words."""
@@ -100,38 +96,28 @@ def term_bounds(
     functions: Sequence[str], labels: Sequence[str], currents: FloatArray, bounds: FloatArray
 ) -> TermBounds:
     """Bounds (2, m, k) on c_k(i) at each current: a box where one term makes it up, inequalities where it has more."""
-    total = sum(len(FUNCTIONS[name]) for name in functions)
-    lower, upper = np.full(total, -np.inf), np.full(total, np.inf)
-    rows: list[FloatArray] = []
-    right: list[float] = []
-    words: list[str] = []
-    sides: list[str] = []
-    start = 0
-    for k, name in enumerate(functions):
-        powers = np.array(FUNCTIONS[name], dtype=np.float64)
-        for i, (low, high) in zip(currents, bounds[:, :, k].T, strict=True):
-            row = np.zeros(total)
-            row[start : start + len(powers)] = i**powers
-            only = np.flatnonzero(row)
-            for limit, sign, word in ((low, 1.0, "lower"), (high, -1.0, "upper")):
-                if not np.isfinite(limit) or len(only) == 0:
+    owner, powers = np.array([(k, power) for k, name in enumerate(functions) for power in FUNCTIONS[name]]).T
+    lower, upper = np.full(len(owner), -np.inf), np.full(len(owner), np.inf)
+    rows, right, words, sides = list[FloatArray](), list[float](), list[str](), list[str]()
+    for k, label in enumerate(labels):
+        for i, ends in zip(currents, bounds[:, :, k].T, strict=True):
+            row = np.where(owner == k, float(i) ** powers, 0.0)
+            terms = np.flatnonzero(row)
+            for limit, sign, side in zip(ends, (1.0, -1.0), ("lower", "upper"), strict=True):
+                if not np.isfinite(limit) or len(terms) == 0:
                     continue
-                if len(only) == 1:
-                    # sign row x >= sign limit bounds this term alone, from below where the row's entry has that sign.
-                    entry, place = float(row[only[0]]), int(only[0])
-                    if sign * entry > 0:
-                        lower[place] = max(float(lower[place]), float(limit) / entry)
-                    else:
-                        upper[place] = min(float(upper[place]), float(limit) / entry)
-                else:
+                if len(terms) > 1:
                     rows.append(sign * row)
                     right.append(sign * limit)
-                    words.append(f"{labels[k]} at {i:g} A on its {word} bound {limit:g}")
-                    sides.append(word)
-        start += len(powers)
-    inequalities = Inequalities(np.reshape(rows, (-1, total)), np.array(right), tuple(words))
-    names = (f"{labels[k]} i^{power}" for k, name in enumerate(functions) for power in FUNCTIONS[name])
-    return TermBounds(tuple(names), lower, upper, inequalities, tuple(sides))
+                    words.append(f"{label} at {i:g} A on its {side} bound {limit:g}")
+                    sides.append(side)
+                elif sign * row[terms[0]] > 0.0:  # it bounds this term alone, from below where the entry has that sign
+                    lower[terms] = np.maximum(lower[terms], limit / row[terms])
+                else:
+                    upper[terms] = np.minimum(upper[terms], limit / row[terms])
+    inequalities = Inequalities(np.reshape(rows, (-1, len(owner))), np.array(right), tuple(words))
+    names = tuple(f"{labels[k]} i^{power}" for k, power in zip(owner, powers, strict=True))
+    return TermBounds(names, lower, upper, inequalities, tuple(sides))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +193,7 @@ def fit_coefficient_function(
         allowed = max(one_error_above, max(negligible, solver_noise) ** 2)
         name = next(trial for trial, s in squares.items() if np.mean(s) <= allowed)
     limits = term_bounds([name], [label], currents, bounds)
-    solution = limits.solve(_monomials(name, currents), values, np.ones(len(values)))
+    solution = limits.problem(_monomials(name, currents), values, np.ones(len(values))).solve()
     return CoefficientFunction(
         name=name, values=solution.x, held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()}
     )
@@ -229,7 +215,8 @@ def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: FloatArr
             for out in range(len(currents)):
                 fitted = np.arange(len(currents)) != out
                 limits = term_bounds([name], ["c"], currents[fitted], bounds[:, fitted])
-                x = limits.refit(monomials[fitted], values[fitted], np.ones(len(currents) - 1))
+                ones = np.ones(len(currents) - 1)
+                x = limits.problem(monomials[fitted], values[fitted], ones).solve_unproven()
                 errors.append(float(monomials[out] @ x - values[out]))
         except InfeasibleFitError:
             continue

@@ -91,7 +91,7 @@ class LawFit:
         fitted, sigma = self.rows.take(subset), law_sigma(self.rows)[subset]
         shape = fit_shape(self.law, fitted, sigma, self.shape)
         matrix = design_matrix(self.law, shape, self.functions, fitted.distance, fitted.current)
-        return shape, self.limits.refit(matrix, fitted.force, sigma)
+        return shape, self.limits.problem(matrix, fitted.force, sigma).solve_unproven()
 
     @cached_property
     def _jackknife(self) -> tuple[FloatArray, FloatArray]:
@@ -137,25 +137,52 @@ class LawFit:
         return self.limits.active(self.joint)
 
     @property
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """The terms as a model has them; one on its bound has no interval."""
+        sides, units = (
+            self.limits.active_sides(self.joint),
+            dict(zip(self.law.basis, self.law.coefficient_units, strict=True)),
+        )
+        return tuple(
+            Coefficient(
+                basis=basis,
+                current_power=power,
+                value=float(self.joint.x[n]),
+                unit=f"{units[basis]} A^-{power}" if power else units[basis],
+                ci95=None if sides[n] else (float(self.interval[n, 0]), float(self.interval[n, 1])),
+                bounds=(float(self.limits.lower[n]), float(self.limits.upper[n])),
+                active=sides[n],
+            )
+            for n, (basis, power) in enumerate(self.terms)
+        )
+
+    @property
     def term_rows(self) -> list[tuple[str, int, float | None, tuple[float, float], str]]:
-        """Column, power of the current, value, interval and unit of each coefficient.
+        """Column, power of the current, value, interval and unit of each coefficient, then of each nonlinear parameter.
 
         A value is None where the table leaves its sign open.
         """
         rows: list[tuple[str, int, float | None, tuple[float, float], str]] = []
-        sides = self.limits.active_sides(self.joint)
-        for n, (basis, power) in enumerate(self.terms):
-            unit = self.law.coefficient_units[self.law.basis.index(basis)] + (f" A^-{power}" if power else "")
-            low, high = self.interval[n]
-            free = low < 0.0 < high and not sides[n]
-            rows.append((basis, power, None if free else float(self.joint.x[n]), (low, high), unit))
-        return rows
+        for c, (low, high) in zip(self.coefficients, self.interval.tolist(), strict=True):
+            open_sign = low < 0.0 < high and not c.active
+            rows.append((c.basis, c.current_power, None if open_sign else c.value, (low, high), c.unit))
+        shape = self.shape_interval
+        return rows + [(p.name, 0, self.shape[p.name], shape[p.name], p.unit) for p in self.law.shape]
 
-    @property
-    def shape_rows(self) -> list[tuple[str, float, float, float, str]]:
-        """Name, value, both ends of the interval and unit of each nonlinear parameter."""
-        units = {parameter.name: parameter.unit for parameter in self.law.shape}
-        return [(name, value, *self.shape_interval[name], units[name]) for name, value in self.shape.items()]
+    def magnetics(self, inductance_H: float | None = None) -> LawMagnetics:
+        """The law with its coefficients; inductance and flux linkage at the farthest point follow the table."""
+        rows, farthest = self.rows, float(self.rows.distances[-1])
+        law = LawMagnetics(
+            self.law.name, self.coefficients, dict(self.shape), inductance_H or 0.0, reference_distance_m=farthest
+        )
+        if rows.flux_linkage is None:
+            return law
+        remaining = rows.flux_linkage[:, 0] - law.flux_linkage(rows.distance, rows.circuit_currents)[:, 0]
+        # Columns for an inductance >= 0 and a flux linkage of either sign.
+        constant, largest = np.ones_like(rows.current), float(np.max(np.abs(rows.current))) or 1.0
+        matrix = np.stack([rows.current / largest, constant, -constant], axis=1)
+        inductance, plus, minus = non_negative(matrix, remaining)[0].tolist()
+        return replace(law, constant_inductance_H=inductance / largest, constant_flux_linkage_Wb=plus - minus)
 
 
 def law_sigma(rows: FitRows) -> FloatArray:
@@ -207,7 +234,7 @@ def fit_law(
     chosen = tuple(function.name for function in stage_two)
     matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
     limits = term_bounds(chosen, law.basis, rows.currents, within)
-    joint = limits.solve(matrix, rows.force, sigma)
+    joint = limits.problem(matrix, rows.force, sigma).solve()
     return LawFit(law, rows, shape, chosen, stage_one, stage_two, joint, limits)
 
 
@@ -225,38 +252,3 @@ def fit_shape(
         return np.asarray(target - q_factor @ (q_factor.T @ target))
 
     return search_shape(law, residual, start)
-
-
-def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None) -> LawMagnetics:
-    """The law with the coefficients of the fit to all rows, its inductance and flux linkage at the farthest point."""
-    sides = fit.limits.active_sides(fit.joint)
-    coefficients = []
-    for n, (basis, power) in enumerate(fit.terms):
-        unit = fit.law.coefficient_units[fit.law.basis.index(basis)]
-        interval = fit.interval[n]
-        coefficients.append(
-            Coefficient(
-                basis=basis,
-                current_power=power,
-                value=float(fit.joint.x[n]),
-                unit=f"{unit} A^-{power}" if power else unit,
-                ci95=None if sides[n] else (float(interval[0]), float(interval[1])),
-                bounds=(float(fit.limits.lower[n]), float(fit.limits.upper[n])),
-                active=sides[n],
-            )
-        )
-    farthest = float(rows.distances[-1])
-    law = LawMagnetics(
-        fit.law.name, tuple(coefficients), dict(fit.shape), inductance_H or 0.0, reference_distance_m=farthest
-    )
-    if rows.flux_linkage is None:
-        return law
-    remaining = rows.flux_linkage[:, 0] - law.flux_linkage(rows.distance, rows.circuit_currents)[:, 0]
-    # Columns for an inductance >= 0 and a flux linkage of either sign.
-    constant, i = np.ones_like(rows.current), rows.current / (np.max(np.abs(rows.current)) or 1.0)
-    inductance, plus, minus = non_negative(np.stack([i, constant, -constant], axis=1), remaining)[0]
-    return replace(
-        law,
-        constant_inductance_H=float(inductance / (np.max(np.abs(rows.current)) or 1.0)),
-        constant_flux_linkage_Wb=float(plus - minus),
-    )

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -58,22 +58,30 @@ def hall_sensor_of(element: Mapping[str, Any], field: HallField) -> HallSensor:
     )
 
 
-def circuit_of(
-    entry: Mapping[str, Any], flux_linkage: bool = True, inductance_given: bool = True
+def circuits_of(
+    entry: Mapping[str, Any], names: Sequence[str] = (), flux_linkage: bool = True, inductance_given: bool = True
 ) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:
-    """The circuit of an actuator entry, and how to give what is missing.
+    """The circuits of several names, or the only one, of an actuator entry; none where not all is there, and why.
 
-    It needs an inductance: from the table's flux linkage, or given.
+    The only one needs an inductance: from the table's flux linkage, or given.
     """
-    keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
-    missing = [key for key in keys if entry.get(key) is None]
-    if not (flux_linkage or inductance_given):
-        missing.append("flux_linkage_Wb or an inductance")
-    if not missing:
-        record = (entry.get("circuits") or [{}])[0]
-        record = circuit_record({**record, **{key: number(entry, key) for key in keys}})
-        return (_recorded(Circuit, "circuit", record),), ()
-    return (), (note("no_circuit", missing, flux_linkage),)
+    records: Sequence[Mapping[str, Any]] = entry.get("circuits") or ()
+    if names:
+        recorded = {record.get("name"): record for record in records}
+        if not set(names) <= set(recorded):
+            return (), (note("no_circuits", names),)
+        records = [recorded[name] for name in names]
+    else:
+        keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
+        missing = [key for key in keys if entry.get(key) is None]
+        if not (flux_linkage or inductance_given):
+            missing.append("flux_linkage_Wb or an inductance")
+        if missing:
+            return (), (note("no_circuit", missing, flux_linkage),)
+        records = [{**(records[0] if records else {}), **{key: number(entry, key) for key in keys}}]
+    circuits = tuple(_recorded(Circuit, "circuit", circuit_record(record)) for record in records)
+    without = [circuit.name for circuit in circuits if not np.isfinite(circuit.voltage_max_V - circuit.voltage_min_V)]
+    return ((), (note("no_limits", without),)) if without else (circuits, ())
 
 
 def mechanics_of(entry: Mapping[str, Any]) -> Mechanics | None:
@@ -89,23 +97,11 @@ def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mecha
         return None, (note("no_motion"),)
     low, high = float(distances.min()) - STOP_ROUNDING_M, float(distances.max()) + STOP_ROUNDING_M
     near, far = motion.ends
-    beyond = {"near": near} if -np.inf < near < low else {}
-    beyond |= {"far": far} if high < far < np.inf else {}
+    sides = ("near", near, near < low), ("far", far, far > high)
+    beyond = {side: place for side, place, outside in sides if outside and np.isfinite(place)}
     notes = tuple(note("beyond_sweep", side, place) for side, place in beyond.items())
-    stops = {"near": motion.near_stop, "far": motion.far_stop} | dict.fromkeys(beyond)
-    return replace(motion, near_stop=stops["near"], far_stop=stops["far"]), notes
-
-
-def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:
-    """The circuits of several names, and how to give what is missing; none where not all are there."""
-    recorded = {record.get("name"): record for record in entry.get("circuits") or ()}
-    if not set(names) <= set(recorded):
-        return (), (note("no_circuits", names),)
-    circuits = tuple(_recorded(Circuit, "circuit", circuit_record(recorded[name])) for name in names)
-    without = [circuit.name for circuit in circuits if not np.isfinite(circuit.voltage_max_V - circuit.voltage_min_V)]
-    if without:
-        return (), (note("no_limits", without),)
-    return circuits, ()
+    stops = {f"{side}_stop": None for side in beyond}
+    return replace(motion, **cast("dict[str, Any]", stops)), notes
 
 
 def validity_of(magnetics: Magnetics, rows: FitRows, winding: bool = True) -> ValidityBox:

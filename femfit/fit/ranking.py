@@ -23,7 +23,7 @@ from femfit.core.numerics import BoolArray, FloatArray, ranked
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.constants import COARSE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
 from femfit.fit.law_columns import design_matrix
-from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
+from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.model_parts import validity_of
 from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.fit.words import note
@@ -52,16 +52,11 @@ def misfit_to_rows(model: ActuatorModel, rows: FitRows) -> Misfit:
     if rows.flux_linkage is not None:
         linked = magnetics.flux_linkage(rows.distance, rows.circuit_currents)
         missed = linked - rows.flux_linkage
-        flux_rms = rms(missed)
-        flux_share = rms_share(missed, rows.flux_linkage)
-    if rows.flux_linkage is not None and not rows.several:
-        # Change of flux linkage over that of current, from each current to the next at the same distance
-        order = np.lexsort((rows.current, rows.distance))
-        same = np.diff(rows.distance[order]) == 0.0
-        steps = np.diff(rows.current[order])[same]
-        table, of_model = (np.diff(flux[order, 0])[same] / steps for flux in (rows.flux_linkage, linked))
-        if len(table):
-            inductance_rms, inductance_share = rms(of_model - table), rms_share(of_model - table, table)
+        flux_rms, flux_share = rms(missed), rms_share(missed, rows.flux_linkage)
+        if not rows.several:
+            table, bent = (np.concatenate(rows.slopes(flux[:, 0])) for flux in (rows.flux_linkage, missed))
+            if len(table):
+                inductance_rms, inductance_share = rms(bent), rms_share(bent, table)
     if sensor is not None and rows.hall is not None:
         hall_rms = rms(sensor.field.field(rows.distance, rows.circuit_currents) - rows.hall)
     return Misfit(
@@ -80,17 +75,13 @@ def misfit_to_rows(model: ActuatorModel, rows: FitRows) -> Misfit:
     )
 
 
-_UNITS_ASSUMED = "assumed-units"
-
-
 def import_notes(table: SweepTable) -> tuple[str, ...]:
     """What an import warned of, and units that it assumed: a fit is wrong by the factor that they are."""
     findings = [finding for finding in table.manifest.get("findings") or () if isinstance(finding, dict)]
-    grave = [
-        finding for finding in findings if finding.get("severity") == "warning" or finding.get("code") == _UNITS_ASSUMED
-    ]
     return tuple(
-        f"{finding.get('text', finding.get('sentence', ''))} {finding.get('remedy', '')}".strip() for finding in grave
+        f"{finding.get('text', finding.get('sentence', ''))} {finding.get('remedy', '')}".strip()
+        for finding in findings
+        if finding.get("severity") == "warning" or finding.get("code") == "assumed-units"
     )
 
 
@@ -115,12 +106,10 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | No
         # it is where a point left out is missed most, whatever the misfit to all points says.
         missed, finer = coenergy.missed_N, finer_settings(coenergy.missed_N, rows)
         of_rms, worst = rms_share(missed, rows.force) or 0.0, int(np.argmax(missed))
-        where = rows.distance[worst], rows.current[worst], finer
-        if of_rms >= COARSE:
-            notes.append(note("coarse_sweep", of_rms, "its rms", rows.saturates, *where))
-        elif misfit.force_rms_relative >= COARSE:
-            of_each = misfit.force_rms_relative, "each point's own force (rms)"
-            notes.append(note("coarse_sweep", *of_each, False, *where))
+        of_each = misfit.force_rms_relative, "each point's own force (rms)", False
+        coarse = (of_rms, "its rms", rows.saturates) if of_rms >= COARSE else of_each
+        if coarse[0] >= COARSE:
+            notes.append(note("coarse_sweep", *coarse, rows.distance[worst], rows.current[worst], finer))
     shares = {"flux linkage": misfit.flux_linkage_share, "inductance": misfit.inductance_share}
     poor = {name: share for name, share in shares.items() if share is not None and share > POOR_CIRCUIT}
     if poor:
@@ -225,7 +214,7 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
             (shape, x), test = fit.refit(~out), rows.take(out)
             left_out.append(design_matrix(law, shape, fit.functions, test.distance, test.current) @ x - test.force)
         errors = np.concatenate(left_out)
-        magnetics = law_magnetics(fit, rows)
+        magnetics = fit.magnetics()
         candidate = ActuatorModel("candidate", magnetics, validity_of(magnetics, rows))
         written = misfit_to_rows(as_written(candidate), rows)
     except (FemfitError, ValueError, ArithmeticError) as failure:  # one law, perhaps another package's, fails alone

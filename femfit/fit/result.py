@@ -1,7 +1,6 @@
 """What a fit gives: the model, how it came about, and both as text and JSON-ready data."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +8,7 @@ import numpy as np
 from femfit.core.results import Plotted
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
-from femfit.fit.law_fit import LawFit, law_magnetics
+from femfit.fit.law_fit import LawFit
 from femfit.fit.ranking import Ranking, finer_settings
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
@@ -33,10 +32,15 @@ class Fits:
     network: "NetworkFit | None" = None
     circuits: CircuitsFit | None = None
 
-    def magnetics(self, rows: FitRows, inductance_H: float | None) -> Magnetics:
+    @property
+    def spline(self) -> CoenergyFit | None:
+        """The co-energy of one circuit where it is the model itself."""
+        return None if self.law or self.network else self.coenergy
+
+    def magnetics(self, inductance_H: float | None) -> Magnetics:
         """The law's, the network's or the co-energy's."""
         if self.law is not None:
-            return law_magnetics(self.law, rows, inductance_H)
+            return self.law.magnetics(inductance_H)
         fit = self.network or self.circuits or self.coenergy
         assert fit is not None  # noqa: S101  a co-energy that is needed raises
         return fit.magnetics
@@ -87,12 +91,6 @@ class FitResult(Plotted, Fits):
         assert self.model.misfit is not None  # noqa: S101  every fit computes it
         return self.model.misfit
 
-    def with_provenance(self, manifest: Mapping[str, Any], **more: Any) -> "FitResult":
-        """The result whose model holds it as data beside the sweep's manifest."""
-        sweep = {key: value for key, value in manifest.items() if key != "actuator"}
-        provenance = {"fit": self.to_dict(), "sweep": sweep, **more}
-        return replace(self, model=replace(self.model, provenance=provenance))
-
     def __str__(self) -> str:
         """The lines that ``femfit fit`` prints, the answer first."""
         derived = None if self.circuits or self.rows.without_current else self._ranges()
@@ -109,7 +107,6 @@ class FitResult(Plotted, Fits):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
-        spline = None if self.law or self.network else self.coenergy
         return {
             "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
@@ -120,7 +117,7 @@ class FitResult(Plotted, Fits):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": None if self.hall is None else self.hall.to_dict(),
-            "finer_sweep": finer_settings(spline.missed_N, self.rows) if spline else None,
+            "finer_sweep": finer_settings(self.spline.missed_N, self.rows) if self.spline else None,
             "notes": [*self.of_data, *self.notes],
         }
 
@@ -148,13 +145,8 @@ def _law_data(fit: LawFit) -> dict[str, Any]:
         "shape_interval95": {name: list(ends) for name, ends in fit.shape_interval.items()},
         "functions": dict(zip(fit.law.basis, fit.functions, strict=True)),
         "terms": [
-            {
-                "column": basis,
-                "current_power": power,
-                "value": float(fit.joint.x[n]),
-                "interval95": fit.interval[n].tolist(),
-            }
-            for n, (basis, power) in enumerate(fit.terms)
+            {"column": c.basis, "current_power": c.current_power, "value": c.value, "interval95": interval}
+            for c, interval in zip(fit.coefficients, fit.interval.tolist(), strict=True)
         ],
         "active": list(fit.active),
         "condition_scaled": fit.joint.condition_scaled,

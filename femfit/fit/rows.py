@@ -1,5 +1,6 @@
 """A sweep table's rows as arrays, checked for what every fit needs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -7,20 +8,11 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import GRAVITY, BoolArray, FloatArray
+from femfit.core.numerics import GRAVITY, BoolArray, FloatArray, IntArray
 from femfit.core.results import listing
-from femfit.core.sweep_columns import flux_columns, inductance_columns
+from femfit.core.sweep_columns import current_columns, flux_columns, inductance_columns
 from femfit.core.text import counted
-from femfit.fit.constants import (
-    FAR_ABOVE_WEIGHT,
-    FEWEST_DISTANCES,
-    FEWEST_ROWS,
-    NETWORK_IDLE,
-    SMALL_CIRCUIT_FORCE,
-    SMALL_FORCE,
-    STRAIGHT,
-    TRAPEZOID,
-)
+from femfit.fit import constants
 from femfit.model.validity import ActuatorKind
 from femfit.tables.sweep_table import SweepTable, column_numbers, current_names, snap_axis
 from femfit.tables.units import suspected_by_size
@@ -81,9 +73,15 @@ class FitRows:
     @property
     def saturates(self) -> bool:
         """Whether the inductance, or the flux linkage's slope where none is given, changes with the current."""
-        if self.inductance is not None:
-            return True
-        return self.flux_linkage is not None and _bends(self.distance, self.current, self.flux_linkage[:, 0])
+        if self.inductance is not None or self.flux_linkage is None:
+            return self.inductance is not None
+        slopes = self.slopes(self.flux_linkage[:, 0])
+        bends = [np.ptp(of_distance) for of_distance in slopes if len(of_distance)]
+        return bool(max(bends, default=0.0) > constants.STRAIGHT * np.abs(np.concatenate(slopes)).max(initial=0.0))
+
+    def slopes(self, flux_linkage: FloatArray) -> list[FloatArray]:
+        """Of each distance, the changes of a flux linkage (rows,) over those of the current, from one to the next."""
+        return [np.diff(flux_linkage[k]) / np.diff(self.current[k]) for k in _by_distance(self.distance, self.current)]
 
     @property
     def hanging_weight(self) -> float | None:
@@ -95,7 +93,7 @@ class FitRows:
         """
         if self.weight is None or not np.min(self.force) <= self.weight <= np.max(self.force):
             return None
-        return None if self.rms_force > FAR_ABOVE_WEIGHT * self.weight else self.weight
+        return None if self.rms_force > constants.FAR_ABOVE_WEIGHT * self.weight else self.weight
 
     @property
     def rms_force(self) -> float:
@@ -118,11 +116,11 @@ class FitRows:
         """
         size = np.abs(self.force)
         if self.several:
-            return np.asarray(np.maximum(size, SMALL_CIRCUIT_FORCE * np.max(size)))
+            return np.asarray(np.maximum(size, constants.SMALL_CIRCUIT_FORCE * np.max(size)))
         largest = np.array([np.max(size[self.distance == d]) for d in self.distances])
         nearer, farther = np.maximum.accumulate(largest), np.maximum.accumulate(largest[::-1])[::-1]
         around = np.maximum(np.minimum(nearer, farther), 1e-4 * np.max(size) or 1.0)
-        return np.maximum(size, SMALL_FORCE * around[np.searchsorted(self.distances, self.distance)])
+        return np.maximum(size, constants.SMALL_FORCE * around[np.searchsorted(self.distances, self.distance)])
 
     def take(self, which: BoolArray) -> "FitRows":
         """The rows of a boolean mask."""
@@ -143,6 +141,12 @@ def rms_share(errors: FloatArray, values: FloatArray) -> float | None:
     return float(np.max(np.sqrt(np.mean(errors**2, axis=0)) / sizes)) if np.all(sizes > 0.0) else None
 
 
+def _by_distance(distance: FloatArray, current: FloatArray) -> list[IntArray]:
+    """The rows of each distance, ascending, by current."""
+    order = np.lexsort((current, distance))
+    return np.split(order, np.flatnonzero(np.diff(distance[order])) + 1)
+
+
 def rows_of_table(
     table: SweepTable, mass_kg: float | None = None, gravity_m_s2: float = GRAVITY, kind: ActuatorKind | None = None
 ) -> FitRows:
@@ -153,58 +157,56 @@ def rows_of_table(
             f"A fit needs rows with status ok; the table has none among its {len(table.rows)}. Run the sweep again, or "
             "look at the status column for what failed."
         )
+    if rows.get("force_error_N", pd.Series(dtype=float)).isna().any() and len(current_names(rows)) > 1:
+        rows = rows.drop(columns="force_error_N")
     swept = current_names(rows)
     names = tuple(name.removeprefix("current_").removesuffix("_A") for name in swept) if len(swept) > 1 else ()
-    fluxes = flux_columns(names) if names else ["flux_linkage_Wb"]
-    needed = ["distance_m", *(swept if names else ["current_A"]), "force_N", *(fluxes if names else ())]
-    columns = {name: _numbers(rows, name) for name in needed}
-    numbers = [column for column in columns.values() if column is not None]
-    if len(numbers) < len(needed):
+    circuits = names or ("",)
+    settings, fluxes = ["distance_m", *current_columns(circuits)], flux_columns(circuits)
+    columns: dict[str, Any] = {
+        name: _numbers(rows, name) for name in (*settings, "force_N", *fluxes, "force_error_N", "hall_T")
+    }
+    needed = [*settings, "force_N", *(fluxes if names else ())]
+    missing = [name for name in needed if columns[name] is None]
+    if missing:
         raise TableError(
-            f"A fit needs the columns {', '.join(needed)}; "
-            f"{', '.join(name for name, column in columns.items() if column is None)} missing. Sweep again, or import "
-            "these columns."
+            f"A fit needs the columns {', '.join(needed)}; {', '.join(missing)} missing. Sweep again, or import these "
+            "columns."
         )
     suspected = suspected_by_size(rows[["distance_m"]], solved=True)
     if suspected:
         raise TableError(f"{suspected[0].text} Divide the column, or read it with femfit import --unit distance_m=mm.")
-    circuits = max(1, len(names))
-    distance, force = numbers[0], numbers[1 + circuits]
-    currents = np.column_stack(numbers[1 : 1 + circuits])
-    if names:
-        distance, currents = snap_axis(distance), np.column_stack([snap_axis(column) for column in currents.T])
-    _require_settings(distance, currents)
+    distance, *currents = (snap_axis(columns[name]) if names else columns[name] for name in settings)
+    _require_settings(distance, np.column_stack(currents))
+    force, error, linked = columns["force_N"], columns["force_error_N"], [columns[name] for name in fluxes]
     if names and not force.any():
         raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
-    partial = bool(names) and "force_error_N" in rows and bool(rows["force_error_N"].isna().any())
-    error = None if partial else _numbers(rows, "force_error_N")
-    linked = [_numbers(rows, name) for name in fluxes]
     measured = FitRows(
         names=names,
         distance=distance,
-        circuit_currents=currents,
+        circuit_currents=np.column_stack(currents),
         force=force,
         force_error=np.zeros_like(force) if error is None else np.abs(error),
         flux_linkage=None if linked[0] is None else np.array(linked).T,
-        hall=_numbers(rows, "hall_T"),
+        hall=columns["hall_T"],
         weight=None if names or mass_kg is None else mass_kg * gravity_m_s2,
+        magnet=not names or (kind is not None and kind.has_magnet),
     )
-    magnet = not names or (kind is not None and kind.has_magnet)
     if names and kind is None:  # nobody described the device: does it pull without a current, or leave that open?
-        idle = ~currents.any(axis=1)
+        idle = ~measured.circuit_currents.any(axis=1)
         values = np.array([column / rms(column) for column in (force, *measured.linked.T)])
-        magnet = not idle.any() or float(np.abs(values[:, idle]).max()) > NETWORK_IDLE
-    inductance = _inductances(rows, names) if names else _inductance(rows, measured)
-    return replace(measured, inductance=inductance, magnet=magnet)
+        magnet = not idle.any() or float(np.abs(values[:, idle]).max()) > constants.NETWORK_IDLE
+        measured = replace(measured, magnet=magnet)
+    return replace(measured, inductance=_inductance(rows, measured, circuits))
 
 
 def _require_settings(distance: FloatArray, currents: FloatArray) -> None:
     """Refuse too few rows or distances, and rows that repeat another."""
     # A pair of magnets has one row a distance, and each row of several circuits has as many flux linkages
-    fewest = FEWEST_ROWS if currents.shape[1] == 1 and currents.any() else FEWEST_DISTANCES
-    if len(distance) < fewest or len(np.unique(distance)) < FEWEST_DISTANCES:
+    fewest = constants.FEWEST_ROWS if currents.shape[1] == 1 and currents.any() else constants.FEWEST_DISTANCES
+    if len(distance) < fewest or len(np.unique(distance)) < constants.FEWEST_DISTANCES:
         raise TableError(
-            f"A fit needs at least {fewest} usable rows at {FEWEST_DISTANCES} distances; instead received "
+            f"A fit needs at least {fewest} usable rows at {constants.FEWEST_DISTANCES} distances; instead received "
             f"{counted(len(distance), 'row')} at {counted(len(np.unique(distance)), 'distance')}. Sweep more distances."
         )
     duplicate = pd.DataFrame(np.column_stack([distance, currents])).duplicated().to_numpy()
@@ -216,27 +218,19 @@ def _require_settings(distance: FloatArray, currents: FloatArray) -> None:
         )
 
 
-def _inductances(rows: pd.DataFrame, names: tuple[str, ...]) -> FloatArray | None:
-    """All inductances of several circuits, (rows, n, n), where the table has them in every row."""
-    places = inductance_columns(names)
-    if not all(column in rows and bool(rows[column].notna().all()) for column in places):
+def _inductance(rows: pd.DataFrame, measured: FitRows, circuits: Sequence[str]) -> FloatArray | None:
+    """All inductances (rows, n, n); of one circuit NaN where a row has none, and None where they say nothing more."""
+    places, n = inductance_columns(circuits), len(circuits)
+    complete = all(name in rows and bool(rows[name].notna().all()) for name in places)
+    if not complete and (measured.several or "inductance_H" not in rows):
         return None
-    result = np.empty((len(rows), len(names), len(names)))
-    for column, (j, k) in places.items():
-        result[:, j, k] = result[:, k, j] = column_numbers(rows, column)
-    return result
-
-
-def _inductance(rows: pd.DataFrame, measured: FitRows) -> FloatArray | None:
-    """One circuit's inductance, (rows, 1, 1), with NaN where a row has none; None where it says nothing more."""
-    name = "inductance_H"
-    present = rows[name].notna() if name in rows else np.zeros(len(rows), dtype=np.bool_)
-    if measured.flux_linkage is None or not present.any():
-        return None
-    values = np.full(len(rows), np.nan)
-    values[present] = column_numbers(rows[present].reset_index(drop=True), name)
-    follows = is_incremental(measured.distance, measured.current, measured.flux_linkage[:, 0], values)
-    return values[:, None, None] if follows else None
+    result = np.full((len(rows), n, n), np.nan)
+    for name, (j, k) in places.items():
+        present = rows[name].notna().to_numpy()
+        result[present, j, k] = result[present, k, j] = column_numbers(rows[present].reset_index(drop=True), name)
+    if measured.several or (measured.flux_linkage is not None and is_incremental(measured, result[:, 0, 0])):
+        return result
+    return None
 
 
 def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
@@ -244,40 +238,23 @@ def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
     return None if name not in rows or rows[name].isna().all() else column_numbers(rows, name)
 
 
-def _bends(distance: FloatArray, current: FloatArray, flux_linkage: FloatArray) -> bool:
-    """Whether the flux linkage is no straight function of the current at some distance."""
-    bends, largest = [0.0], 0.0
-    for d in np.unique(distance):
-        order = np.flatnonzero(distance == d)
-        order = order[np.argsort(current[order])]
-        slopes = np.diff(flux_linkage[order]) / np.diff(current[order])
-        if len(slopes):
-            bends.append(float(np.ptp(slopes)))
-            largest = max(largest, float(np.abs(slopes).max()))
-    return max(bends) > STRAIGHT * largest
-
-
-def is_incremental(distance: FloatArray, current: FloatArray, flux_linkage: FloatArray, inductance: FloatArray) -> bool:
+def is_incremental(rows: FitRows, inductance: FloatArray) -> bool:
     """Whether the inductance changes with the current and is the flux linkage's slope, not their quotient.
 
     Programs give either d(flux linkage)/di or flux linkage / i under this name. Over each distance's currents, the
     integral of the former is the change of the flux linkage. NaN stands in rows without an inductance.
     """
-    slope_misses, quotient_misses, changes, bends = [], [], [], []
-    for d in np.unique(distance):
-        order = np.flatnonzero((distance == d) & np.isfinite(inductance))
-        if len(order) < 2:
-            continue
-        order = order[np.argsort(current[order])]
-        i, flux, slope = current[order], flux_linkage[order], inductance[order]
-        change = np.diff(flux)
-        slope_misses.append(np.sum(0.5 * (slope[1:] + slope[:-1]) * np.diff(i)) - np.sum(change))
-        quotient_misses.append(np.max(np.abs(slope * i - flux)))
-        changes.append(np.sum(np.abs(change)))
-        bends.append(np.ptp(slope))
-    if not bends or max(bends) < STRAIGHT * float(np.nanmax(np.abs(inductance))):
+    known = np.isfinite(inductance)
+    d, i, flux, slope = rows.distance[known], rows.current[known], rows.linked[known, 0], inductance[known]
+    misses, bends = [], [0.0]
+    for k in _by_distance(d, i):
+        if len(k) > 1:
+            change = np.diff(flux[k])
+            integral = np.sum(0.5 * (slope[k][1:] + slope[k][:-1]) * np.diff(i[k]))
+            quotient = np.max(np.abs(slope[k] * i[k] - flux[k]))
+            misses.append((integral - np.sum(change), quotient, np.sum(np.abs(change))))
+            bends.append(float(np.ptp(slope[k])))
+    if max(bends) < constants.STRAIGHT * np.abs(slope).max(initial=0.0) or not misses:
         return False
-    slope_miss, quotient_miss = (
-        float(np.linalg.norm(misses) / np.linalg.norm(changes)) for misses in (slope_misses, quotient_misses)
-    )
-    return slope_miss <= min(TRAPEZOID, 0.5 * quotient_miss)
+    slope_miss, quotient_miss, changes = np.linalg.norm(misses, axis=0)
+    return bool(slope_miss <= min(constants.TRAPEZOID * changes, 0.5 * quotient_miss))

@@ -23,40 +23,14 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import PICKUP_COLUMN
+from femfit.fit import constants
 from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, lines_by_current, misfit_by_currents
 from femfit.fit.coenergy_choice import smallest, splines_along
-from femfit.fit.constants import (
-    CIRCUIT_CELLS,
-    COARSE,
-    CURRENT_DEGREE,
-    DISTANCE_FOLDS,
-    HALL_TARGET,
-    HELD_OUT_TARGET,
-    U_DEGREE,
-)
+from femfit.fit.coenergy_system import Channel, CoenergySystem
 from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import TensorSpline
 from femfit.model.hall import CurrentAxis, HallSpline, SensedField
 from femfit.tables.sweep_table import SweepTable, current_names
-
-
-@dataclass(frozen=True, eq=False)
-class SensedRows:
-    """One quantity at N points, in SI units."""
-
-    distance: FloatArray
-    currents: FloatArray  # (N, n)
-    values: FloatArray
-
-    @property
-    def distances(self) -> FloatArray:
-        """Distinct distances, ascending."""
-        return np.unique(self.distance)
-
-    @property
-    def scale(self) -> float:
-        """What errors are a part of: the range of the values."""
-        return float(np.ptp(self.values)) or 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,81 +42,74 @@ class SensedFit:
     rms: float
 
 
-def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
-    """Fit the values; ``what`` names them in an error.
+def fit_sensed(distance: FloatArray, currents: FloatArray, values: FloatArray, what: str) -> SensedFit:
+    """Fit values (N,) at distances (N,) and currents (N, n); ``what`` names them in an error.
 
     Raises
     ------
     FitError
         If there are too few currents, or the rows do not determine the fit.
     """
-    axes = [np.unique(column) for column in rows.currents.T]
+    axes = [np.unique(column) for column in currents.T]
     constant = [name for name, axis in enumerate(axes, 1) if len(axis) < 2]
     if constant:
         raise FitError(
             f"{what} needs two currents or more of each circuit; circuit {constant[0]} has one. Sweep another."
         )
-    lines = lines_by_current([axis[[0, -1]] for axis in axes])
-    missed = rms(misfit_by_currents(lines.columns(rows.currents), rows.values, rows.distance)) / rows.scale
+    lines, scale = lines_by_current([axis[[0, -1]] for axis in axes]), float(np.ptp(values)) or 1.0
+    missed = rms(misfit_by_currents(lines.columns(currents), values, distance)) / scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
-    trials = [*([lines] if missed < COARSE else []), *([_splines(axes)] if missed > HELD_OUT_TARGET else [])]
-    basis, coefficients, error = _fitted(rows, trials, HELD_OUT_TARGET, what)
+    trials = [
+        *([lines] if missed < constants.COARSE else []),
+        *([_splines(axes)] if missed > constants.HELD_OUT_TARGET else []),
+    ]
+    basis, coefficients, error = _fitted(distance, currents, values, trials, constants.HELD_OUT_TARGET, what)
     functions = basis.functions
-    currents = tuple(map(CurrentAxis, functions.knots, functions.degrees))
-    field = SensedField(basis.coordinate, basis.u_knots, basis.u_degree, currents, functions.table(coefficients))
-    errors = field.field(rows.distance, rows.currents) - rows.values
-    return SensedFit(field, error, rms(errors))
+    axes_of = tuple(map(CurrentAxis, functions.knots, functions.degrees))
+    field = SensedField(basis.coordinate, basis.u_knots, basis.u_degree, axes_of, functions.table(coefficients))
+    return SensedFit(field, error, rms(field.field(distance, currents) - values))
 
 
 def _splines(axes: list[FloatArray]) -> CurrentSplines:
     """Interpolating splines, whose knots lie at currents but the outermost ones."""
-    degrees = tuple(min(CURRENT_DEGREE, len(axis) - 1) for axis in axes)
+    degrees = tuple(min(constants.CURRENT_DEGREE, len(axis) - 1) for axis in axes)
     knots = []
     for axis, degree in zip(axes, degrees, strict=True):
-        inner = axis[2:-2] if degree == CURRENT_DEGREE else axis[:0]
+        inner = axis[2:-2] if degree == constants.CURRENT_DEGREE else axis[:0]
         knots.append(clamped_knots(np.concatenate([axis[:1], inner, axis[-1:]]), degree))
     return CurrentSplines(tuple(knots), degrees)
 
 
 def _fitted(
-    rows: SensedRows, trials: Sequence[CurrentSplines], target: float, what: str
+    distance: FloatArray,
+    currents: FloatArray,
+    values: FloatArray,
+    trials: Sequence[CurrentSplines],
+    target: float,
+    what: str,
 ) -> tuple[CoenergyBasis, FloatArray, float]:
     """The functions that distances left out ask for, their coefficients, and the error there over the values' range."""
-    degree = min(U_DEGREE, len(rows.distances) - 2)  # one distance left out must leave as many as there are functions
+    distances = np.unique(distance)
+    scale = np.full(len(values), float(np.ptp(values)) or 1.0)
+    inner, channel = distances[1:-1], Channel((), np.arange(len(values)), values, scale, scale)
+    every = min(constants.DISTANCE_FOLDS, len(inner))
+    folds = [np.isin(distance, inner[k::every]) for k in range(every)]
+    system = CoenergySystem(distance, currents, (channel,), folds)
+    # One distance left out must leave as many as there are functions
+    degree = min(constants.U_DEGREE, len(distances) - 2)
     groups = (
         [CoenergyBasis(*along, functions, degree) for along in alike]
         for functions in trials
-        for alike in splines_along(rows.distances, CIRCUIT_CELLS, degree=degree, breaks="geometric")
+        for alike in splines_along(distances, constants.CIRCUIT_CELLS, degree=degree, breaks="geometric")
     )
-    basis, error = smallest(groups, lambda basis: _left_out(basis, rows) / rows.scale, target)
-    coefficients = _solved(basis.columns(rows.distance, rows.currents), rows.values)
-    if coefficients is None:
+    basis, error = smallest(groups, system.held_out_errors, target)
+    projection = system.projection(basis)
+    if projection is None:
         raise FitError(
             f"{what}: the rows do not determine it. Sweep each circuit's current by itself, or every combination of "
             "them where the iron saturates."
         )
-    return basis, coefficients.reshape(basis.shape), error
-
-
-def _left_out(basis: CoenergyBasis, rows: SensedRows) -> float:
-    """Rms error with inner distances left out in turn."""
-    columns, inner, errors = basis.columns(rows.distance, rows.currents), rows.distances[1:-1], []
-    for fold in range(min(DISTANCE_FOLDS, len(inner))):
-        out = np.isin(rows.distance, inner[fold::DISTANCE_FOLDS])
-        solution = _solved(columns[~out], rows.values[~out])
-        if solution is None:
-            return np.inf
-        errors.append(columns[out] @ solution - rows.values[out])
-    return rms(np.concatenate(errors))
-
-
-def _solved(matrix: FloatArray, values: FloatArray) -> FloatArray | None:
-    """Coefficients, flat; None where the rows do not determine them."""
-    scale = np.linalg.norm(matrix, axis=0)
-    if len(matrix) < matrix.shape[1] or not np.all(scale > 0.0):
-        return None
-    solution, _, rank, _ = np.linalg.lstsq(matrix / scale, values, rcond=1e-11)
-    return np.asarray(solution / scale) if rank == matrix.shape[1] else None
+    return basis, projection.coefficients.reshape(basis.shape), error
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,18 +137,16 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     ends = rows.currents[[0, -1]] if several else [0.0, 1.0]
     degrees = range(1, min(3, len(rows.currents) - 1) + 1) if several else [0]
     trials = [CurrentSplines((np.repeat(ends, degree + 1),), (degree,)) for degree in degrees]
-    sensed = SensedRows(rows.distance, rows.circuit_currents, hall)
-    basis, coefficients, held_out = _fitted(sensed, trials, HALL_TARGET, "The field at the Hall element")
+    what, (distance, currents) = "The field at the Hall element", (rows.distance, rows.circuit_currents)
+    basis, coefficients, held_out = _fitted(distance, currents, hall, trials, constants.HALL_TARGET, what)
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
     field = HallSpline(basis.coordinate, TensorSpline(basis.u_knots, knots, basis.u_degree, degree, coefficients))
-    residual = field.field(rows.distance, rows.circuit_currents) - hall
-    _, _, slope = field.derivatives(rows.distance, rows.circuit_currents)
-    ends = np.array([rows.distances[-1], rows.distances[0]])
-    magnet = field.field(ends, np.zeros((2, 1)))
+    fitted, _, slope = field.derivatives(distance, currents)
+    magnet = field.field(rows.distances[[-1, 0]], np.zeros((2, 1)))
     return HallFit(
         field=field,
-        rms_T=rms(residual),
-        max_T=float(np.max(np.abs(residual))),
+        rms_T=rms(fitted - hall),
+        max_T=float(np.max(np.abs(fitted - hall))),
         held_out=held_out,
         coil_slope_T_per_A=(float(slope.min()), float(slope.max())),
         magnet_field_T=(float(magnet[0]), float(magnet[1])),
@@ -195,13 +160,10 @@ def fit_pickups(table: SweepTable) -> dict[str, SensedFit | str]:
     if not currents.any():  # a pair of magnets, or one current of zero: nothing to fit along
         currents = currents[:, :0]
     distance = rows["distance_m"].to_numpy(dtype=float)
-    for column in map(str, rows.columns):
-        match = PICKUP_COLUMN.fullmatch(column)
-        if match is None:
-            continue
-        values = rows[column].to_numpy(dtype=float)
+    for match in filter(None, map(PICKUP_COLUMN.fullmatch, map(str, rows.columns))):
         try:
-            fits[match[1]] = fit_sensed(SensedRows(distance, currents, values), f"Pickup coil {match[1]!r}")
+            values = rows[match[0]].to_numpy(dtype=float)
+            fits[match[1]] = fit_sensed(distance, currents, values, f"Pickup coil {match[1]!r}")
         except FitError as error:
             fits[match[1]] = str(error)
     return fits

@@ -11,7 +11,7 @@ References
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -27,18 +27,10 @@ from femfit.core.graph import Expression, GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.text import amount, counted
+from femfit.fit import constants
 from femfit.fit.bounded_qp import non_negative
-from femfit.fit.constants import (
-    NETWORK_CURRENTS,
-    NETWORK_DISTANCES,
-    NETWORK_IDLE,
-    NETWORK_NUMBERS,
-    NETWORK_OFF,
-    NETWORK_STARTS,
-    POOR_CIRCUIT,
-)
 from femfit.fit.law_fit import search_shape
-from femfit.fit.model_parts import actuator_entry, circuit_of, mechanics_of, sample_time
+from femfit.fit.model_parts import actuator_entry, circuits_of, mechanics_of, sample_time
 from femfit.fit.ranking import as_written, ranking_folds
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.words import note, printed
@@ -111,7 +103,7 @@ def fit_inductance(
         for basis, unit, value in zip(chosen.basis, chosen.coefficient_units, solution[1:], strict=True)
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
-    (circuits, notes), motion = circuit_of(entry), mechanics_of(entry)
+    (circuits, notes), motion = circuits_of(entry), mechanics_of(entry)
     notes = notes if motion else (*notes, note("no_motion"))
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
@@ -129,7 +121,7 @@ def fit_inductance(
     )
     model = as_written(replace(model, sample_time_s=sample_time(model)))
     error = model.magnetics.inductance(table.distance, table.current[:, None])[:, 0, 0] - table.inductance
-    if rms(error) > POOR_CIRCUIT * float(np.ptp(table.inductance)):
+    if rms(error) > constants.POOR_CIRCUIT * float(np.ptp(table.inductance)):
         notes = (*notes, note("inductance_misfit", rms(error) / float(np.ptp(table.inductance))))
     findings = tuple(map(str, table.findings))
     return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, findings)
@@ -164,12 +156,12 @@ def fit_network(rows: FitRows) -> NetworkFit:
         no start comes to a minimum.
     """
     _require_plunger(rows)
-    every = np.ones(len(rows.force), dtype=np.bool_)
-    numbers = _best(rows, every, _starts(rows))
+    readings = _readings(rows)
+    numbers = _best(readings, rows, np.ones(len(rows.force), dtype=np.bool_), _starts(rows))
     magnetics = _magnetics(numbers.tolist(), rows)
     errors = []
     for out in ranking_folds(rows):
-        refit = _magnetics(_best(rows, ~out, [numbers]).tolist(), rows)
+        refit = _magnetics(_best(readings, rows, ~out, [numbers]).tolist(), rows)
         errors.append(refit.force(rows.distance[out], rows.current[out, None]) - rows.force[out])
     fitted = rms(magnetics.force(rows.distance, rows.current[:, None]) - rows.force) / rows.rms_force
     left_out = rms(np.concatenate(errors)) / rows.rms_force if errors else np.inf
@@ -183,13 +175,14 @@ def _require_plunger(rows: FitRows) -> None:
             "none. Sweep or import it, or take another law."
         )
     currents = np.unique(np.abs(rows.current[rows.current != 0.0]))
-    if len(currents) < NETWORK_CURRENTS or len(rows.distances) < NETWORK_DISTANCES:
+    if len(currents) < constants.NETWORK_CURRENTS or len(rows.distances) < constants.NETWORK_DISTANCES:
         raise FitError(
-            f"Law {NETWORK} must have at least {NETWORK_CURRENTS} currents beside zero and {NETWORK_DISTANCES} "
-            f"distances; instead received {len(currents)} and {len(rows.distances)}. Sweep more."
+            f"Law {NETWORK} must have at least {constants.NETWORK_CURRENTS} currents beside zero and "
+            f"{constants.NETWORK_DISTANCES} distances; instead received {len(currents)} and {len(rows.distances)}. "
+            "Sweep more."
         )
     idle = np.abs(rows.force[rows.current == 0.0])
-    if np.max(idle, initial=0.0) > NETWORK_IDLE * rows.rms_force:
+    if np.max(idle, initial=0.0) > constants.NETWORK_IDLE * rows.rms_force:
         raise FitError(
             f"Law {NETWORK} is of plungers without a magnet; the table has {amount(float(idle.max()), 'N', 3)} without "
             "current. Take another law, or the co-energy."
@@ -206,52 +199,50 @@ def _starts(rows: FitRows) -> list[FloatArray]:
         np.array(
             [np.log(a), -np.log(inductance), 0.6, 0, 0, 1.3 * largest, 0, np.log(c * current), 0.05 * inductance, 0]
         )
-        for a, c in NETWORK_STARTS
+        for a, c in constants.NETWORK_STARTS
     ]
 
 
 def _magnetics(numbers: Expression, rows: FitRows) -> NetworkMagnetics:
     """The law of numbers, or of an expression's."""
-    a, r0, r1, r2, r3, s0, s1, c, l0, l1 = (numbers[k] for k in range(NETWORK_NUMBERS))
+    a, r0, r1, r2, r3, s0, s1, c, l0, l1 = (numbers[k] for k in range(constants.NETWORK_NUMBERS))
     reference = float(np.median(rows.distances - min(rows.distances[0], 0.0)))
     shift = reference * np.exp(a) - min(float(rows.distances[0]), 0.0)
     return NetworkMagnetics(reference, shift, (r0, r1, r2, r3), (s0, s1), np.exp(c), (l0, l1))
 
 
-def _best(rows: FitRows, fitted: BoolArray, starts: list[FloatArray]) -> FloatArray:
-    """The numbers with the least sum of squares on the rows kept, from several starts; scaled to order one."""
-    first = starts[0]
-    scale = np.array([1.0] * 5 + [abs(first[5])] * 2 + [1.0] + [float(np.exp(-first[1]))] * 2)
-    residual = _residual(rows, fitted)
-
-    def errors(numbers: FloatArray) -> FloatArray:
-        return residual(numbers * scale)[0]
-
-    def slopes(numbers: FloatArray) -> FloatArray:
-        return residual(numbers * scale)[1] * scale
-
-    minima = [least_squares(errors, start / scale, slopes, max_nfev=300) for start in starts]
-    best = min(minima, key=lambda minimum: float(minimum.cost))
-    if not np.isfinite(best.cost) or best.cost >= NETWORK_OFF:
-        raise FitError(f"Law {NETWORK} comes to no minimum on this table. Take another law, or the co-energy.")
-    return np.asarray(best.x * scale)
-
-
-def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-    """Errors of force and flux linkage of numbers, and their Jacobian."""
-    points = np.stack([rows.distance[fitted], rows.current[fitted]])
-    measured = np.concatenate([rows.force[fitted], rows.linked[fitted, 0]])
-    scale = np.repeat([rows.rms_force, rms(rows.linked)], points.shape[1])
+def _readings(rows: FitRows) -> GraphFunction:
+    """Of points (2, n) and numbers: force and flux linkage, and after them their slopes along each number."""
     with building():
-        at, numbers = SX.sym("at", 2), SX.sym("numbers", NETWORK_NUMBERS)
+        at, numbers = SX.sym("at", 2), SX.sym("numbers", constants.NETWORK_NUMBERS)
         coenergy = _magnetics(numbers, rows).expression(at[0], at[1])
         seen = ca.vertcat(-ca.gradient(coenergy, at[0]), ca.gradient(coenergy, at[1]))
-        function = GraphFunction([at, numbers], ca.vertcat(seen, ca.vec(ca.jacobian(seen, numbers))))
+        return GraphFunction([at, numbers], ca.vertcat(seen, ca.vec(ca.jacobian(seen, numbers))))
 
-    def residual(numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        values = function(points, numbers)
-        errors = np.nan_to_num((values[:2].ravel() - measured) / scale, nan=NETWORK_OFF)
-        slopes = np.nan_to_num(values[2:].reshape(NETWORK_NUMBERS, -1).T / scale[:, None], posinf=0.0, neginf=0.0)
-        return errors.clip(-NETWORK_OFF, NETWORK_OFF), np.where(np.abs(errors) < NETWORK_OFF, slopes.T, 0.0).T
 
-    return residual
+def _best(readings: GraphFunction, rows: FitRows, fitted: BoolArray, starts: list[FloatArray]) -> FloatArray:
+    """The numbers with the least sum of squares on the rows kept, from several starts; scaled to order one."""
+    first = starts[0]
+    unit = np.array([1.0] * 5 + [abs(first[5])] * 2 + [1.0] + [float(np.exp(-first[1]))] * 2)
+    points = np.stack([rows.distance, rows.current])[:, fitted]
+    measured = np.concatenate([rows.force[fitted], rows.linked[fitted, 0]])
+    size = np.repeat([rows.rms_force, rms(rows.linked)], points.shape[1])
+
+    def unbounded(values: FloatArray) -> FloatArray:
+        return np.nan_to_num((values[:2].ravel() - measured) / size, nan=constants.NETWORK_OFF)
+
+    def errors(x: FloatArray) -> FloatArray:
+        return unbounded(readings(points, x * unit)).clip(-constants.NETWORK_OFF, constants.NETWORK_OFF)
+
+    def slopes(x: FloatArray) -> FloatArray:
+        values = readings(points, x * unit)
+        along = np.nan_to_num(
+            values[2:].reshape(constants.NETWORK_NUMBERS, -1).T / size[:, None], posinf=0.0, neginf=0.0
+        )
+        return np.where(np.abs(unbounded(values))[:, None] < constants.NETWORK_OFF, along * unit, 0.0)
+
+    minima = [least_squares(errors, start / unit, slopes, max_nfev=300) for start in starts]
+    best = min(minima, key=lambda minimum: float(minimum.cost))
+    if not np.isfinite(best.cost) or best.cost >= constants.NETWORK_OFF:
+        raise FitError(f"Law {NETWORK} comes to no minimum on this table. Take another law, or the co-energy.")
+    return np.asarray(best.x * unit)

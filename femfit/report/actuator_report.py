@@ -131,13 +131,7 @@ def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] |
         "best": fit.ranking.recommended,
         "fitted": sum(c.fit is not None for c in candidates),
         "target": TARGET,
-        "terms": [
-            *fit.ranking.recommended.fit.term_rows,
-            *(
-                (name, 0, value, (low, high), unit)
-                for name, value, low, high, unit in fit.ranking.recommended.fit.shape_rows
-            ),
-        ],
+        "terms": fit.ranking.recommended.fit.term_rows,
         "failures": [(c.law.name, c.failure) for c in candidates if c.fit is None],
     }
 

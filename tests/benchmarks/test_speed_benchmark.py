@@ -26,8 +26,7 @@ from femfit.estimate.holding import holding_current
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
 from femfit.field.point_rows import swept_currents
-from femfit.field.sweep import plan_sweep
-from femfit.field.sweep_task import MeshCache
+from femfit.field.sweep_task import mesh_groups, problem_of
 from femfit.field.tolerance import settings_for
 from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import considered_effects, gather
@@ -221,13 +220,13 @@ def test_whole_sweep_command(label, tmp_path):
 def test_signatures_beside_the_plain_sweep(name):
     ngsolve.SetNumThreads(1)  # as the sweep's workers do
     path = GEOMETRY / f"{name}.toml"
-    actuator, numbers, meshes = read_actuator(path), read_numbers(path), MeshCache()
+    actuator, numbers = read_actuator(path), read_numbers(path)
     currents, spent = swept_currents(actuator.sweep), np.zeros(2)
-    tasks = plan_sweep(actuator, settings_for(actuator))
-    for task in tasks[:: max(1, len(tasks) // 12)]:  # evenly spread over it
-        problem, meshing = seconds(lambda task=task: meshes.problem(task.mesh))
-        _, plain = seconds(lambda task=task, problem=problem: problem.rows(task.distance, currents))
-        _, more = seconds(lambda task=task, problem=problem: problem.signatures(task.distance, currents, numbers))
+    meshes = [*mesh_groups(actuator, settings_for(actuator)).items()]
+    for distance, mesh in meshes[:: max(1, len(meshes) // 12)]:  # evenly spread over it
+        problem, meshing = seconds(lambda mesh=mesh: problem_of(mesh))
+        _, plain = seconds(lambda at=distance, problem=problem: problem.rows(at, currents))
+        _, more = seconds(lambda at=distance, problem=problem: problem.signatures(at, currents, numbers))
         spent += meshing + plain, more
     print(f"\n{name}: {len(numbers)} numbers: sweep {spent[0]:.1f} s, signatures {spent[1]:.1f} s more")
 

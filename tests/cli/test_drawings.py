@@ -131,7 +131,7 @@ def test_a_view_solves_its_own_point_alone_once(tmp_path, monkeypatch):
         solved.append((system.space.ndof, len(points)))
         return along_currents(system, points, *rest)
 
-    monkeypatch.setattr("femfit.field.nonlinear_point.along_currents", counted)
+    monkeypatch.setattr("femfit.field.problem.along_currents", counted)
     worked("view", tmp_path / "small.toml", "--distance-mm", 7, "--current-A", 0.8, "-o", tmp_path / "b.png")
     finest = max(unknowns for unknowns, _ in solved)
     assert [points for unknowns, points in solved if unknowns == finest] == [2]  # with the one without current

@@ -15,6 +15,7 @@ from femfit.device.load import actuator_from_toml
 from femfit.effects.effect import AddedEffect
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
+from femfit.field.signature_rows import impedance_slopes
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.model.with_effects import with_effects
@@ -135,9 +136,11 @@ def test_at_a_low_frequency_slopes_are_those_at_rest(actuator, swept):
     signatures, distance = swept[1].signatures, 0.0015
     numbers = [one for one in numbers_from_toml(FEW) if one.facts in signatures.numbers]
     f = np.array([0.01])
-    probe = EddyProbe(actuator, mesh_for(actuator, distance, f[0]), distance, ORDER)
+    moving = mesh_for(actuator, distance, f[0])
+    probe = EddyProbe(actuator, moving, distance, ORDER)
     transfers, fields = probe.transfers(f)
-    slopes, base = probe.slopes(numbers, f, fields)[:, 0, 0, 0], transfers.flux_linkage
+    slopes = impedance_slopes(actuator, numbers, moving, probe.points.space, distance, f, fields)[:, 0, 0, 0]
+    base = transfers.flux_linkage
     for number, slope in zip(numbers, slopes, strict=True):
         rows = signatures.of(number.facts)
         here = rows[rows["distance_m"] == distance].set_index("current_A")["flux_linkage_Wb"]

@@ -139,7 +139,7 @@ def test_points_that_the_check_has_solved_are_not_solved_again(monkeypatch):
     motor = swept_at(read_actuator(GEOMETRY / "voice-coil.toml"), (-0.006,), (0.0, 3.0))
     settings = SolverSettings(tolerance=5e-3)
     problem = prepare(motor, (-0.006,), layout_of(motor, settings), settings)
-    monkeypatch.setattr("femfit.field.nonlinear_point.along_currents", lambda *_: pytest.fail("solved again"))
+    monkeypatch.setattr("femfit.field.problem.along_currents", lambda *_: pytest.fail("solved again"))
     assert problem.rows(-0.006, motor.sweep.currents_A)["status"] == ["ok", "ok"]
 
 

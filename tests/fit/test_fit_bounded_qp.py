@@ -193,10 +193,10 @@ def test_badly_conditioned_tables_with_hundreds_of_coefficients_end_with_a_proof
     y = np.tanh(6 * i) / (u + 0.05) + 0.02 * rng.standard_normal(600)
     sigma = 1e-3 + np.where(rng.uniform(size=600) < 0.5, 1e-4, 1.0)
     size = np.linalg.norm(matrix / sigma[:, None], axis=0)
-    lower, upper, given = np.zeros(224), None, None
+    lower, upper, given = np.zeros(224), np.inf, None
     if constraint == "convex":
         grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 25), np.linspace(0, 1, 25)))
-        lower, given = None, -tensor_spline(14, 16, grid_u, grid_i, 2) * size
+        lower, given = -np.inf, -tensor_spline(14, 16, grid_u, grid_i, 2) * size
     elif constraint == "box":
         upper = np.full(224, np.median(y) * np.sqrt(600)) / size
     else:

@@ -11,7 +11,6 @@ from femfit.core.errors import DomainError, MissingPartError, SimulationError, T
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
-from femfit.fit.law_fit import law_magnetics
 from femfit.fit.ranking import as_written, misfit_to_rows
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import LawMagnetics
@@ -168,7 +167,7 @@ def test_a_laws_constant_inductance_comes_from_the_flux_linkage():
 def test_a_laws_circuit_has_no_constants_that_cancel(ranked, law):
     # Counted from infinity, 2 mH were written as 162 H, and -165 Wb cancelled an inductance of 8 H
     candidate = next(c for c in ranked.ranking.candidates if c.law.name == law)
-    magnetics = law_magnetics(candidate.fit, ranked.rows)
+    magnetics = candidate.fit.magnetics()
     assert 1e-4 < magnetics.constant_inductance_H < 2e-3
     assert abs(magnetics.constant_flux_linkage_Wb) < 0.1
     assert candidate.misfit.flux_linkage_share < 0.02

@@ -12,7 +12,7 @@ from femfit.fit.build import fit_model
 from femfit.fit.coenergy import fit_coenergy
 from femfit.fit.ranking import rank_laws
 from femfit.fit.rows import rows_of_table
-from femfit.fit.sensed_field import SensedRows, fit_sensed
+from femfit.fit.sensed_field import fit_sensed
 from femfit.laws.dipoles import F1E, F2E
 from femfit.tables.sweep_table import SweepTable
 from support.bearing import DISTANCES, Bearing, table_of
@@ -187,10 +187,10 @@ def test_a_law_that_fails_leaves_the_ranking_to_the_others(monkeypatch):
 def test_a_field_that_the_rows_do_not_tell_is_refused():
     distances = np.linspace(1e-3, 5e-3, 15)
     with pytest.raises(FitError, match="two currents or more"):
-        fit_sensed(SensedRows(distances, np.ones((15, 1)), distances), "B")
+        fit_sensed(distances, np.ones((15, 1)), distances, "B")
     d, currents = np.repeat(distances, 2), np.tile([[0.0, 0.0], [1.0, 1.0]], (15, 1))
     with pytest.raises(FitError, match="do not determine"):
-        fit_sensed(SensedRows(d, currents, currents[:, 0]), "B")
+        fit_sensed(d, currents, currents[:, 0], "B")
 
 
 def test_rows_of_a_saturating_table_keep_what_it_holds():

@@ -5,7 +5,7 @@ import pytest
 
 from femfit.core.errors import FitError
 from femfit.fit.rows import rows_of_table
-from femfit.fit.sensed_field import SensedRows, fit_hall, fit_sensed
+from femfit.fit.sensed_field import fit_hall, fit_sensed
 from femfit.fit.words import note
 from support.one_current import flat
 from support.sweeps import MASS, ClosedForm, full_table
@@ -34,7 +34,7 @@ def bent(d, currents):
 def test_lines_in_two_currents_need_no_grid():
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
     d, currents = np.repeat(DISTANCES, 4), np.tile(points, (15, 1))
-    field = fit_sensed(SensedRows(d, currents, lines(d, currents)), "B").field
+    field = fit_sensed(d, currents, lines(d, currents), "B").field
     between, both = np.array([1.3e-3, 2.7e-3, 4.6e-3]), np.array([[0.5, 0.8], [-0.7, 0.3], [0.2, -0.5]])
     found, in_distance, in_currents = flat(field).derivatives(between, both)
     np.testing.assert_allclose(found, lines(between, both), rtol=1e-4)
@@ -48,7 +48,7 @@ def test_lines_in_two_currents_need_no_grid():
 def test_iron_that_saturates_by_two_currents_is_followed_over_their_grid():
     axes = np.linspace(-1.5, 1.5, 9), np.linspace(-1.0, 1.0, 7)
     d, currents = grid(*axes)
-    fit = fit_sensed(SensedRows(d, currents, bent(d, currents)), "B")
+    fit = fit_sensed(d, currents, bent(d, currents), "B")
     between, both = np.array([1.4e-3, 3.1e-3]), np.array([[0.55, 0.2], [-0.95, 0.75]])
     np.testing.assert_allclose(flat(fit.field).field(between, both), bent(between, both), atol=3e-3)  # of 0.6
     assert fit.rms < 1e-4
@@ -60,7 +60,7 @@ def test_iron_that_saturates_by_two_currents_is_followed_over_their_grid():
 
 def test_a_magnet_alone_is_fitted_along_the_distance():
     values = 0.1 / (1.0 + 300.0 * DISTANCES)
-    field = fit_sensed(SensedRows(DISTANCES, np.zeros((15, 0)), values), "search").field
+    field = fit_sensed(DISTANCES, np.zeros((15, 0)), values, "search").field
     value, slope, rest = field.derivatives(np.array([2.2e-3]), np.zeros((1, 0)))
     assert value[0] == pytest.approx(0.1 / 1.66, rel=1e-5)
     assert slope[0] == pytest.approx(-30.0 / 1.66**2, rel=2e-3)
@@ -73,19 +73,19 @@ def test_noisy_rows_off_a_grid_are_lines_where_lines_miss_little():
     d, currents = np.repeat(DISTANCES, 5), np.tile(points, (15, 1))
     exact = lines(d, currents)
     noise = 1e-4 * np.ptp(exact)
-    fit = fit_sensed(SensedRows(d, currents, exact + noise * random.standard_normal(len(d))), "B")
+    fit = fit_sensed(d, currents, exact + noise * random.standard_normal(len(d)), "B")
     between, both = np.array([1.4e-3, 3.1e-3]), np.array([[0.5, 0.4], [-0.5, 0.5]])
     np.testing.assert_allclose(flat(fit.field).field(between, both), lines(between, both), atol=4.0 * noise)
     with pytest.raises(FitError, match="do not determine"):
-        fit_sensed(SensedRows(d, currents, bent(d, 2.0 * currents)), "B")
+        fit_sensed(d, currents, bent(d, 2.0 * currents), "B")
 
 
 def test_a_field_that_is_fitted_badly_is_said_with_what_to_do():
     few = np.linspace(1e-3, 5e-3, 6)
     d, i = (one.ravel() for one in np.meshgrid(few, [0.0, 1.0]))
-    bad = fit_sensed(SensedRows(d, i[:, None], i * np.sin(3e3 * d)), "search")
+    bad = fit_sensed(d, i[:, None], i * np.sin(3e3 * d), "search")
     d, currents = grid([0.0, 1.0], [0.0, 1.0])
-    good = fit_sensed(SensedRows(d, currents, lines(d, currents)), "search")
+    good = fit_sensed(d, currents, lines(d, currents), "search")
     assert bad.held_out > 0.05
     assert "more distances" in note("sensed", bad, "search", "Wb")
     assert "more distances" not in note("sensed", good, "search", "Wb")

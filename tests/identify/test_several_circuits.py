@@ -12,7 +12,7 @@ from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
-from femfit.fit.sensed_field import SensedRows, fit_sensed
+from femfit.fit.sensed_field import fit_sensed
 from femfit.identify.add_effects import add_effects
 from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
@@ -206,7 +206,7 @@ def with_hall(model, levitation_model, distances, currents):
     """A model of two circuits with a Hall element that sees the first of them more."""
     d, *each = (axis.ravel() for axis in np.meshgrid(distances, currents, currents))
     values = 0.1 * (2.0 * each[0] + each[1]) * np.exp(-d / np.ptp(distances))
-    field = fit_sensed(SensedRows(d, np.stack(each, axis=1), values), "hall").field
+    field = fit_sensed(d, np.stack(each, axis=1), values, "hall").field
     return replace(model, sensor=replace(levitation_model.sensor, field=field, sensitivity_V_per_T=5.0))
 
 

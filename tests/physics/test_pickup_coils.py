@@ -10,8 +10,8 @@ from femfit.device.electrics import PickupCoil
 from femfit.device.load import read_actuator
 from femfit.device.parts import Coil
 from femfit.field.layout import layout_of
-from femfit.field.nonlinear_point import NonlinearActuator
-from femfit.field.problem import LinearActuator, section_nodes
+from femfit.field.pickup_coils import section_nodes
+from femfit.field.problem import LinearActuator, NonlinearActuator
 from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY, coil_on_a_magnet, device, magnet, rectangle, swept_at
 from support.field import prepared
@@ -48,8 +48,8 @@ def test_a_loop_without_current_links_maxwells_mutual_inductance(a, b, z):
         sensors=[search],
     )
     solution = prepared(one, 1.5 * z).solve(1.5 * z)
-    assert solution.pickup["search"][1] == pytest.approx(loops_exact(a, b, z)[0], rel=1e-3)
-    assert solution.pickup["search"][0] == 0.0
+    assert solution.pickup["pickup_search_Wb"][1] == pytest.approx(loops_exact(a, b, z)[0], rel=1e-3)
+    assert solution.pickup["pickup_search_Wb"][0] == 0.0
 
 
 @pytest.mark.parametrize("moves", [False, True])
@@ -60,7 +60,7 @@ def test_a_pickup_coil_links_what_a_coil_in_its_place_links_while_the_mesh_stret
     problem = LinearActuator(actuator, (0.006, 0.01), layout_of(actuator, SETTINGS), SETTINGS, estimate=False)
     for d in actuator.sweep.distances_m:
         solution = problem.solve(d)
-        np.testing.assert_allclose(solution.pickup["search"], solution.flux_linkage[int(moves)], rtol=1e-6)
+        np.testing.assert_allclose(solution.pickup["pickup_search_Wb"], solution.flux_linkage[int(moves)], rtol=1e-6)
 
 
 def test_in_saturating_iron_a_pickup_on_the_coil_links_a_share_of_its_turns():
@@ -80,4 +80,4 @@ def test_a_pickup_coil_beyond_the_solved_field_is_refused_with_its_name():
     under = Coil(rectangle(0.008, 0.014, -0.02, -0.002), 200.0, 1.0)
     actuator = device("one", coils=[under], moving=[body], distances=(0.006,), sensors=[far])
     with pytest.raises(FieldSolverError, match="'far'"):
-        prepared(actuator, 0.006)
+        prepared(actuator, 0.006).solve(0.006)

@@ -108,8 +108,7 @@ class PullIn:
         induced = stage.s * self.points.loads(stage.lag(w)[None], moving=True)[0]
         magnetised = system.points.magnetisation(system.points.flux_density(w)) * system.points.moving
         load = system.points.load(magnetised) + current * system.own_circuits[0] - induced
-        total, own = system.function(w), system.function(system.solve_free(load))
-        return (self.layer.of_sum([total]) - self.layer.of_sum([own])).item()
+        return (self.layer.of_sum(w[None]) - self.layer.of_sum(system.solve_free(load[None]))).item()
 
     def run(self, volts, start, steps, *, until=None):
         """Times, distances, currents, flux linkages and forces from rest at a distance, by steps in s.

@@ -12,10 +12,9 @@ from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.harmonic import HarmonicSystem, add_eddy_form, conductors
 from femfit.field.layout import layout_of
-from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import source_loads
+from femfit.field.weak_form import csr, source_loads
 from support.small_drawing import POT
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
@@ -54,11 +53,11 @@ def step_of_voltage(actuator, moving, volts, first, last, per_octave):
     held, flux, step = np.zeros(system.space.ndof), 0.0, first / per_octave  # M w and load . w
     while times[-1] < last * (1.0 - 1e-9):
         s = 1.0 / (GAMMA * step)
-        (unit,) = system.solve(s, [load])
+        (unit,) = system.solve(s, load[None])
 
         def stage(base, base_flux, s=s, unit=unit):
             """Current and field from what E y is before the stage's own rate."""
-            (alone,) = system.solve(s, [s * base]) if base.any() else (np.zeros_like(base),)
+            (alone,) = system.solve(s, s * base[None]) if base.any() else (np.zeros_like(base),)
             current = (volts + s * (base_flux - load @ alone)) / (resistance + s * (load @ unit))
             return current, current * unit + alone
 

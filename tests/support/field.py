@@ -7,6 +7,7 @@ import numpy as np
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
+from femfit.field.weak_form import function_of
 
 QUICK = SolverSettings(order=3, corner_fraction=0.3)
 """For sweeps whose accuracy does not matter."""
@@ -46,7 +47,7 @@ def fields(problem, distance):
     """Solutions w of the magnets and of 1 A in each circuit at a distance, with the mesh left stretched to it."""
     problem._moving.move_to(distance)
     problem._system.solve()
-    return problem._system.total
+    return [function_of(problem._system.space, total) for total in problem._system.total]
 
 
 def finer_settings(settings):

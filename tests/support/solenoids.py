@@ -6,7 +6,7 @@ import numpy as np
 
 from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.fit.sensed_field import SensedRows, fit_sensed
+from femfit.fit.sensed_field import fit_sensed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.hall import PickupSensor
@@ -70,7 +70,7 @@ def search_coil(model, **fields):
     d, i = (one.ravel() for one in np.meshgrid(
         np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 3)
     ))  # fmt: skip
-    fit = fit_sensed(SensedRows(d, i[:, None], flux_linkage(d, i)), "search")
+    fit = fit_sensed(d, i[:, None], flux_linkage(d, i), "search")
     return PickupSensor(name="search", flux=fit.field, **fields)
 
 
