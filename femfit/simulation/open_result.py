@@ -18,7 +18,6 @@ from femfit.core.files import OPEN_LOOP, require_outputs
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Plotted
 from femfit.core.sweep_columns import circuit_currents
-from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.events import Event
 from femfit.simulation.profile import Profile
@@ -61,28 +60,24 @@ class EnergyBalance:
         return max(self.source_J, 0.0) + sum(max(-growth, 0.0) for growth in stored)
 
 
-def balance(
-    model: ActuatorModel, mechanics: Mechanics, first: FloatArray, last: FloatArray, gone: FloatArray
-) -> EnergyBalance:
-    """The balance between two states (distance, velocity, all currents); ``gone`` is what the integration summed up.
+def balance(model: ActuatorModel, first: FloatArray, last: FloatArray) -> EnergyBalance:
+    """The balance between two states, behind which the energies stand that the integration summed up.
 
     The magnetic energy has that of the inductances in series, 1/2 L_s i^2.
     """
-    source, copper, eddy, diode, friction, impact = (float(energy) for energy in gone)
-    ends, windings = np.array([first, last]), model.windings
+    source, *gone = (last - first)[model.order :].tolist()
+    ends, windings, mechanics = np.array([first, last]), model.windings, model.require_motion()
     d, v, i = ends[:, 0], ends[:, 1], ends[:, 2 : windings.end]
-    coenergy, flux = windings.magnetics.coenergy(d, i), windings.magnetics.flux_linkage(d, i)
-    linked = (i * flux).sum(axis=1)
+    linked = (i * windings.magnetics.flux_linkage(d, i)).sum(axis=1)
     in_series = 0.5 * np.einsum("pk,kl,pl->p", i, windings.series_H, i)
     stored = [
-        linked - coenergy + in_series,
+        linked - windings.magnetics.coenergy(d, i) + in_series,
         0.5 * mechanics.mass_kg * v**2,
         mechanics.energy_of_springs(d),
         -(mechanics.mass_kg * mechanics.gravity_m_s2 + mechanics.load_N) * d,
     ]
-    magnetic, kinetic, strain, potential = (float(ends_J[1] - ends_J[0]) for ends_J in stored)
-    gone_to = (copper, eddy, diode, friction, impact, magnetic, kinetic, strain, potential)
-    return EnergyBalance(source, *gone_to, source - sum(gone_to))
+    parts = [*gone, *(float(energy[1] - energy[0]) for energy in stored)]
+    return EnergyBalance(*[source, *parts, source - sum(parts)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,13 +130,12 @@ class OpenLoop(Plotted):
     notes: tuple[str, ...]
 
     def __str__(self) -> str:
-        names = [column.rpartition("_")[0] for column in circuit_currents(self.model.circuit_names)]
+        names = [column.removesuffix("_A") for column in circuit_currents(self.model.circuit_names)]
         leavings = []
         for name, time in self.left_domain:
-            event = next(e for e in self.events if e.name == f"{name}_leaves_domain" and e.time_s == time)
-            in_metres = name == "distance"
-            value = event.distance_m if in_metres else np.atleast_1d(event.current_A)[names.index(name)]
-            leavings.append((name, time, float(value), "m" if in_metres else "A"))
+            event = next(event for event in self.events if event.name == f"{name}_leaves_domain")
+            values = dict(zip(names, np.atleast_1d(event.current_A), strict=True)) | {"distance": event.distance_m}
+            leavings.append((name, time, float(values[name]), "m" if name == "distance" else "A"))
         return sentence("open_loop", "motion", self, leavings, {name: self.table[f"{name}_A"][-1] for name in names})
 
     @property

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.feed import Winding
 from femfit.simulation.words import sentence
-from femfit.tables.columns import UsedColumn, column_values, match_column
+from femfit.tables.columns import column_values, match_column
 from femfit.tables.reading import read_raw_table
 
 Interpolation = Literal["held", "linear"]
+
+Kind = Literal["voltage", "current"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +46,7 @@ class Profile(Printed):
     (12.0, 0.0)
     """
 
-    kind: Literal["voltage", "current"]
+    kind: Kind
     time_s: FloatArray
     value: FloatArray
     interpolation: Interpolation = "held"
@@ -126,16 +127,13 @@ def read_profiles(
     """
     path = Path(path)
     raw = read_raw_table(path)
-    pairs = list(zip(circuits, voltage_columns(circuits), circuit_currents(circuits), strict=True))
-    columns = ("time_s", *(column for _, *both in pairs for column in both))
-    used: dict[str, UsedColumn] = {}
-    for header in raw.headers:
-        column = match_column(header, columns)
-        if column is not None and column.name not in used:
-            used[column.name] = column
-    commands = {name: [column for column in both if column in used] for name, *both in pairs}
+    pairs = dict(zip(circuits, zip(voltage_columns(circuits), circuit_currents(circuits), strict=True), strict=True))
+    columns = ("time_s", *(column for pair in pairs.values() for column in pair))
+    matched = [match for header in raw.headers if (match := match_column(header, columns)) is not None]
+    used = {match.name: match for match in reversed(matched)}  # the first of several for the same
+    commands = {name: [column for column in pair if column in used] for name, pair in pairs.items()}
     if "time_s" not in used or not any(commands.values()) or any(len(both) > 1 for both in commands.values()):
-        each = " or ".join(f"one of {voltage} and {current}" for _, voltage, current in pairs)
+        each = " or ".join(f"one of {voltage} and {current}" for voltage, current in pairs.values())
         raise TableError(
             f"{path} must have a column time_s and {each}; its columns are {', '.join(raw.headers)}. Name them so, and "
             "leave one of two for the same circuit out."
@@ -143,16 +141,14 @@ def read_profiles(
     values, _ = column_values(raw, list(used.values()))
     profiles: dict[str, Profile] = {}
     try:
-        for name, commanded in commands.items():
-            for command in commanded:
-                kind: Literal["voltage", "current"] = "voltage" if command.startswith("voltage") else "current"
-                profiles[name] = Profile(kind, values["time_s"].to_numpy(), values[command].to_numpy(), interpolation)
+        for name, both in commands.items():
+            for column in both:
+                kind: Kind = "current" if column == pairs[name][1] else "voltage"
+                profiles[name] = Profile(kind, values["time_s"].to_numpy(), values[column].to_numpy(), interpolation)
     except TableError as error:
         raise TableError(f"{path}: {error}") from error
     return profiles
 
-
-Value = TypeVar("Value")
 
 Constant: TypeAlias = float | Mapping[str, float] | None
 """One number, or one by the name of a circuit."""
@@ -166,67 +162,55 @@ def commanded(
 ) -> tuple[Profile, ...]:
     """A profile for each circuit, in their order; one that nothing is said of has no voltage, or no current."""
     circuits = model.require_circuits()
-    commands = [command for command in (drive, voltage, current) if command is not None]
-    if not circuits and commands:
+    count = sum(command is not None for command in (drive, voltage, current))
+    if not circuits and count:
         raise UsageError(
             "A device without a winding takes no command; instead received one. Leave out drive, voltage_V and "
             "current_A (--drive, --voltage, --current)."
         )
-    mixed = all(isinstance(command, Mapping) for command in (voltage, current)) and drive is None
-    if circuits and len(commands) != 1 and not mixed:
+    mixed = isinstance(voltage, Mapping) and isinstance(current, Mapping) and drive is None
+    if circuits and count != 1 and not mixed:
         raise UsageError(
             "A simulation needs one of drive, voltage_V and current_A (--drive, --voltage, --current); "
-            f"instead received {len(commands)} of them."
+            f"instead received {count} of them."
         )
     if isinstance(drive, str | Path):
-        named: Mapping[str, Profile] = read_profiles(drive, model.circuit_names, interpolation)
-    elif drive is not None:
-        named = _by_name(model, drive, "drive")
-    else:
-        named = _constant(model, "voltage", voltage) | _constant(model, "current", current)
-    profiles = []
-    for circuit in circuits:
-        kind: Literal["voltage", "current"] = "current" if circuit.drive.kind == "current" else "voltage"
-        profile = named.get(circuit.name) or Profile(kind, np.zeros(1), np.zeros(1))
-        if kind == "current" and profile.kind == "voltage":
+        drive = read_profiles(drive, model.circuit_names, interpolation)
+    named: dict[str, Profile] = {}
+    given_by: dict[str, tuple[Any, Kind]] = {
+        "drive": (drive, "voltage"),
+        "voltage_V (--voltage)": (voltage, "voltage"),
+        "current_A (--current)": (current, "current"),
+    }
+    for option, (given, kind) in given_by.items():
+        for name, value in _by_name(model, given, option).items():
+            named[name] = value if isinstance(value, Profile) else Profile(kind, np.zeros(1), np.array([value]))
+    profiles = [named.get(each.name) or Profile(each.drive.kind, np.zeros(1), np.zeros(1)) for each in circuits]
+    for circuit, profile in zip(circuits, profiles, strict=True):
+        if circuit.drive.kind == "current" and profile.kind == "voltage":
             which = f"Circuit {circuit.name!r} of model" if len(circuits) > 1 else "Model"
             raise DomainError(
                 f"{which} {model.name!r} is driven by a current amplifier; its command must be a current. Give "
                 "current_A (--current), or a table with the column current_A."
             )
-        profiles.append(profile)
     return tuple(profiles)
 
 
-def _constant(model: ActuatorModel, kind: Literal["voltage", "current"], constant: Constant) -> dict[str, Profile]:
-    if constant is None:
-        return {}
-    option = "voltage_V (--voltage)" if kind == "voltage" else "current_A (--current)"
-    values = _by_name(model, constant, option)
-    return {name: Profile(kind, np.zeros(1), np.array([value])) for name, value in values.items()}
-
-
-def _by_name(model: ActuatorModel, values: Value | Mapping[str, Value], option: str) -> dict[str, Value]:
+def _by_name(model: ActuatorModel, given: Any, option: str) -> Mapping[str, Any]:
+    """What is given for each circuit, by their names; one value is the only circuit's."""
     names = model.circuit_names
-    if not isinstance(values, Mapping):
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
         if len(names) == 1:
-            return {names[0]: values}
+            return {names[0]: given}
         raise UsageError(
             f"{option} must say for which of the circuits {', '.join(names)} it is; instead received one value. Give "
             f"it by their names, as --voltage {','.join(f'{name}=1' for name in names)}."
         )
-    unknown = [name for name in values if name not in names]
-    if unknown:
+    if unknown := [name for name in given if name not in names]:
         raise UsageError(
             f"{option} must name circuits of model {model.name!r} ({', '.join(names)}); instead received "
             f"{', '.join(unknown)}. Use these names."
         )
-    return dict(values)
-
-
-def beyond_limits(winding: Winding, profile: Profile, named: bool) -> tuple[str, ...]:
-    """A note where a driver cannot give what is commanded."""
-    low, high = winding.limits
-    if low <= profile.value.min() and profile.value.max() <= high:
-        return ()
-    return (sentence("open_loop", "beyond_limits", winding, profile, named),)
+    return given
