@@ -209,7 +209,7 @@ def _loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
         ],
         "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
         "margins": [
-            (name_of(name), sentence("loop", "margins", design, worst_of(design.margins(name, "ukf"))))
+            (name_of(name), sentence("loop", "margins", design, worst_of(design.margins(name, FILTER))))
             for name in design.controllers
         ],
         "gains": [

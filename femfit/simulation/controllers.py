@@ -1,10 +1,10 @@
 """Controllers: pure steps from an estimate and a reference to the commands of the drivers.
 
-The linear position controller: proportional, integral and derivative of the distance error.
+A nonlinear one, and linear ones of the distance's error and of every state.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
@@ -14,7 +14,7 @@ from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.simulation.allocation import currents_for_acceleration, limited
-from femfit.simulation.operating_point import OperatingPoint, resting_command, usable_coil_pole
+from femfit.simulation.operating_point import resting_command
 from femfit.simulation.targets import Reference
 
 ControllerName = Literal["backstepping", "pid", "state-feedback"]
@@ -106,34 +106,6 @@ class Backstepping(Controller):
         return limited(model, estimate, command), memory
 
 
-def design_backstepping(
-    model: ActuatorModel, points: Sequence[OperatingPoint], bandwidth_rad_s: float | None = None
-) -> Backstepping:
-    """Gains from the model's poles, for the fastest unstable pole lambda and the slowest coil among the points.
-
-    The current follows i* with the pole p = (R + K_i)/L. Linearised, with lambda^2 = -F_d/m,
-
-        s^3/p + s^2 + (k_v - lambda^2/p) s + k_p = 0,
-
-    so a velocity gain below (lambda^2 + k_p)/p leaves the loop unstable. The poles sum up to -p; the slowest of them
-    is fastest as the triple pole w = p/3: k_p = w^2/3, k_v = w + lambda^2/(3 w). K_i = 0 (the paper's form, p = R/L) is
-    kept as long as w is faster than lambda; otherwise K_i raises p to 3 lambda. A coil that is faster than the samples
-    is taken as slow as they can follow. A given bandwidth is w, as far as K_i >= 0 allows.
-    """
-    unstable = max(point.unstable_pole_rad_s for point in points)
-    slowest = min(points, key=lambda point: point.coil_pole_rad_s)
-    current_pole = max(usable_coil_pole(model, slowest), 3.0 * unstable)
-    if bandwidth_rad_s is not None:
-        current_pole = max(3.0 * bandwidth_rad_s, slowest.coil_pole_rad_s)
-    triple = current_pole / 3.0 if bandwidth_rad_s is None else bandwidth_rad_s
-    return Backstepping(
-        model=model,
-        position_gain=triple**2 / 3.0,
-        velocity_gain=triple + unstable**2 / (3.0 * triple),
-        current_gain_ohm=max(current_pole - slowest.coil_pole_rad_s, 0.0) * slowest.inductance_H,
-    )
-
-
 _ROUNDED = 1e-13
 """Derived: sum of three numerators over their sizes, below which it is their rounding and no integral."""
 
@@ -222,3 +194,74 @@ def pid_of_parts(
     each, rate = ki * step, kd * (1.0 - p) / step
     gains = (kp + each + rate, -kp * (1.0 + p) - each * p - 2.0 * rate, kp * p + rate)
     return Pid(model, p, (-gains[0], -gains[1], -gains[2]), direction, current)
+
+
+@dataclass(frozen=True, eq=False)
+class StateFeedback(Controller):
+    """Feedback of every state, with an integral.
+
+        u = u_r + K_x (x_r - x^) + K_p (pending commands) - K_i q,      q(k+1) = q(k) + t (d - r)
+
+    References
+    ----------
+    K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), section 4.5.
+    """
+
+    model: ActuatorModel
+    gains: FloatArray  # K_x, shape (n, 2 + n)
+    integral: FloatArray  # K_i, shape (n,)
+    pending: FloatArray  # Of the commands on their way, the last one first; shape (n, latency n)
+    direction: FloatArray  # Change of the commands that raises the force, as in :class:`OperatingPoint`; shape (n,)
+    name = "state-feedback"
+
+    @property
+    def words(self) -> int:  # type: ignore[override]
+        """The integral, and the commands on their way."""
+        return 1 + int(self.pending.shape[1])
+
+    def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
+        """The law, clamped; the integral stands while the clamp holds back what it asks for."""
+        q, pending = memory[:, 0], memory[:, 1:]
+        currents = np.atleast_2d(reference.currents)
+        needed = resting_command(self.model, currents)
+        error = estimate[:, 0] - reference.distance
+        moving = np.empty_like(estimate)
+        moving[:, 0], moving[:, 1] = error, estimate[:, 1] - reference.velocity
+        moving[:, 2:] = estimate[:, 2:] - currents
+        wanted = needed - moving @ self.gains.T - pending @ self.pending.T - q[:, None] * self.integral
+        command = limited(self.model, estimate, wanted)
+        held_back = np.any((command - wanted) * (self.integral * error[:, None]) > 0.0, axis=1)
+        grown = np.where(held_back, q, q + self.model.sample_time_s * error)
+        later = np.concatenate([command - needed, pending], axis=1)[:, : self.pending.shape[1]]
+        return command, np.concatenate([grown[:, None], later], axis=1)
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """Of distance, velocity and integral that of the direction's largest entry; each current has its own."""
+        first = int(np.argmax(np.abs(self.direction)))
+        along = -float(self.direction[first])
+        return {
+            "distance": float(self.gains[first, 0]) / along,
+            "velocity": float(self.gains[first, 1]) / along,
+            **{name: float(self.gains[k, 2 + k]) for k, name in enumerate(self._currents)},
+            "integral": float(self.integral[first]) / along,
+        }
+
+    def with_parts(self, changed: Mapping[str, float]) -> "StateFeedback":
+        """Those of distance, velocity and integral for all commands, along the direction."""
+        gains, names = (
+            np.column_stack([self.gains, self.integral]),
+            ["distance", "velocity", *self._currents, "integral"],
+        )
+        for name, value in changed.items():
+            k = names.index(name)
+            if name in self._currents:
+                gains[k - 2, k] = value
+            else:
+                gains[:, k] = -value * self.direction
+        return replace(self, gains=gains[:, :-1], integral=gains[:, -1])
+
+    @property
+    def _currents(self) -> list[str]:
+        names = self.model.circuit_names
+        return ["current"] if len(names) == 1 else [f"current_{name}" for name in names]

@@ -15,6 +15,7 @@ K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from femfit.simulation.operating_point import OperatingPoint, solve_riccati
 from femfit.simulation.plant import Plant
 from femfit.simulation.sensor import LoopSensor
 from femfit.simulation.targets import Reference
+
+LinearObserver: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""P, G and L of the module's head."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +135,8 @@ def _command_scale(model: ActuatorModel, point: OperatingPoint) -> FloatArray:
 
 def linear_observer(
     model: ActuatorModel, point: OperatingPoint, observer: Filter | DirectObserver | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """P, G and L of the module's head."""
+) -> LinearObserver:
+    """The observer at a point of rest; where there is none, every state is known."""
     n, order = len(point.commands), model.order
     if observer is None:
         return np.zeros((order, order)), np.zeros((order, n)), np.eye(order)
@@ -155,9 +159,7 @@ def linear_observer(
     return remainder @ A, remainder @ B, gain
 
 
-def _linear_direct(
-    model: ActuatorModel, point: OperatingPoint, observer: DirectObserver
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linear_direct(model: ActuatorModel, point: OperatingPoint, observer: DirectObserver) -> LinearObserver:
     """Jacobians of a step of the direct measurement in state, commands and first reading."""
     n, rest = len(point.commands), point.state
     reading = sampled_value(model, sensor_named(model, observer.sensor), Plant(model).start(rest[None]))

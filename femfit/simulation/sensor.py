@@ -2,8 +2,9 @@
 
     reading = rounded(clipped(characteristic(state at t - delay) + offset + drift t + noise))
 
-A sensor with a sample time of its own is read at every so many samples, and not at all (NaN) between them. The state
-within a delay that is no whole number of samples lies on a line between its neighbours, as a filter takes it.
+A sensor with a sample time of its own is read at every so many samples, and not at all (NaN) between them. What a
+sensor reads within a delay that is no whole number of samples lies on a line between its neighbours, as a filter takes
+it.
 
 References
 ----------
@@ -13,7 +14,6 @@ B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008): 
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import floor
 
 import numpy as np
 
@@ -21,9 +21,16 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.hall import PickupSensor
 from femfit.model.sensing import AnySensor
-from femfit.model.sensors import WHOLE, Reading, reading_of, readings_span, sampled_value, sensor_named
+from femfit.model.sensors import (
+    WHOLE,
+    Reading,
+    reading_of,
+    readings_span,
+    sample_weights,
+    sampled_value,
+    sensor_named,
+)
 from femfit.simulation.constants import UNKNOWN_NOISE_PART
 
 
@@ -53,10 +60,13 @@ class SensorErrors:
     dropout_probability: float = 0.0  # Probability that a sample reads the lower end of the range
 
 
-def loop_sensors(
-    model: ActuatorModel, names: Sequence[str], noise: Mapping[str, float], sample_time_s: float
-) -> tuple[LoopSensor, ...]:
-    """The named sensors of a model as a loop with this sample time reads them; a faster sensor at each of its samples.
+def loop_sensors(model: ActuatorModel, noise: Mapping[str, float], sample_time_s: float) -> tuple[LoopSensor, ...]:
+    """The sensors of a model as a loop with this sample time reads them; a faster sensor at each of its samples.
+
+    Parameters
+    ----------
+    noise : mapping of str to float
+        White noise of one sample by the names of the sensors that are read, in their units.
 
     Raises
     ------
@@ -64,9 +74,8 @@ def loop_sensors(
         If a slower sensor's sample time is no multiple of the loop's.
     """
     read = []
-    for name in names:
-        sensor = sensor_named(model, name)
-        reading = replace(reading_of(model, name), noise=noise[name])
+    for name, white in noise.items():
+        reading = replace(reading_of(model, name), noise=white)
         samples = (reading.sample_time_s or sample_time_s) / sample_time_s
         period = reading.period(sample_time_s)
         if samples > 1.0 + WHOLE and abs(samples - period) > WHOLE * samples:
@@ -75,7 +84,7 @@ def loop_sensors(
                 f"{amount(samples * sample_time_s, 's', 3)} and the controller's sample is "
                 f"{amount(sample_time_s, 's', 3)}. Make [sensors.{name}] sample_time_ms a multiple of it."
             )
-        read.append(LoopSensor(reading, sensor, reading.delay_s / sample_time_s, period))
+        read.append(LoopSensor(reading, sensor_named(model, name), reading.delay_s / sample_time_s, period))
     return tuple(read)
 
 
@@ -89,7 +98,7 @@ def sensor_noise(
     noise : mapping of str to float, float or None
         By the sensors' names, in the units of their readings; one number is the first sensor's.
     """
-    by_name = dict(noise) if isinstance(noise, Mapping) else {} if noise is None else {names[0]: noise}
+    by_name = noise if isinstance(noise, Mapping) else {} if noise is None else {names[0]: noise}
     if unknown := [name for name in by_name if name not in names]:
         raise DomainError(
             f"Noise must be given for sensors that the loop reads ({', '.join(names)}); instead received "
@@ -97,99 +106,72 @@ def sensor_noise(
         )
     result = {}
     for name in names:
-        reading, white = reading_of(model, name), by_name.get(name)
-        if white is not None and not 0.0 <= white < np.inf:
+        reading = reading_of(model, name)
+        span = reading.high - reading.low
+        span = span if np.isfinite(span) else readings_span(model, sensor_named(model, name))
+        result[name] = white = by_name.get(name, reading.noise or UNKNOWN_NOISE_PART * span)
+        if not 0.0 <= white < np.inf:
             raise DomainError(
                 f"The noise of a sample must be >= 0 {reading.unit}; instead received {white:g} {reading.unit} of "
                 f"{name}. Leave it out for the model's."
             )
-        span = reading.high - reading.low
-        span = span if np.isfinite(span) else readings_span(model, sensor_named(model, name))
-        result[name] = white if white is not None else reading.noise or UNKNOWN_NOISE_PART * span
     return result
 
 
-class History:
-    """The plant's last states, as many as the longest delay asks for; before the first it was at rest."""
+class Sensing:
+    """Readings of a batch of runs, sample after sample; before the first state the bodies were at rest there.
 
-    def __init__(self, sensors: Sequence[LoopSensor], first: FloatArray) -> None:
-        longest = max((sensor.delay for sensor in sensors), default=0.0)
-        self._states = deque([first], maxlen=floor(longest) + 3)  # a pickup coil's reading is of two samples
-
-    def add(self, state: FloatArray) -> None:
-        """The state one sample later."""
-        self._states.append(state)
-
-    def before(self, samples: float) -> FloatArray:
-        """The state so many samples before the last one."""
-        steps = floor(samples)
-        fraction = samples - steps
-        states = self._states
-        later = states[max(-1 - steps, -len(states))]
-        earlier = states[max(-2 - steps, -len(states))]
-        return later + fraction * (earlier - later)
-
-
-def true_readings(
-    model: ActuatorModel, sensors: Sequence[LoopSensor], history: History, time: FloatArray | float = 0.0
-) -> FloatArray:
-    """What the sensors would read without noise, clipping and rounding, of shape (runs, sensors)."""
-    columns = []
-    for sensor in sensors:
-        value = sampled_value(model, sensor.sensor, history.before(sensor.delay), time)
-        if isinstance(sensor.sensor, PickupSensor):
-            before = sampled_value(model, sensor.sensor, history.before(sensor.delay + 1.0), time)
-            value = (value - before) / model.sample_time_s
-        columns.append(value)
-    return np.stack(columns, axis=1)
-
-
-def read_sensors(
-    sensors: Sequence[LoopSensor],
-    errors: SensorErrors,
-    last: FloatArray,
-    values: FloatArray,
-    sample: int,
-    time: float,
-    random: np.random.Generator,
-    alike: int = 1,
-) -> FloatArray:
-    """Take the readings of one sample.
-
-    Parameters
-    ----------
-    last, values : array, shape (runs, sensors)
-        The readings before, and what the sensors would read without these errors.
-    sample : int
-        Number of the sample; a slow sensor is not read at each.
-    alike : int
-        Equal parts of the runs that meet the same noise.
-
-    Returns
-    -------
-    array, shape (runs, sensors)
-        NaN for a sensor that is not read at this sample.
+    ``alike`` equal parts of the runs meet the same noise.
     """
-    result, runs, faulty = np.empty_like(values), len(values), errors.faulty or sensors[0].name
-    for k, sensor in enumerate(sensors):
-        # Always both, so that switching one error on leaves the other's random numbers as they were
-        white, lost = (
-            np.concatenate([draw(runs // alike)] * alike) for draw in (random.standard_normal, random.random)
-        )
-        if sample % sensor.period:
-            result[:, k] = np.nan
-            continue
-        off = errors.offset + errors.drift_per_s * time if sensor.name == faulty else 0.0
-        reading = convert(sensor, values[:, k] + off + sensor.reading.noise * white)
-        if sensor.name != faulty:
-            result[:, k] = reading
-            continue
-        low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan
-        dropped = (lost < errors.dropout_probability) & (sample >= 0)  # the support comes before the faults
-        reading = np.where(dropped, low, reading)
-        stuck = (time >= errors.stuck_after_s) & np.isfinite(last[:, k])
-        result[:, k] = np.where(stuck, last[:, k], reading)
-    return result
+
+    def __init__(
+        self,
+        model: ActuatorModel,
+        sensors: Sequence[LoopSensor],
+        errors: SensorErrors,
+        state: FloatArray,
+        random: np.random.Generator,
+        alike: int = 1,
+    ) -> None:
+        self.model, self.sensors, self.errors, self.random, self.alike = model, sensors, errors, random, alike
+        self._faulty = errors.faulty or sensors[0].name
+        self._weights = [sample_weights(each.sensor, model.sample_time_s) for each in sensors]
+        self._values = [deque[FloatArray](maxlen=len(weights)) for weights in self._weights]
+        self._last = np.full((len(state), len(sensors)), np.nan)
+        for _ in range(max(map(len, self._weights))):
+            self.see(state, 0.0)
+
+    def see(self, state: FloatArray, time: float) -> None:
+        """The plant's state at the next sample, shape (runs, n)."""
+        for sensor, values in zip(self.sensors, self._values, strict=True):
+            values.appendleft(sampled_value(self.model, sensor.sensor, state, time))
+
+    @property
+    def exact(self) -> FloatArray:
+        """What the sensors would read without noise, clipping and rounding, of shape (runs, sensors)."""
+        pairs = zip(self._weights, self._values, strict=True)
+        return np.stack([weights @ np.array(values) for weights, values in pairs], axis=1)
+
+    def read(self, sample: int, time: float) -> FloatArray:
+        """Readings of shape (runs, sensors); NaN for a sensor that is not read at this sample, by its number."""
+        exact, errors, random = self.exact, self.errors, self.random
+        result = np.full_like(exact, np.nan)
+        for k, sensor in enumerate(self.sensors):
+            # Always both, so that switching one error on leaves the other's random numbers as they were
+            share = len(exact) // self.alike
+            white, lost = (np.tile(draw(share), self.alike) for draw in (random.standard_normal, random.random))
+            if sample % sensor.period:
+                continue
+            faulty = sensor.name == self._faulty
+            off = errors.offset + errors.drift_per_s * time if faulty else 0.0
+            result[:, k] = reading = convert(sensor, exact[:, k] + off + sensor.reading.noise * white)
+            if faulty:
+                low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan
+                dropped = (lost < errors.dropout_probability) & (sample >= 0)  # the support comes before the faults
+                stuck = (time >= errors.stuck_after_s) & np.isfinite(self._last[:, k])
+                result[:, k] = np.select([stuck, dropped], [self._last[:, k], low], reading)
+        self._last = np.where(np.isnan(result), self._last, result)
+        return result
 
 
 def convert(sensor: LoopSensor, values: FloatArray) -> FloatArray:

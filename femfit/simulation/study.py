@@ -16,10 +16,10 @@ from femfit.core.files import json_ready
 from femfit.core.results import Plotted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.close_loop import run_loops
-from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
+from femfit.simulation.design import CONTROLLERS, JudgedLoop, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance
 from femfit.simulation.loop import LoopProgress
-from femfit.simulation.summary import LoopSummary, design_data, judged_loop
+from femfit.simulation.summary import LoopSummary, design_data
 from femfit.simulation.words import sentence
 
 FILTER: ObserverName = "ukf"
@@ -50,13 +50,16 @@ class ClosedLoopStudy(Plotted):
 
     def __str__(self) -> str:
         design = self.design
-        judged = [judged_loop(design, name, FILTER) for name in design.controllers]
         sections = [
             sentence("study", "held", self, [why for name in CONTROLLERS if (why := design.why_no(name))]),
             sentence("study", "steps", self),
-            sentence("study", "design", self, judged),
+            sentence("study", "design", self, self._judged),
         ]
         return "\n\n".join(sections)
+
+    @property
+    def _judged(self) -> list[JudgedLoop]:
+        return [self.design.judged(name, FILTER) for name in self.design.controllers]
 
     def data(self) -> dict[str, Any]:
         """The numbers without time series, ready for JSON; what does not exist is null."""
@@ -64,7 +67,7 @@ class ClosedLoopStudy(Plotted):
             "model": self.design.model.name,
             "seed": self.seed,
             "no_direct": self.design.why_no_direct,
-            **design_data(self.design, [(name, FILTER) for name in self.design.controllers]),
+            **design_data(self.design, self._judged),
             "steps": [json_ready(asdict(row)) for row in self.steps],
         }
 

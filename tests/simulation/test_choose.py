@@ -12,8 +12,7 @@ from femfit.device.mechanics import Spring, Stop
 from femfit.model.bspline import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.simulation.adjust import choose
-from femfit.simulation.close_loop import close_loop
+from femfit.simulation.close_loop import choose, close_loop
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.experiment import direct_distance
 from femfit.simulation.margins import Margins, worst_of

@@ -12,9 +12,8 @@ from scipy.signal import ss2tf
 import femfit as ff
 from femfit.core.errors import DomainError
 from femfit.device.electrics import CurrentSensor, PositionSensor
-from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import Backstepping, pid_of_parts
-from femfit.simulation.design import design_loop
+from femfit.simulation.design import adjusted, design_loop
 from femfit.simulation.experiment import Experiment, LoopRuns
 from femfit.simulation.linear_loop import (
     LinearController,
@@ -48,9 +47,9 @@ def late(levitation_model):
 
 def parts(design, name="backstepping", observer="ekf"):
     bench = design.bench(observer)
-    k = bench.middle
-    own = linear_controller(design.model, bench.points[k], design.controller(name), len(bench.observers[k][0]))
-    return bench.points[k], bench.plants[k], LinearController(*bench.observers[k], *own, design.latency)
+    rest = bench.rests[len(bench.rests) // 2]
+    own = linear_controller(design.model, rest.point, design.controller(name), len(rest.observer[0]))
+    return rest.point, rest.plant, LinearController(*rest.observer, *own, design.latency)
 
 
 def test_the_linear_plant_is_the_matrix_exponential_of_the_equations(levitation_model, design):
@@ -137,7 +136,7 @@ def test_the_linear_loop_reads_a_late_or_slow_pickup_coil_as_late_as_it_is(delay
     point = operating_point(model, 2.5e-3)
 
     def response(one, z):
-        sensors = loop_sensors(one, ("search",), {"search": 1e-3}, step)
+        sensors = loop_sensors(one, {"search": 1e-3}, step)
         return linear_plant(one, point, sensors).response(z)[:, 0, 0]
 
     angle = 2.0 * np.pi * np.array([0.01, 0.03])
