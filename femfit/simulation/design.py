@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, Literal, TypeAlias, TypeVar, cast, get_args
+from functools import cached_property, wraps
+from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, TypeVar, cast, get_args
 
 import numpy as np
 
@@ -31,10 +31,25 @@ ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 LoopObserver: TypeAlias = ObserverName | Literal["exact"]
 """A linear loop may know the state itself, too."""
 
-Made = TypeVar("Made")
-
 CONTROLLERS: tuple[ControllerName, ...] = get_args(ControllerName)
 OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
+
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+
+
+def once(method: Callable[Concatenate["LoopDesign", Given], Made]) -> Callable[Concatenate["LoopDesign", Given], Made]:
+    """A method of a design that works out for each of its arguments once what it returns."""
+
+    @wraps(method)
+    def kept(design: "LoopDesign", /, *given: Given.args, **named: Given.kwargs) -> Made:
+        key = (method.__name__, *given)
+        if key not in design.worked_out:
+            design.worked_out[key] = method(design, *given, **named)
+        return cast("Made", design.worked_out[key])
+
+    return kept
 
 
 @dataclass(frozen=True)
@@ -61,12 +76,7 @@ class LoopDesign:
     latency: int = 0  # Samples from a reading to the command that it leads to
     given: Mapping[str, Controller] = field(default_factory=dict)  # In place of the designed ones
     command_error: float = 1.0  # Factor on the error of the drivers' voltages that the filters allow for
-    _made: dict[tuple[str, ...], Any] = field(default_factory=dict, init=False)  # What was asked for before
-
-    def _once(self, key: tuple[str, ...], make: Callable[[], Made]) -> Made:
-        if key not in self._made:
-            self._made[key] = make()
-        return cast("Made", self._made[key])
+    worked_out: dict[tuple[object, ...], Any] = field(default_factory=dict, init=False)  # What was asked for before
 
     @property
     def command_unit(self) -> str:
@@ -120,21 +130,19 @@ class LoopDesign:
         """Whether a sensor is not read at each sample."""
         return any(sensor.period > 1 for sensor in self.loop_sensors())
 
+    @once
     def controller(self, name: ControllerName) -> Controller:
         """The controller that is given or designed, which is what comes nearest to a stable one."""
-        return self.given.get(name) or self._once(("controller", name), lambda: self._filtered.tuned(name))
+        return self.given.get(name) or self._filtered.tuned(name)
 
+    @once
     def why_no(self, name: ControllerName) -> str:
         """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
-
-        def reason() -> str:
-            try:
-                stable = self._filtered.growth(self.controller(name)) < 0.0
-            except DomainError as error:
-                return str(error)
-            return "" if stable else sentence("loop", "none_stable", self, name)
-
-        return "" if name in self.given else self._once(("why no", name), reason)
+        try:
+            stable = name in self.given or self._filtered.growth(self.controller(name)) < 0.0
+        except DomainError as error:
+            return str(error)
+        return "" if stable else sentence("loop", "none_stable", self, name)
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:
@@ -157,29 +165,23 @@ class LoopDesign:
         except (DomainError, FilterError):
             return bench
 
+    @once
     def bench(self, observer: LoopObserver) -> Bench:
         """What linear controllers are judged in."""
-
-        def made() -> Bench:
-            seen_by = None if observer == "exact" else self.observer(observer)
-            return make_bench(self.model, self.points, self.loop_sensors(), seen_by, self.latency)
-
-        return self._once(("bench", observer), made)
+        seen_by = None if observer == "exact" else self.observer(observer)
+        return make_bench(self.model, self.points, self.loop_sensors(), seen_by, self.latency)
 
     def margins(self, name: ControllerName, observer: LoopObserver) -> tuple[Margins, ...]:
         """Stability margins of a loop at the nearest, the middle and the farthest point."""
         return self.bench(observer).judge(self.controller(name))
 
+    @once
     def judged(self, name: ControllerName, observer: LoopObserver) -> JudgedLoop:
         """The least margins of a loop, or why there are none."""
-
-        def made() -> JudgedLoop:
-            try:
-                return JudgedLoop(name, observer, worst_of(self.margins(name, observer)))
-            except (DomainError, FilterError) as error:
-                return JudgedLoop(name, observer, None, str(error))
-
-        return self._once(("judged", name, observer), made)
+        try:
+            return JudgedLoop(name, observer, worst_of(self.margins(name, observer)))
+        except (DomainError, FilterError) as error:
+            return JudgedLoop(name, observer, None, str(error))
 
     @property
     def filter_noise(self) -> FilterNoise:

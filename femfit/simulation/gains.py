@@ -17,7 +17,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.simulation import constants
 from femfit.simulation.allocation import limits_of
-from femfit.simulation.controllers import Backstepping, Pid, StateFeedback, pid_of_parts
+from femfit.simulation.controllers import Backstepping, Pid, StateFeedback
 from femfit.simulation.linear_loop import LinearPlant
 from femfit.simulation.operating_point import OperatingPoint, solve_riccati, usable_coil_pole, zero_order_hold
 
@@ -44,9 +44,9 @@ def design_backstepping(
     triple = current_pole / 3.0 if bandwidth_rad_s is None else bandwidth_rad_s
     return Backstepping(
         model=model,
-        position_gain=triple**2 / 3.0,
-        velocity_gain=triple + unstable**2 / (3.0 * triple),
-        current_gain_ohm=max(current_pole - slowest.coil_pole_rad_s, 0.0) * slowest.inductance_H,
+        position=triple**2 / 3.0,
+        velocity=triple + unstable**2 / (3.0 * triple),
+        current=max(current_pole - slowest.coil_pole_rad_s, 0.0) * slowest.inductance_H,
     )
 
 
@@ -92,7 +92,7 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
     columns[:, 4] = wanted
     right = np.polymul(wanted, [1.0, 0.0])[1:] - np.polymul(integrated, [1.0, 0.0])[1:]
     p, b0, b1, b2, _ = np.linalg.solve(columns, right).tolist()
-    return Pid(model, p, (b0, b1, b2), tuple(point.direction.tolist()), current)
+    return Pid.of_recursion(model, p, (b0, b1, b2), tuple(point.direction.tolist()), current)
 
 
 def first_pid(model: ActuatorModel, point: OperatingPoint) -> Pid:
@@ -107,8 +107,8 @@ def first_pid(model: ActuatorModel, point: OperatingPoint) -> Pid:
     per_command = abs(A[1, 2] * B[2]) / coil
     kp = constants.FIRST_STIFFNESS * (rate**2 + coil * rate) / per_command
     ki, kd = constants.FIRST_INTEGRAL * rate * kp, constants.FIRST_DAMPING * kp / rate
-    along = tuple(point.direction.tolist())
-    return pid_of_parts(model, kp, ki, kd, constants.FIRST_FILTER * rate, current, along)
+    pole = float(np.exp(-constants.FIRST_FILTER * rate * model.sample_time_s))
+    return Pid(model, kp, ki, kd, pole, tuple(point.direction.tolist()), current)
 
 
 def reduced(model: ActuatorModel, point: OperatingPoint) -> tuple[FloatArray, FloatArray, float]:

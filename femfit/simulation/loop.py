@@ -23,7 +23,7 @@ from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import Observer
 from femfit.simulation.operating_point import resting_command
 from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import LoopSensor, Sensing, SensorErrors
+from femfit.simulation.sensor import LoopSensor, SensorBank, SensorErrors
 from femfit.simulation.targets import Reference
 
 Show = Callable[[int, int], None]
@@ -136,7 +136,7 @@ def run_loop(
     sums = np.zeros((4, runs))
     state = loop.plant.start(start)
     belief = state[:, : 2 + n]
-    sensing = Sensing(model, loop.sensors, loop.errors, state, random, len(controlled))
+    sensing = SensorBank(model, loop.sensors, loop.errors, state, random, len(controlled))
     observed: Any = loop.observer.start(belief)
     memories = [np.zeros((share, controller.words)) for controller in loop.controllers]
     rest = np.clip(resting_command(model, belief[:, 2:]), *limits_of(model))
@@ -210,7 +210,7 @@ class _Watch:
     def __init__(self, model: ActuatorModel, runs: int) -> None:
         self._box, self._ends, self._circuits = model.validity, model.require_motion().ends, len(model.circuits)
         self._outcome, self._when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
-        self._lifted, self._side = np.zeros(runs, dtype=np.bool_), np.zeros(runs, dtype=np.intp)
+        self._lifted, self._met = np.zeros(runs, dtype=np.bool_), [np.zeros(runs, dtype=np.bool_)]
 
     def alive(
         self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray, touched: BoolArray
@@ -222,25 +222,24 @@ class _Watch:
         """
         box, distance, currents = self._box, state[:, 0], state[:, 2 : 2 + self._circuits]
         low, high, (near, far) = box.distance_min_m, box.distance_max_m, self._ends
-        alive = box.contains(distance, currents) & np.isfinite(estimate).all(axis=1)
         covered = box.contains(np.full(len(distance), 0.5 * (low + high)), currents)
-        left = [~(distance >= low), distance > high, ~covered, diverged]
-        self._name(np.select(left, _LOST, _HELD), time)
-        met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
-        self._side = np.select(met, _LOST[:2], _HELD)
+        self._name([~(distance >= low), distance > high, ~covered, diverged], time)
+        self._met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
         apart = LIFTED * (high - low)
         self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
-        self._name(np.where(self._lifted, self._side, _HELD), time)
-        return np.asarray(alive & ~np.isin(self._outcome, _LOST[:2]))
+        self._name([met & self._lifted for met in self._met], time)
+        known = box.contains(distance, currents) & np.isfinite(estimate).all(axis=1)
+        return np.asarray(known & ~np.isin(self._outcome, _LOST[:2]))
 
-    def _name(self, code: IntArray, time: float) -> None:
-        """The first name of a run stays."""
+    def _name(self, lost: list[BoolArray], time: float) -> None:
+        """Runs that are lost by these outcomes in their order; the first name of a run stays."""
+        code = np.select(lost, _LOST[: len(lost)], _HELD)
         fresh = (self._outcome == _HELD) & (code != _HELD)
         self._outcome[fresh], self._when[fresh] = code[fresh], time
 
     def end(self) -> tuple[IntArray, FloatArray]:
         """Outcomes and times; a body that never left the stop where it began was not held, from the first sample on."""
-        self._name(np.where(self._lifted, _HELD, self._side), 0.0)
+        self._name([met & ~self._lifted for met in self._met], 0.0)
         return self._outcome, self._when
 
 

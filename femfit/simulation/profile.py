@@ -73,15 +73,19 @@ class Profile(Printed):
         return sentence("open_loop", "profile", self)
 
     @cached_property
+    def slopes(self) -> FloatArray:
+        """Of the straight lines that begin at the points, shape (n,)."""
+        slopes = np.zeros(len(self.value))
+        if self.interpolation == "linear":
+            slopes[:-1] = np.diff(self.value) / np.diff(self.time_s)
+        return slopes
+
+    @property
     def turns_s(self) -> FloatArray:
         """Times at which the command jumps, or changes its slope: between them it is one straight line."""
-        time, value = self.time_s, self.value
-        if self.interpolation == "held":
-            return np.asarray(time[1:][np.diff(value) != 0.0])
-        if len(time) == 1:
-            return np.zeros(0)
-        slope = np.concatenate([[0.0], np.diff(value) / np.diff(time), [0.0]])
-        return np.asarray(time[np.abs(np.diff(slope)) > 1e-12 * np.abs(slope).max()])
+        held = self.interpolation == "held"
+        change = np.abs(np.diff(self.value, prepend=self.value[0]) if held else np.diff(self.slopes, prepend=0.0))
+        return np.asarray(self.time_s[change > 1e-12 * change.max()])
 
     def within(self, low: float, high: float) -> "Profile":
         """The profile as a driver with these limits gives it, turning where it meets them."""
@@ -97,10 +101,10 @@ class Profile(Printed):
     def line(self, time: float) -> tuple[float, float]:
         """The straight line that begins at a time: (value there, slope)."""
         k = int(np.searchsorted(self.time_s, time, side="right")) - 1
-        if k < 0 or k >= len(self.time_s) - 1 or self.interpolation == "held":
-            return float(self.value[max(k, 0)]), 0.0
-        slope = (self.value[k + 1] - self.value[k]) / (self.time_s[k + 1] - self.time_s[k])
-        return float(self.value[k] + slope * (time - self.time_s[k])), float(slope)
+        if k < 0:
+            return float(self.value[0]), 0.0
+        slope = float(self.slopes[k])
+        return float(self.value[k]) + slope * (time - float(self.time_s[k])), slope
 
     def at(self, time: float) -> float:
         """The command at a time in s; at a jump, the value after it."""

@@ -118,7 +118,7 @@ def sensor_noise(
     return result
 
 
-class Sensing:
+class SensorBank:
     """Readings of a batch of runs, sample after sample; before the first state the bodies were at rest there.
 
     ``alike`` equal parts of the runs meet the same noise.

@@ -23,11 +23,7 @@ from femfit.simulation.margins import Margins
 from femfit.simulation.open_result import write_table
 from femfit.simulation.words import sentence
 
-_OF_BACKSTEPPING = {
-    "position_gain_1_s2": "position_gain",
-    "velocity_gain_1_s": "velocity_gain",
-    "current_gain_ohm": "current_gain_ohm",
-}
+_OF_BACKSTEPPING = {"position_gain_1_s2": "position", "velocity_gain_1_s": "velocity", "current_gain_ohm": "current"}
 _OF_POINT = ("distance_m", "currents_A", "commands", "unstable_pole_rad_s", "coil_pole_rad_s")
 
 

@@ -12,7 +12,7 @@ from scipy.signal import ss2tf
 import femfit as ff
 from femfit.core.errors import DomainError
 from femfit.device.electrics import CurrentSensor, PositionSensor
-from femfit.simulation.controllers import Backstepping, pid_of_parts
+from femfit.simulation.controllers import Backstepping
 from femfit.simulation.design import adjusted, design_loop
 from femfit.simulation.experiment import Experiment, LoopRuns
 from femfit.simulation.linear_loop import (
@@ -117,12 +117,12 @@ def test_gains_of_ones_own_take_the_place_of_the_designed_in_both_forms(design):
     assert other.controller("pid").parts["kd"] == pytest.approx(design.controller("pid").parts["kd"])
     faster = adjusted(design, "backstepping", bandwidth_rad_s=80.0).controller("backstepping")
     assert isinstance(faster, Backstepping)
-    assert faster.position_gain == pytest.approx(80.0**2 / 3.0)
+    assert faster.position == pytest.approx(80.0**2 / 3.0)
     with pytest.raises(DomainError, match="kp, ki, kd, filter_rad_s, current"):
         adjusted(design, "pid", gains={"p": 1.0})
     with pytest.raises(DomainError, match="> 0"):
         adjusted(design, "pid", bandwidth_rad_s=1e9)
-    again = pid_of_parts(design.model, **design.controller("pid").parts)
+    again = other.controller("pid").with_parts(design.controller("pid").parts)
     np.testing.assert_allclose(again.gains, design.controller("pid").gains, rtol=1e-9)
     assert again.filter_pole == pytest.approx(design.controller("pid").filter_pole, rel=1e-9)
 

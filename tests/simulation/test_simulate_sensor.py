@@ -10,7 +10,7 @@ import femfit as ff
 from femfit.core.errors import DomainError, FilterError, UsageError
 from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
-from femfit.simulation.sensor import Sensing, SensorErrors, convert, loop_sensors, sensor_noise
+from femfit.simulation.sensor import SensorBank, SensorErrors, convert, loop_sensors, sensor_noise
 from support.readings import LASER
 from support.solenoids import STEP_S as PICKUP_STEP_S
 from support.solenoids import searched, solenoid
@@ -28,7 +28,7 @@ AT_REST = (0.025, 0.0, 0.5)
 def readings(model, errors, steps, runs=1, noise=0.0, names=("hall",)):
     """Of bodies at rest, shape (steps, runs, sensors)."""
     still = np.tile(AT_REST, (runs, 1))
-    sensing = Sensing(model, of(model, noise, names), errors, still, np.random.default_rng(0))
+    sensing = SensorBank(model, of(model, noise, names), errors, still, np.random.default_rng(0))
     return np.array([sensing.read(k, k * STEP_S) for k in range(steps)])
 
 
@@ -91,7 +91,7 @@ def test_a_late_sensor_reads_what_was_there_before(several):
     def state(time):
         return np.array([[0.02 + 0.1 * time + 5.0 * time**2, 0.1 + 10.0 * time, 0.4, 0.0][:3]])
 
-    sensing = Sensing(several, sensors, SensorErrors(), state(0.0), np.random.default_rng(0))
+    sensing = SensorBank(several, sensors, SensorErrors(), state(0.0), np.random.default_rng(0))
     for k in range(1, 6):
         sensing.see(state(k * STEP_S), k * STEP_S)
         if k >= 2:  # before that the body was at rest
@@ -125,7 +125,7 @@ PATH = np.stack([2.5e-3 + 4e-4 * np.sin(200.0 * TIME), 0.08 * np.cos(200.0 * TIM
 def read_by_the_loop(model, name, path=PATH):
     """Readings without noise along a path, one sample after the other."""
     sensors = loop_sensors(model, {name: 0.0}, model.sample_time_s)
-    sensing = Sensing(model, sensors, SensorErrors(), path[:1], np.random.default_rng(0))
+    sensing = SensorBank(model, sensors, SensorErrors(), path[:1], np.random.default_rng(0))
     found = [sensing.exact[0, 0]]
     for state in path[1:]:
         sensing.see(state[None], 0.0)
