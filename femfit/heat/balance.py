@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from femfit.core.errors import MissingPartError, UsageError
@@ -44,12 +45,6 @@ def largest_factor(network: HeatNetwork, cold_W: FloatArray) -> float:
     return float(1.0 / largest) if largest > 0.0 else np.inf
 
 
-def slowest_s(network: HeatNetwork) -> float:
-    """The longest time constant in s, without what the windings' resistance does."""
-    root = np.sqrt(network.capacities)
-    return float(1.0 / np.linalg.eigvalsh(network.laplacian / np.outer(root, root))[0])
-
-
 def time_until(
     network: HeatNetwork, ambient: float, powers: Powers, reached: Callable[[FloatArray], float]
 ) -> float | None:
@@ -66,10 +61,10 @@ def time_until(
     start = np.full(len(network.capacities), ambient)
     if reached(start) >= 0.0:
         return 0.0
-    horizon = HORIZON * slowest_s(network)
-    course = solve_ivp(slope, (0.0, horizon), start, "LSODA", events=crossing, rtol=1e-8, atol=1e-6)
-    times = np.concatenate(course.t_events or [])
-    return float(times[0]) if times.size else None
+    slowest_s = 1.0 / eigh(network.laplacian, np.diag(network.capacities), eigvals_only=True)[0]
+    course = solve_ivp(slope, (0.0, HORIZON * slowest_s), start, "LSODA", events=crossing, rtol=1e-8, atol=1e-6)
+    (times,) = course.t_events or [np.zeros(0)]
+    return float(times[0]) if len(times) else None
 
 
 ROUNDS, CLOSE_K = 500, 1e-9

@@ -21,7 +21,7 @@ from femfit.simulation.controllers import Controller, ControllerName
 from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.observers import DirectObserver, distance_inverse
 from femfit.simulation.operating_point import OperatingPoint, operating_point
-from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
+from femfit.simulation.plant import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, reference_rate, require_sensed
 from femfit.simulation.tune import Bench, make_bench, near_the_best
 from femfit.simulation.words import sentence

@@ -27,8 +27,7 @@ from femfit.simulation.design import LoopDesign, LoopObserver, ObserverName, kee
 from femfit.simulation.loop import ClosedLoop, LoopProgress, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observers import distance_inverse
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant, with_force_scale
-from femfit.simulation.sensor import SensorErrors
+from femfit.simulation.plant import Plant, SensorErrors, with_force_scale
 from femfit.simulation.targets import Reference, reference_steps
 from femfit.simulation.tune import SEARCH_FREQUENCIES
 

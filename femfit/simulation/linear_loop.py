@@ -28,8 +28,7 @@ from femfit.model.sensors import sample_weights, sampled_value, sensor_named
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint, solve_riccati
-from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import LoopSensor
+from femfit.simulation.plant import LoopSensor, Plant
 from femfit.simulation.targets import Reference
 
 LinearObserver: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]

@@ -22,8 +22,7 @@ from femfit.simulation.allocation import limits_of
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import Observer
 from femfit.simulation.operating_point import resting_command
-from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import LoopSensor, SensorBank, SensorErrors
+from femfit.simulation.plant import LoopSensor, Plant, SensorBank, SensorErrors
 from femfit.simulation.targets import Reference
 
 Show = Callable[[int, int], None]

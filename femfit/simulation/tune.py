@@ -37,7 +37,7 @@ from femfit.simulation.linear_loop import (
 from femfit.simulation.margins import FREQUENCIES, Margins, margins, worst_of
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint
-from femfit.simulation.sensor import LoopSensor
+from femfit.simulation.plant import LoopSensor
 
 SEARCH_FREQUENCIES = 120
 """Conventional: points of the frequency response while gains are sought; what is told has five times as many."""

@@ -25,7 +25,7 @@ from femfit.simulation.linear_loop import (
 from femfit.simulation.loop import run_loop
 from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin, worst_of
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.sensor import loop_sensors
+from femfit.simulation.plant import loop_sensors
 from support.readings import LASER_10_V
 from support.solenoids import searched
 

@@ -10,7 +10,7 @@ import femfit as ff
 from femfit.core.errors import DomainError, FilterError, UsageError
 from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
-from femfit.simulation.sensor import SensorBank, SensorErrors, convert, loop_sensors, sensor_noise
+from femfit.simulation.plant import SensorBank, SensorErrors, convert, loop_sensors, sensor_noise
 from support.readings import LASER
 from support.solenoids import STEP_S as PICKUP_STEP_S
 from support.solenoids import searched, solenoid

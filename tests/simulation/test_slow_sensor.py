@@ -22,9 +22,8 @@ from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant, with_force_scale
+from femfit.simulation.plant import Plant, SensorErrors, loop_sensors, with_force_scale
 from femfit.simulation.profile import Profile
-from femfit.simulation.sensor import SensorErrors, loop_sensors
 from femfit.simulation.targets import Reference
 from support.added_effects import added
 from support.bearing import CIRCUITS, ENTRY, table_of

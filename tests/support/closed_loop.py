@@ -10,8 +10,7 @@ from femfit.simulation.experiment import LoopRuns, run_together
 from femfit.simulation.gains import design_backstepping
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import SensorErrors
+from femfit.simulation.plant import Plant, SensorErrors
 from femfit.simulation.targets import Reference, reference_steps
 from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
 from femfit.tables.time_series_checks import check_clock
