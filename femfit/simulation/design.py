@@ -23,7 +23,7 @@ from femfit.simulation.observers import DirectObserver, distance_inverse
 from femfit.simulation.operating_point import OperatingPoint, operating_point
 from femfit.simulation.plant import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, reference_rate, require_sensed
-from femfit.simulation.tune import Bench, make_bench, near_the_best
+from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, make_bench, near_the_best
 from femfit.simulation.words import sentence
 
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -139,10 +139,11 @@ class LoopDesign:
     def why_no(self, name: ControllerName) -> str:
         """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
         try:
-            stable = name in self.given or self._filtered.growth(self.controller(name)) < 0.0
+            margins = self._filtered.judge(self.controller(name), SEARCH_FREQUENCIES)
         except DomainError as error:
             return str(error)
-        return "" if stable else sentence("loop", "none_stable", self, name)
+        fit = name in self.given or worst_of(margins).stable
+        return "" if fit else sentence("loop", "none_stable", self, name)
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:

@@ -29,7 +29,6 @@ from femfit.simulation.observers import distance_inverse
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, SensorErrors, with_force_scale
 from femfit.simulation.targets import Reference, reference_steps
-from femfit.simulation.tune import SEARCH_FREQUENCIES
 
 
 @dataclass(frozen=True)
@@ -113,17 +112,14 @@ class LoopRuns:
         )
 
     def growth_per_s(self, observer: LoopObserver | None = None) -> float:
-        """Rate at which a deviation grows in the linear loop, of another observer too; below zero if it is stable."""
-        bench = self.design.bench(observer or self.experiment.observer)
-        return bench.growth(self.design.controller(self.experiment.controller))
+        """Rate at which a deviation grows in the linear loop, of another observer too; zero where nothing tells."""
+        margins = self.design.judged(self.experiment.controller, observer or self.experiment.observer).margins
+        return 0.0 if margins is None else -margins.slowest_pole_rad_s
 
     @property
     def growths(self) -> float:
-        """By how many factors e a deviation grows within the runs; 0 where nothing tells."""
-        try:
-            return self.growth_per_s() * self.path_steps * self.design.model.sample_time_s
-        except (DomainError, FilterError):
-            return 0.0
+        """By how many factors e a deviation grows within the runs; below zero where the linear loop is stable."""
+        return self.growth_per_s() * self.path_steps * self.design.model.sample_time_s
 
 
 def run_together(
@@ -176,15 +172,16 @@ def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:
     last = float(np.nanmax(result.outcome_time_s)) / loop.design.model.sample_time_s
     loop = replace(loop, steps=min(loop.steps, int(BEYOND * last) + loop.design.steps(FOLLOWED)))
     e, design = loop.experiment, loop.design
-    faults = {
+    asked_for = {
+        "plant": loop.plant is not None,
         "sensor-offset": e.offset != 0.0,
         "sensor-drift": e.drift_per_s != 0.0,
         "sensor-stuck": np.isfinite(e.stuck_after_s),
         "dropouts": e.dropout_probability != 0.0,
         "force-scale": e.force_scale != 1.0,
+        "gains": bool(design.given),
+        "latency": bool(design.latency),
     }
-    asked_for = {"plant": loop.plant is not None, **faults}
-    asked_for |= {"gains": bool(design.given), "latency": bool(design.latency)}
     codes = tuple(code for code, present in asked_for.items() if present)
     if codes:
         plain = replace(design, given={}, latency=0) if design.given or design.latency else design
@@ -210,14 +207,12 @@ def _hardware_limit(loop: LoopRuns) -> Cause:
     and farther a body at rest may be for the force at the limits to turn it back. The current is taken to be at its
     limit at once; a coil needs time, and so less is true.
     """
-    design = loop.design
+    design, controller, observer = loop.design, loop.experiment.controller, loop.experiment.observer
     numbers: dict[str, Any] = {"reach_m": _reach(loop), "room": None}
-    try:
-        bench = design.bench(loop.experiment.observer)
-        margins = bench.judge(design.controller(loop.experiment.controller), SEARCH_FREQUENCIES)
-    except (DomainError, FilterError):  # no margins tell what noise takes
+    if design.judged(controller, observer).margins is None:  # nothing tells what noise takes
         return Cause("authority", numbers)
-    rest, worst = min(zip(bench.rests, margins, strict=True), key=lambda judged: float(judged[0].room.min()))
+    pairs = zip(design.bench(observer).rests, design.margins(controller, observer), strict=True)
+    rest, worst = min(pairs, key=lambda pair: float(pair[0].room.min()))
     share = worst.noise_share
     numbers["room"] = {"distance_m": rest.point.distance_m, "room": float(rest.room.min()), "noise_share": share}
     return Cause("noise" if share >= NOISE_FILLS else "authority", numbers)

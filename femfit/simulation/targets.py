@@ -50,9 +50,7 @@ def covered(model: ActuatorModel) -> ActuatorModel:
 
 def derived_targets(model: ActuatorModel, sensors: Sequence[str]) -> tuple[float, ...]:
     """Steps over the middle 40 % of the distances at which the driver holds the body and the sensors see it."""
-    box, motion = model.validity, model.require_motion()
-    near, far = np.clip(motion.ends, box.distance_min_m, box.distance_max_m)
-    d = np.linspace(near, far, 301)
+    motion, d = model.require_motion(), np.linspace(*model.travel_m, 301)
     needed, (weakest, strongest) = motion.static_force(d), force_range(model, d)
     holdable = d[(weakest <= needed) & (strongest >= needed)]
     if holdable.size < 3:

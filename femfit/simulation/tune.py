@@ -74,10 +74,6 @@ class Bench:
             judged.append(margins(rest.plant, linear, self.model.sample_time_s, rest.room, points))
         return tuple(judged)
 
-    def growth(self, controller: Controller) -> float:
-        """Rate in 1/s at which the loop's slowest motion grows at its worst point; below zero where it is stable."""
-        return -worst_of(self.judge(controller, SEARCH_FREQUENCIES)).slowest_pole_rad_s
-
     def score(self, controller: Controller) -> float:
         """Margins over the wanted ones, cut by too much noise and too slow a loop; below zero where it is unstable.
 
