@@ -18,12 +18,13 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
 from femfit.simulation.constants import COMMAND_ERRORS, DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S, NEARLY
 from femfit.simulation.controllers import Controller, ControllerName
+from femfit.simulation.linear_loop import Rest
 from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.observers import DirectObserver, distance_inverse
 from femfit.simulation.operating_point import OperatingPoint, operating_point
 from femfit.simulation.plant import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, reference_rate, require_sensed
-from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, make_bench, near_the_best
+from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, near_the_best
 from femfit.simulation.words import sentence
 
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -168,9 +169,11 @@ class LoopDesign:
 
     @once
     def bench(self, observer: LoopObserver) -> Bench:
-        """What linear controllers are judged in."""
-        seen_by = None if observer == "exact" else self.observer(observer)
-        return make_bench(self.model, self.points, self.loop_sensors(), seen_by, self.latency)
+        """What linear controllers are judged in: at the nearest, the middle and the farthest point."""
+        seen_by, sensors = None if observer == "exact" else self.observer(observer), self.loop_sensors()
+        places = [self.points[k] for k in sorted({0, len(self.points) // 2, len(self.points) - 1})]
+        rests = tuple(Rest.at(self.model, point, sensors, seen_by) for point in places)
+        return Bench(self.model, self.points, rests, self.latency)
 
     def margins(self, name: ControllerName, observer: LoopObserver) -> tuple[Margins, ...]:
         """Stability margins of a loop at the nearest, the middle and the farthest point."""

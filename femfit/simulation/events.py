@@ -17,7 +17,7 @@ from scipy.integrate import OdeSolution, solve_ivp
 from femfit.core.errors import SimulationError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents
-from femfit.simulation.drivers import AT_MAX, AT_MIN, BLOCKED, CONDUCTING, FOLLOWING, Feed
+from femfit.simulation.profile import AT_MAX, AT_MIN, BLOCKED, CONDUCTING, FOLLOWING, Feed
 from femfit.simulation.system import AWAY, ENERGIES, Mode, Side, System
 
 SLACK = 1e-6

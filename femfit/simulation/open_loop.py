@@ -15,11 +15,10 @@ from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_parts
-from femfit.simulation.drivers import CONDUCTING, Driver
 from femfit.simulation.events import Walk
 from femfit.simulation.open_result import OpenLoop, balance, switchings
 from femfit.simulation.operating_point import rest_distance, sensor_columns
-from femfit.simulation.profile import Command, Constant, Interpolation, Profile, commanded
+from femfit.simulation.profile import CONDUCTING, Command, Constant, Driver, Interpolation, Profile, commanded
 from femfit.simulation.system import Mode, System
 from femfit.simulation.words import sentence
 

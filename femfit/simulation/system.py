@@ -33,7 +33,7 @@ from femfit.core.tape import Caller
 from femfit.device.mechanics import Stop
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import state_scale
-from femfit.simulation.drivers import AT_MAX, AT_MIN, BLOCKED, CONDUCTING, FOLLOWING, Driver, Feed
+from femfit.simulation.profile import AT_MAX, AT_MIN, BLOCKED, CONDUCTING, FOLLOWING, Driver, Feed
 
 LEAST_RESTITUTION = 0.01
 """Conventional: a stop that gives way and returns nothing would need infinite damping; it returns a ten thousandth of

@@ -20,39 +20,18 @@ import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
-from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation import constants
-from femfit.simulation.allocation import limits_of
 from femfit.simulation.controllers import Controller, ControllerName, Pid
 from femfit.simulation.gains import design_backstepping, design_pid, first_pid, regulator
-from femfit.simulation.linear_loop import (
-    LinearController,
-    LinearObserver,
-    LinearPlant,
-    linear_controller,
-    linear_observer,
-    linear_plant,
-)
+from femfit.simulation.linear_loop import Rest
 from femfit.simulation.margins import FREQUENCIES, Margins, margins, worst_of
-from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint
-from femfit.simulation.plant import LoopSensor
 
 SEARCH_FREQUENCIES = 120
 """Conventional: points of the frequency response while gains are sought; what is told has five times as many."""
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, eq=False)
-class Rest:
-    """A point of rest with the linear plant and observer there."""
-
-    point: OperatingPoint
-    plant: LinearPlant
-    observer: LinearObserver
-    room: FloatArray  # From the resting commands to the nearer limits, in the commands' units, shape (n,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +48,7 @@ class Bench:
         """Margins at each point, from a frequency response of so many points."""
         judged = []
         for rest in self.rests:
-            law = linear_controller(self.model, rest.point, controller, len(rest.observer[0]))
-            linear = LinearController(*rest.observer, *law, self.latency)
+            linear = rest.closed_by(controller, self.latency)
             judged.append(margins(rest.plant, linear, self.model.sample_time_s, rest.room, points))
         return tuple(judged)
 
@@ -168,24 +146,6 @@ class Bench:
             if reached > best:
                 best, values = reached, tried
         return made(values)
-
-
-def make_bench(
-    model: ActuatorModel,
-    points: Sequence[OperatingPoint],
-    sensors: Sequence[LoopSensor],
-    observer: Filter | DirectObserver | None,
-    latency: int = 0,
-) -> Bench:
-    """The nearest, the middle and the farthest point with their linear plants and observers."""
-    rests, limits, order = [], limits_of(model), model.order
-    for point in [points[k] for k in sorted({0, len(points) // 2, len(points) - 1})]:
-        plant = linear_plant(model, point, sensors)
-        if observer is None:  # every state is known at once, without noise
-            plant = replace(plant, C=np.eye(order)[:, None], noise=np.zeros(order))
-        room = np.minimum(point.commands - limits[0], limits[1] - point.commands)
-        rests.append(Rest(point, plant, linear_observer(model, point, observer), room))
-    return Bench(model, tuple(points), tuple(rests), latency)
 
 
 def near_the_best(tried: Sequence[tuple[float, T]]) -> T:

@@ -19,7 +19,6 @@ from femfit.simulation.linear_loop import (
     LinearController,
     LinearPlant,
     closed_loop_matrix,
-    linear_controller,
     linear_plant,
 )
 from femfit.simulation.loop import run_loop
@@ -48,8 +47,7 @@ def late(levitation_model):
 def parts(design, name="backstepping", observer="ekf"):
     bench = design.bench(observer)
     rest = bench.rests[len(bench.rests) // 2]
-    own = linear_controller(design.model, rest.point, design.controller(name), len(rest.observer[0]))
-    return rest.point, rest.plant, LinearController(*rest.observer, *own, design.latency)
+    return rest.point, rest.plant, rest.closed_by(design.controller(name), design.latency)
 
 
 def test_the_linear_plant_is_the_matrix_exponential_of_the_equations(levitation_model, design):
