@@ -26,7 +26,7 @@ from femfit.report.page import ReportContent, hangs, render
 from femfit.report.style import data_uri, svg_uri, words
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.margins import worst_of
-from femfit.simulation.study import FILTER, ClosedLoopStudy
+from femfit.simulation.summary import FILTER, ClosedLoopStudy
 from femfit.simulation.words import sentence
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]

@@ -1,9 +1,13 @@
-"""Close the loop around a model, and say whether it held, how well, and if not, why."""
+"""Close the loop around a model, and say whether it held, how well, and if not, why.
+
+Which loops of a model hold, and how well they measure: every controller over the reference steps, on the same noise.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +23,10 @@ from femfit.model.json_file import model_of
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS, UNCERTAIN
 from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, ObserverName, adjusted, design_loop
-from femfit.simulation.experiment import Experiment, LoopRuns, run_together, why_lost
+from femfit.simulation.experiment import Experiment, LoopRuns, direct_distance, run_together, why_lost
 from femfit.simulation.loop import LoopOutcome, LoopProgress, LoopResult
 from femfit.simulation.margins import Margins
-from femfit.simulation.summary import Choice, LoopSummary, Spread
+from femfit.simulation.summary import FILTER, Choice, ClosedLoopStudy, LoopSummary, Spread, StepRow
 from femfit.simulation.words import finding
 
 CERTAIN = 30.0
@@ -257,3 +261,47 @@ def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummar
 
 def _spread(values: FloatArray) -> Spread:
     return Spread(*np.quantile(values, (0.5, 0.95)).tolist()) if values.size else Spread(np.nan, np.nan)
+
+
+STUDIED_RUNS = 8
+"""Conventional: repeats of the reference steps."""
+
+
+def closed_loop_study(
+    model: ActuatorModel,
+    seed: int = 1,
+    noise: Mapping[str, float] | float | None = None,
+    *,
+    sensors: Sequence[str] | None = None,
+    progress: LoopProgress | None = None,
+) -> ClosedLoopStudy:
+    """Run every controller over the reference steps.
+
+    The direct measurement is taken from the same readings as the filter's: root mean square of measured minus true
+    distance over the whole run.
+
+    Parameters
+    ----------
+    noise : mapping of str to float, float or None
+        White noise of one sample by the sensors' names, or that of the first; the model's where None.
+    sensors : sequence of str or None
+        Which of the model's sensors the loops read; the Hall element, or all where there is none.
+    progress : callable or None
+        Called with what is simulated, the samples done and all of them, now and then.
+    """
+    design = design_loop(model, noise, sensors=sensors)
+    if not design.controllers:
+        raise DomainError(" ".join(design.why_no(name) for name in CONTROLLERS))
+    samples = len(design.targets_m) * ceil(design.step_s / design.model.sample_time_s)
+    experiments = [Experiment(name, FILTER, design.targets_m) for name in design.controllers]
+    options: dict[str, Any] = {"runs": STUDIED_RUNS, "recorded": STUDIED_RUNS, "advised": False, "progress": progress}
+    duration = samples * design.model.sample_time_s
+    loops, rows = run_loops(design, experiments, np.random.default_rng(seed), duration_s=duration, **options), []
+    for loop in loops:
+        held, series = loop.result.held, loop.result.series
+        measured = {} if design.why_no_direct else {"direct": direct_distance(design, series)}
+        for measurement, distance in (measured | {FILTER: series.estimated_distance_m}).items():
+            errors = (distance - series.distance_m)[:, held]
+            rms = float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")
+            rows.append(StepRow(loop.experiment.controller, measurement, rms, loop.held, loop.runs))
+    return ClosedLoopStudy(design, seed, tuple(loops), tuple(rows))

@@ -140,10 +140,9 @@ class LoopDesign:
     def why_no(self, name: ControllerName) -> str:
         """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
         try:
-            margins = self._filtered.judge(self.controller(name), SEARCH_FREQUENCIES)
+            fit = name in self.given or worst_of(self._filtered.judge(self.controller(name), SEARCH_FREQUENCIES)).stable
         except DomainError as error:
             return str(error)
-        fit = name in self.given or worst_of(margins).stable
         return "" if fit else sentence("loop", "none_stable", self, name)
 
     @property

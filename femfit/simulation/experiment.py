@@ -208,7 +208,13 @@ def _hardware_limit(loop: LoopRuns) -> Cause:
     limit at once; a coil needs time, and so less is true.
     """
     design, controller, observer = loop.design, loop.experiment.controller, loop.experiment.observer
-    numbers: dict[str, Any] = {"reach_m": _reach(loop), "room": None}
+    model, target = design.model, loop.experiment.targets_m[0]
+    ends = model.validity.distance_min_m, model.validity.distance_max_m
+    distance = np.linspace(*ends, 401)
+    needed, (weakest, strongest) = model.require_motion().static_force(distance), force_range(model, distance)
+    near = distance[(distance < target) & (weakest > needed)].max(initial=ends[0])
+    far = distance[(distance > target) & (strongest < needed)].min(initial=ends[1])
+    numbers: dict[str, Any] = {"reach_m": (float(target - near), float(far - target)), "room": None}
     if design.judged(controller, observer).margins is None:  # nothing tells what noise takes
         return Cause("authority", numbers)
     pairs = zip(design.bench(observer).rests, design.margins(controller, observer), strict=True)
@@ -216,13 +222,3 @@ def _hardware_limit(loop: LoopRuns) -> Cause:
     share = worst.noise_share
     numbers["room"] = {"distance_m": rest.point.distance_m, "room": float(rest.room.min()), "noise_share": share}
     return Cause("noise" if share >= NOISE_FILLS else "authority", numbers)
-
-
-def _reach(loop: LoopRuns) -> tuple[float, float]:
-    model, target, box = loop.design.model, loop.experiment.targets_m[0], loop.design.model.validity
-    distance = np.linspace(box.distance_min_m, box.distance_max_m, 401)
-    weakest, strongest = force_range(model, distance)
-    needed = model.require_motion().static_force(distance)
-    bad = np.where(distance > target, strongest < needed, weakest > needed)
-    near = float(distance[bad & (distance < target)].max(initial=box.distance_min_m))
-    return target - near, float(distance[bad & (distance > target)].min(initial=box.distance_max_m)) - target

@@ -70,7 +70,7 @@ def distance_inverse(model: ActuatorModel, name: str) -> Inverse:
                 f"at {1e3 * distances[turns[0]]:.3g} mm. Move the Hall element, or use the filter, which needs no "
                 "inversion."
             )
-    volts = sensor.output(distances, _middle(model))
+    volts = sensor.output(distances, box.current_limits_A.mean(axis=1))
     order = np.argsort(volts)
     return partial(_of_hall_voltage, model, sensor, distances[order], volts[order])
 
@@ -87,7 +87,7 @@ def _of_hall_voltage(
 
     The first guess is that of ascending readings in V at the middle current, ``table``, of so many distances in m.
     """
-    box, middle = model.validity, _middle(model)
+    box, middle = model.validity, model.validity.current_limits_A.mean(axis=1)
     ends, centre = (box.distance_min_m, box.distance_max_m), 0.5 * (box.distance_min_m + box.distance_max_m)
     near, far = (sensor.output(np.asarray(end), current) for end in ends)
     finite = np.isfinite(volts) & np.all(np.isfinite(current), axis=-1)
@@ -117,11 +117,6 @@ def _of_hall_voltage(
             "validity box. Fit the Hall field with fewer knots."
         )
     return np.where(inside, distance, np.where(finite, edge, np.nan))
-
-
-def _middle(model: ActuatorModel) -> FloatArray:
-    """The middle of the validity domain's currents, of shape (n,)."""
-    return np.asarray(model.validity.current_limits_A.mean(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

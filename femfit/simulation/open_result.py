@@ -69,26 +69,26 @@ def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequenc
     """Every way to a stop in a list of events, from a start on a stop or in the air."""
     ways: list[Switching] = []
     turns = np.concatenate([[0.0], *(profile.turns_s for profile in profiles)])
-    last_side, started, rebounds = begun_at, 0.0, False
+    last_side: str | None = begun_at
+    started, rebounds = 0.0, False
     for event in events:
-        action, _, place = event.name.partition("_")
-        side: Side | None = "near" if place == "near" else "far" if place == "far" else None
-        if event.name == "starts":
-            started = event.time_s
-        elif action == "rests" and ways:
-            ways[-1] = replace(ways[-1], rested_s=event.time_s)
-        elif action == "hits" and side == last_side and ways:
-            ways[-1] = replace(ways[-1], bounces=ways[-1].bounces + 1, rested_s=None)
-        elif action == "hits" and side != last_side:
-            command = float(turns[turns <= started].max())
-            kind: Kind = "pull_in" if side == "near" else "drop_out"
-            if last_side is None or rebounds:
-                kind = "to_near" if side == "near" else "to_far"
+        action, _, side = event.name.partition("_")
+        if action == "hits" and side != last_side:
+            usual: dict[str, Kind] = {"near": "pull_in", "far": "drop_out"}
+            other: dict[str, Kind] = {"near": "to_near", "far": "to_far"}
+            kind, command = (
+                (other if rebounds or last_side is None else usual)[side],
+                float(turns[turns <= started].max()),
+            )
             ways.append(Switching(kind, command, started, event.time_s, None, abs(event.velocity_m_s), 0))
             last_side = side
+        elif action == "hits" and ways:
+            ways[-1] = replace(ways[-1], bounces=ways[-1].bounces + 1, rested_s=None)
+        elif action == "rests" and ways:
+            ways[-1] = replace(ways[-1], rested_s=event.time_s)
         if action in {"hits", "rests", "starts", "leaves"}:
             rebounds = action == "hits"
-        if action in {"hits", "leaves"}:  # where it goes on without resting
+        if action in {"hits", "leaves", "starts"}:
             started = event.time_s
     return tuple(ways)
 

@@ -1,4 +1,4 @@
-"""What is said of closed loops: of one in numbers, and of many runs of one.
+"""What is said of closed loops: of one in numbers, of many runs of one, and of all controllers over the same steps.
 
 Recorded runs of a loop as a table: one row a sample, up to the sample at which a run was lost.
 """
@@ -16,7 +16,7 @@ from femfit.core.results import Finding, Plotted
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.controllers import ControllerName
-from femfit.simulation.design import JudgedLoop, LoopDesign
+from femfit.simulation.design import CONTROLLERS, JudgedLoop, LoopDesign, ObserverName
 from femfit.simulation.experiment import Cause, Experiment
 from femfit.simulation.loop import LoopOutcome, LoopResult
 from femfit.simulation.margins import Margins
@@ -186,3 +186,51 @@ class LoopSummary(Plotted):
         """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
         require_outputs([], (path_of(path, "The table of the runs"), LOOP))
         write_table(path, series_table(self.design, self.result))
+
+
+FILTER: ObserverName = "ukf"
+"""That a study of all controllers looks at."""
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """How well one measurement follows the true distance over the reference steps."""
+
+    controller: str
+    measurement: str  # ``direct`` or the filter that feeds the loop
+    rms_m: float  # Over the runs that were held; NaN if none was
+    held: int
+    runs: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedLoopStudy(Plotted):
+    """Everything that command line, report and run show of the closed loop."""
+
+    design: LoopDesign
+    seed: int
+    loops: tuple[LoopSummary, ...]  # One a controller, all of its runs recorded
+    steps: tuple[StepRow, ...]
+
+    def __str__(self) -> str:
+        design = self.design
+        sections = [
+            sentence("study", "held", self, [why for name in CONTROLLERS if (why := design.why_no(name))]),
+            sentence("study", "steps", self),
+            sentence("study", "design", self, self._judged),
+        ]
+        return "\n\n".join(sections)
+
+    @property
+    def _judged(self) -> list[JudgedLoop]:
+        return [self.design.judged(name, FILTER) for name in self.design.controllers]
+
+    def data(self) -> dict[str, Any]:
+        """The numbers without time series, ready for JSON; what does not exist is null."""
+        return {
+            "model": self.design.model.name,
+            "seed": self.seed,
+            "no_direct": self.design.why_no_direct,
+            **design_data(self.design, self._judged),
+            "steps": [json_ready(asdict(row)) for row in self.steps],
+        }
