@@ -74,12 +74,9 @@ def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequenc
     for event in events:
         action, _, side = event.name.partition("_")
         if action == "hits" and side != last_side:
-            usual: dict[str, Kind] = {"near": "pull_in", "far": "drop_out"}
-            other: dict[str, Kind] = {"near": "to_near", "far": "to_far"}
-            kind, command = (
-                (other if rebounds or last_side is None else usual)[side],
-                float(turns[turns <= started].max()),
-            )
+            rested = last_side is not None and not rebounds
+            kinds: dict[str, tuple[Kind, Kind]] = {"near": ("to_near", "pull_in"), "far": ("to_far", "drop_out")}
+            kind, command = kinds[side][rested], float(turns[turns <= started].max())
             ways.append(Switching(kind, command, started, event.time_s, None, abs(event.velocity_m_s), 0))
             last_side = side
         elif action == "hits" and ways:

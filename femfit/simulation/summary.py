@@ -64,20 +64,18 @@ def series_table(design: LoopDesign, result: LoopResult) -> pd.DataFrame:
         kind.format(f"_{circuit.name}" if len(circuits) > 1 else "")
         for kind, circuit in zip(kinds, circuits, strict=True)
     ]
-    columns = [
-        (commands, series.commands),
-        ([f"true_{name}" for name in currents], series.currents_A),
-        (["true_distance_m"], series.distance_m),
-        ([r.column or f"{r.name}_{r.unit.replace('/', '_').replace('^', '')}" for r in readings], series.readings),
-        (["reference_m"], series.reference_m),
-        (["estimated_distance_m"], series.estimated_distance_m),
-        (["estimated_velocity_m_s"], series.estimated_velocity_m_s),
-        ([f"estimated_{name}" for name in currents], series.estimated_currents_A),
+    names = [
+        *commands,
+        *(f"true_{name}" for name in currents),
+        "true_distance_m",
+        *(r.column or f"{r.name}_{r.unit.replace('/', '_').replace('^', '')}" for r in readings),
+        *("reference_m", "estimated_distance_m", "estimated_velocity_m_s"),
+        *(f"estimated_{name}" for name in currents),
     ]
-    steps, runs = series.distance_m.shape
-    names = [name for group, _ in columns for name in group]
-    values = np.dstack([array for _, array in columns]).transpose(1, 0, 2).reshape(-1, len(names))
-    table = pd.DataFrame(values, columns=names)
+    true = [series.commands, series.currents_A, series.distance_m, series.readings, series.reference_m]
+    estimated = [series.estimated_distance_m, series.estimated_velocity_m_s, series.estimated_currents_A]
+    values, (steps, runs) = np.dstack([*true, *estimated]), series.distance_m.shape
+    table = pd.DataFrame(values.transpose(1, 0, 2).reshape(-1, len(names)), columns=names)
     table.insert(0, "time_s", np.tile(result.time_s, runs))
     table.insert(0, "run", np.repeat(np.arange(1, runs + 1), steps))
     return table[np.isfinite(table["true_distance_m"])]

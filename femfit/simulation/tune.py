@@ -46,11 +46,10 @@ class Bench:
 
     def judge(self, controller: Controller, points: int = FREQUENCIES) -> tuple[Margins, ...]:
         """Margins at each point, from a frequency response of so many points."""
-        judged = []
-        for rest in self.rests:
-            linear = rest.closed_by(controller, self.latency)
-            judged.append(margins(rest.plant, linear, self.model.sample_time_s, rest.room, points))
-        return tuple(judged)
+        step, latency = self.model.sample_time_s, self.latency
+        return tuple(
+            margins(rest.plant, rest.closed_by(controller, latency), step, rest.room, points) for rest in self.rests
+        )
 
     def score(self, controller: Controller) -> float:
         """Margins over the wanted ones, cut by too much noise and too slow a loop; below zero where it is unstable.
