@@ -19,9 +19,8 @@ from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
 from femfit.model.json_file import read_model
-from femfit.model.magnetics import LawMagnetics, Magnetics
+from femfit.model.magnetics import LawMagnetics
 from femfit.model.sensors import HALL, reading_of
-from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import TABLE_STEM, current_names, read_sweep_table
 
 _GRID = (41, 15)
@@ -105,31 +104,27 @@ def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
 
 
 def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
-    """How far the model is from its table: recomputed where that is at hand, else as the file states it."""
-    base = model.without_effects
+    """How far the model is from its table: recomputed where that is at hand, else as the file states it.
+
+    As rms over the quantities' rms; in files that do not state these, over that of the model itself.
+    """
+    base, findings = model.without_effects, []
     misfit = base.misfit if rows is None else misfit_to_rows(base, rows)
     if misfit is None:
         return []
-    against, findings = {"against": misfit.against if rows is None else None}, []
-    for about, share in _shares(misfit, base.magnetics, d, i).items():
-        right: Severity = "holds" if rows is not None else "stated"
-        severity = "wrong" if share > _LARGE_MISFIT else right
-        findings.append(AuditFinding("misfit", severity, about, None, share, against))
-    return findings
-
-
-def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) -> dict[str, float]:
-    """Rms misfits over the quantities' rms; in files that do not state these, over that of the model itself."""
     quantities = {
-        "force": (misfit.force_share, misfit.force_rms_N, magnetics.force),
-        "flux linkage": (misfit.flux_linkage_share, misfit.flux_linkage_rms_Wb, magnetics.flux_linkage),
-        "inductance": (misfit.inductance_share, misfit.inductance_rms_H, magnetics.inductance),
+        "force": (misfit.force_share, misfit.force_rms_N, base.magnetics.force),
+        "flux linkage": (misfit.flux_linkage_share, misfit.flux_linkage_rms_Wb, base.magnetics.flux_linkage),
+        "inductance": (misfit.inductance_share, misfit.inductance_rms_H, base.magnetics.inductance),
     }
-    return {
-        about: error / max(rms(quantity(d, i)), 1e-300) if share is None else share
-        for about, (share, error, quantity) in quantities.items()
-        if error is not None and (share is not None or quantity(d, i).size)  # a pair of magnets links no flux
-    }
+    for about, (stated, error, quantity) in quantities.items():
+        if error is not None and (stated is not None or quantity(d, i).size):  # a pair of magnets links no flux
+            share = error / max(rms(quantity(d, i)), 1e-300) if stated is None else stated
+            right: Severity = "stated" if rows is None else "holds"
+            numbers = {"against": misfit.against if rows is None else None}
+            severity = "wrong" if share > _LARGE_MISFIT else right
+            findings.append(AuditFinding("misfit", severity, about, None, share, numbers))
+    return findings
 
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
