@@ -159,7 +159,7 @@ class Walk:
     def _of_body(self) -> Iterator[Watch]:
         """The body starts, comes to a stop or leaves it, or stands still."""
         system, mode = self.system, self.mode
-        if mode.held:
+        if not mode.sliding:
             moment = system.moment(mode)
             for way, side in ((1, "far"), (-1, "near")):
                 if mode.support != side:
@@ -177,7 +177,7 @@ class Walk:
                 yield Watch(entry(0), level + away * system.least_rebound_m, away, left)
             else:
                 yield Watch(entry(0), level, -away, partial(self._touch, side, touching=True))
-        if mode.sliding and system.mechanics.coulomb_N:
+        if system.mechanics.coulomb_N:
             yield Watch(entry(1), 0.0, -mode.sliding, self._still)
 
     def _of_domain(self) -> Iterator[Watch]:
@@ -255,7 +255,7 @@ class Walk:
 
     def _start(self, direction: int) -> None:
         self._tell("starts")
-        self.mode = replace(self.mode, held=False, support=None, sliding=direction)
+        self.mode = replace(self.mode, support=None, sliding=direction)
 
     def _net(self) -> float:
         return float(self.system.moment(self.mode)(self.time, self.state)[-1])
@@ -268,8 +268,7 @@ class Walk:
         held = blocked or abs(net) <= self.system.breakaway_N
         if held and event:
             self._tell(event)
-        support, sliding = (support, 0) if held else (None, direction)
-        self.mode = replace(self.mode, held=held, support=support, sliding=sliding)
+        self.mode = replace(self.mode, support=support if held else None, sliding=0 if held else direction)
 
     def _still(self) -> None:
         self.state[1] = 0.0

@@ -10,14 +10,13 @@ the body back.
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
-from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration, force_range
@@ -161,10 +160,6 @@ class Cause:
     code: str
     numbers: Mapping[str, Any] = field(default_factory=dict)
     in_vain: tuple[str, ...] = ()  # Codes of what was asked for and taken away without effect
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return {name: json_ready(value) for name, value in asdict(self).items()}
 
 
 def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:

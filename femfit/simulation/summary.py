@@ -167,15 +167,12 @@ class LoopSummary(Plotted):
 
     def data(self) -> dict[str, Any]:
         """The numbers without the series, ready for JSON."""
-        shown = {
-            name: value for name, value in vars(self).items() if name not in {"design", "result", "cause", "findings"}
-        }
-        records = Experiment | Spread | ConsistencyBand | Choice
+        shown = {name: value for name, value in vars(self).items() if name not in {"design", "result", "findings"}}
+        records = Experiment | Spread | ConsistencyBand | Choice | Cause
         numbers = {name: asdict(value) if isinstance(value, records) else value for name, value in shown.items()}
         return {
             "model": self.design.model.name,
             **json_ready(numbers),
-            "cause": self.cause and self.cause.to_dict(),
             "findings": [remark.as_dict() for remark in self.findings],
             "design": design_data(self.design, [self.judged]),
         }

@@ -106,8 +106,7 @@ class Mode:
     """Which of the smooth equations hold."""
 
     feeds: tuple[Feed, ...]  # One a circuit
-    sliding: int = 0  # Direction of the motion that dry friction brakes
-    held: bool = False  # At rest, on a stop or by dry friction
+    sliding: int = 0  # Direction of the motion that dry friction brakes; 0 of a body held on a stop or by the friction
     support: Side | None = None  # The rigid stop that it rests on
     touching: Side | None = None  # The stop that gives way and is pressed
 
@@ -202,7 +201,7 @@ class System:
     def moment(self, mode: Mode) -> Callable[[float, FloatArray], FloatArray]:
         """In a mode the derivative of the state, and after it the net force without dry friction and rigid stops."""
         size, side = self.model.order, mode.touching
-        numbers = [float(mode.held), mode.sliding * self.mechanics.coulomb_N, *[0.0] * (MODE_NUMBERS - 2)]
+        numbers = [float(not mode.sliding), mode.sliding * self.mechanics.coulomb_N, *[0.0] * (MODE_NUMBERS - 2)]
         if side is not None:
             stop = self.stops[side]
             damper = damping(stop, self.mechanics.mass_kg)
