@@ -128,8 +128,9 @@ class System:
         strongest = np.abs(model.magnetics.force(d, i)).max() + np.abs(self.mechanics.static_force(d)).max()
         largest_N = float(strongest) or 1.0
         # What is large for each state: the domain's ranges, and what the largest force does over them
-        scales = state_scale(model)
+        scales, limits = state_scale(model), model.validity.current_limits_A[: len(drivers)]
         work = largest_N * scales[0]
+        scales[2 : 2 + len(drivers)] = np.abs(limits).max(axis=1)
         scales[1] = np.sqrt(work / self.mechanics.mass_kg)
         self.scales: FloatArray = np.append(scales, np.full(len(ENERGIES), work))
         self.least_rebound_m = float(LEAST_REBOUND * scales[0])
