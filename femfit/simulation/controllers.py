@@ -108,7 +108,7 @@ class Backstepping(Controller):
 class Pid(Controller):
     """The structure of (35), tuned on the model.
 
-        -C(z) = k_p + k_i t z/(z - 1) + k_d (1 - p)/t (z - 1)/(z - p),
+        C(z) = k_p + k_i t z/(z - 1) + k_d (1 - p)/t (z - 1)/(z - p),   w = -C(z) e,
         w(k) = (1 + p) w(k-1) - p w(k-2) + b_0 e(k) + b_1 e(k-1) + b_2 e(k-2),   u* = u_r + g w,   e = r - d,
         U = clamp(u* + K_i (u*/R - i)),
 

@@ -161,12 +161,13 @@ class Walk:
         system, mode = self.system, self.mode
         if not mode.sliding:
             moment = system.moment(mode)
+
+            def net(time: float, state: FloatArray) -> float:
+                return float(moment(time, state)[-1])
+
             for way, side in ((1, "far"), (-1, "near")):
                 if mode.support != side:
-                    start = partial(self._start, way)
-                    yield Watch(
-                        lambda time, state: float(moment(time, state)[-1]), way * system.breakaway_N, way, start
-                    )
+                    yield Watch(net, way * system.breakaway_N, way, partial(self._start, way))
             return
         for side, stop in system.stops.items():
             level, away = stop.distance_m, AWAY[side]
