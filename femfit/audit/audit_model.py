@@ -1,25 +1,26 @@
 """Checks of a model as its file holds it: misfit, signs, the range that its supply can hold, its sensor."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from femfit.audit.carried import held_body
 from femfit.audit.conclusions import Audit, AuditFinding, Severity
-from femfit.core.errors import ModelFileError, TableError
+from femfit.core.errors import DomainError, ModelFileError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
 from femfit.core.sweep_columns import current_columns
 from femfit.device.electrics import where_clipped
+from femfit.device.parts import REFERENCE_TEMPERATURE, copper_growth
+from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.fit.constants import POOR_POINT
 from femfit.fit.ranking import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
 from femfit.model.json_file import read_model
-from femfit.model.magnetics import LawMagnetics, Magnetics
+from femfit.model.magnetics import LawMagnetics
 from femfit.model.sensors import HALL, reading_of
-from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import TABLE_STEM, current_names, read_sweep_table
 
 _GRID = (41, 15)
@@ -103,31 +104,27 @@ def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
 
 
 def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
-    """How far the model is from its table: recomputed where that is at hand, else as the file states it."""
-    base = model.without_effects
+    """How far the model is from its table: recomputed where that is at hand, else as the file states it.
+
+    As rms over the quantities' rms; in files that do not state these, over that of the model itself.
+    """
+    base, findings = model.without_effects, []
     misfit = base.misfit if rows is None else misfit_to_rows(base, rows)
     if misfit is None:
         return []
-    against, findings = {"against": misfit.against if rows is None else None}, []
-    for about, share in _shares(misfit, base.magnetics, d, i).items():
-        right: Severity = "holds" if rows is not None else "stated"
-        severity = "wrong" if share > _LARGE_MISFIT else right
-        findings.append(AuditFinding("misfit", severity, about, None, share, against))
-    return findings
-
-
-def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) -> dict[str, float]:
-    """Rms misfits over the quantities' rms; in files that do not state these, over that of the model itself."""
     quantities = {
-        "force": (misfit.force_share, misfit.force_rms_N, magnetics.force),
-        "flux linkage": (misfit.flux_linkage_share, misfit.flux_linkage_rms_Wb, magnetics.flux_linkage),
-        "inductance": (misfit.inductance_share, misfit.inductance_rms_H, magnetics.inductance),
+        "force": (misfit.force_share, misfit.force_rms_N, base.magnetics.force),
+        "flux linkage": (misfit.flux_linkage_share, misfit.flux_linkage_rms_Wb, base.magnetics.flux_linkage),
+        "inductance": (misfit.inductance_share, misfit.inductance_rms_H, base.magnetics.inductance),
     }
-    return {
-        about: error / max(rms(quantity(d, i)), 1e-300) if share is None else share
-        for about, (share, error, quantity) in quantities.items()
-        if error is not None and (share is not None or quantity(d, i).size)  # a pair of magnets links no flux
-    }
+    for about, (stated, error, quantity) in quantities.items():
+        if error is not None and (stated is not None or quantity(d, i).size):  # a pair of magnets links no flux
+            share = error / max(rms(quantity(d, i)), 1e-300) if stated is None else stated
+            right: Severity = "stated" if rows is None else "holds"
+            numbers = {"against": misfit.against if rows is None else None}
+            severity = "wrong" if share > _LARGE_MISFIT else right
+            findings.append(AuditFinding("misfit", severity, about, None, share, numbers))
+    return findings
 
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
@@ -175,4 +172,56 @@ def _hall(sensor: HallSensor, rounding: float, d: FloatArray, i: FloatArray) -> 
     if sensor.noise_V > 0.0 and rounding > 0.0:
         severity: Severity = "holds" if rounding < sensor.noise_V else "note"
         findings.append(AuditFinding("hall_noise", severity, "Hall noise", sensor.noise_V, rounding))
+    return findings
+
+
+_HELD, _HELD_BY_SEVERAL = 101, 41
+"""Distances at which the body is held; several circuits are searched for each."""
+
+FASTEST = 0.3
+"""Unstable pole times sample time that a loop can still be closed with."""
+
+COLD_C = REFERENCE_TEMPERATURE
+
+WARM_C = 100.0
+"""Temperature of a warm coil (conventional): 80 K above 20 degC, and just within thermal class 105 of IEC 60085."""
+
+
+def held_body(model: ActuatorModel) -> list[AuditFinding]:
+    """Where the supply, or the currents of several circuits, hold the body; of one that hangs, how fast it leaves."""
+    several, box = len(model.circuits) > 1, model.validity
+    ends = (box.distance_min_m, box.distance_max_m) if several else model.travel_m
+    places = np.linspace(*ends, _HELD_BY_SEVERAL if several else _HELD)
+    bias = bias_currents(model, float(places[len(places) // 2])) if several else None
+    held = []
+    for distance in places.tolist():
+        try:
+            held.append((distance, *holding_currents(model, distance, bias)))
+        except DomainError:
+            continue
+    rows = np.array(held, dtype=np.float64).reshape(len(held), 1 + len(model.circuits))
+    if bias is not None:
+        about, numbers = "what the currents hold", dict[str, Any](bias_A=bias.tolist())
+    else:
+        circuit, carried = model.require_circuit(), []
+        for celsius in (WARM_C, COLD_C):  # below it is what a cold coil carries
+            voltage = rows[:, -1] * circuit.resistance_ohm * float(copper_growth(celsius))
+            reached = rows[(circuit.voltage_min_V <= voltage) & (voltage <= circuit.voltage_max_V)]
+            carried.append({"coil_C": celsius, "range_m": reached[[0, -1], 0].tolist() if len(reached) else None})
+        about, numbers = "what the supply carries", {"voltage_V": circuit.voltage_max_V, "carried": carried[::-1]}
+        rows = reached
+    if not len(rows):
+        return [AuditFinding("held_range", "note", about, numbers=numbers)]
+    low, high, step = float(rows[0, 0]), float(rows[-1, 0]), float(places[1] - places[0])
+    if not several and model.sensor is None and not model.reference_distances_m:
+        return [AuditFinding("held_range", "holds", about, None, high, numbers)]
+    beyond = [distance for distance in model.reference_distances_m if not low - step <= distance <= high + step]
+    numbers |= {"low_m": low, "beyond_m": beyond}
+    findings = [AuditFinding("held_range", "wrong" if beyond else "holds", about, None, high, numbers)]
+    distances, currents, motion = rows[:, 0], rows[:, 1:], model.require_motion()
+    slope = model.magnetics.force_gradient(distances, currents) - motion.static_gradient(distances)
+    rate = float(np.sqrt(np.maximum(-slope, 0.0).max() / motion.mass_kg))
+    severity: Severity = "holds" if rate * model.sample_time_s < FASTEST else "wrong"
+    if rate > 0.0:
+        findings.append(AuditFinding("sample_time", severity, "sample time", model.sample_time_s, rate))
     return findings

@@ -16,7 +16,7 @@ from femfit.core.files import MODEL, PAGE
 from femfit.core.processes import process_pool
 
 if TYPE_CHECKING:
-    from femfit.simulation.study import ClosedLoopStudy
+    from femfit.simulation.summary import ClosedLoopStudy
 
 Result = TypeVar("Result")
 
@@ -170,7 +170,7 @@ def _close_loop(model: ff.ActuatorModel, seed: int, file: Path) -> "tuple[Closed
     """The study, or why there is none."""
     from femfit.device.electrics import PositionSensor
     from femfit.model.sensors import HALL, sensors_of
-    from femfit.simulation.study import closed_loop_study
+    from femfit.simulation.close_loop import closed_loop_study
 
     sensors = sensors_of(model)
     if sensors and HALL not in sensors and not any(isinstance(sensor, PositionSensor) for sensor in sensors.values()):

@@ -182,7 +182,7 @@ def simulate(
     """
     from femfit.cli.output import progress
     from femfit.report.style import write_picture
-    from femfit.simulation.study import closed_loop_study
+    from femfit.simulation.close_loop import closed_loop_study
 
     driven, looped = drive_options != _UNDRIVEN, loop_options != _NO_LOOP
     if driven and (looped or noise is not None or sensor is not None):

@@ -5,10 +5,11 @@ linear: it settles where L - alpha diag(P) is positive definite, and runs away b
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from femfit.core.errors import MissingPartError, UsageError
@@ -44,12 +45,6 @@ def largest_factor(network: HeatNetwork, cold_W: FloatArray) -> float:
     return float(1.0 / largest) if largest > 0.0 else np.inf
 
 
-def slowest_s(network: HeatNetwork) -> float:
-    """The longest time constant in s, without what the windings' resistance does."""
-    root = np.sqrt(network.capacities)
-    return float(1.0 / np.linalg.eigvalsh(network.laplacian / np.outer(root, root))[0])
-
-
 def time_until(
     network: HeatNetwork, ambient: float, powers: Powers, reached: Callable[[FloatArray], float]
 ) -> float | None:
@@ -66,10 +61,10 @@ def time_until(
     start = np.full(len(network.capacities), ambient)
     if reached(start) >= 0.0:
         return 0.0
-    horizon = HORIZON * slowest_s(network)
-    course = solve_ivp(slope, (0.0, horizon), start, "LSODA", events=crossing, rtol=1e-8, atol=1e-6)
-    times = np.concatenate(course.t_events or [])
-    return float(times[0]) if times.size else None
+    slowest_s = 1.0 / eigh(network.laplacian, np.diag(network.capacities), eigvals_only=True)[0]
+    course = solve_ivp(slope, (0.0, HORIZON * slowest_s), start, "LSODA", events=crossing, rtol=1e-8, atol=1e-6)
+    (times,) = course.t_events or [np.zeros(0)]
+    return float(times[0]) if len(times) else None
 
 
 ROUNDS, CLOSE_K = 500, 1e-9
@@ -111,16 +106,11 @@ class Feed:
         cold = self.cold_W(self.currents(temperatures), len(temperatures))
         return np.asarray(cold * copper_growth(temperatures))
 
-    def held(self, factor: float, currents: FloatArray) -> "Feed":
-        """The currents, now held, multiplied by a factor."""
-        return replace(self, volts=np.full(len(self.volts), np.nan), amperes=factor * currents)
-
     def settled(self, network: HeatNetwork, ambient: float) -> FloatArray:
         """Temperatures that last, shape (parts,); NaN where there are none."""
-        start = np.full(len(network.names), ambient)
+        now = np.full(len(network.names), ambient)
         if np.isnan(self.volts).all():
-            return settled(network, ambient, self.cold_W(self.amperes, len(start)))
-        now = start
+            return settled(network, ambient, self.cold_W(self.amperes, len(now)))
         for _ in range(ROUNDS):
             following = np.linalg.solve(network.laplacian, self.powers(now) + network.outwards * ambient)
             if np.abs(following - now).max() < CLOSE_K:
@@ -128,7 +118,7 @@ class Feed:
             now = 0.5 * (now + following)  # at a held voltage more heat comes of less warmth
             if now.max() > LOST_C:
                 break
-        return np.full(len(network.names), np.nan)
+        return np.full(len(now), np.nan)
 
 
 def feed_of(
@@ -143,12 +133,17 @@ def feed_of(
         raise MissingPartError(f"Actuator {actuator.name!r} must have a coil for this; it has none.")
     if voltage_V is not None and current_A is not None:
         raise UsageError("Give either a voltage or a current; both were given.")
-    volts, amperes = np.full(len(circuits), np.nan), np.full(len(circuits), np.nan)
-    if voltage_V is not None:
-        volts = _each(voltage_V, circuits, "voltage_V")
-    elif current_A is not None:
-        amperes = _each(current_A, circuits, "current_A")
-    else:
+    count = len(circuits)
+    volts, amperes = np.full((2, count), np.nan)
+    for name, given, held in (("voltage_V", voltage_V, volts), ("current_A", current_A, amperes)):
+        if given is not None:
+            values = np.asarray(given, dtype=np.float64).reshape(-1)
+            if len(values) not in {1, count} or not (np.abs(values) <= LARGEST).all():
+                raise UsageError(
+                    f"{name} must be one number up to {LARGEST:.0e}, or one for each of {count} circuits; got {given}."
+                )
+            held[:] = values
+    if voltage_V is None and current_A is None:
         for k, circuit in enumerate(circuits):
             drive, held, ends = circuit.drive, volts, (circuit.voltage_min_V, circuit.voltage_max_V)
             if drive.kind == "current" and drive.current_min_A is not None and drive.current_max_A is not None:
@@ -162,15 +157,6 @@ def feed_of(
     external = drawn - member @ [coil.resistance_ohm for coil in coils]
     cold = np.array([winding.cold_ohm for winding in network.windings])
     return Feed(volts, amperes, np.maximum(external, 0.0), cold, member)
-
-
-def _each(value: float | Sequence[float], circuits: Sequence[object], name: str) -> FloatArray:
-    values = np.asarray(value, dtype=np.float64).reshape(-1)
-    if len(values) not in {1, len(circuits)} or not (np.abs(values) <= LARGEST).all():
-        raise UsageError(
-            f"{name} must be one number up to {LARGEST:.0e}, or one for each of {len(circuits)} circuits; got {value}."
-        )
-    return np.broadcast_to(values, (len(circuits),))
 
 
 def hottest(network: HeatNetwork, ambient: float, temperatures: FloatArray) -> FloatArray:

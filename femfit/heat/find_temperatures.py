@@ -190,7 +190,8 @@ def find_temperatures(
     result = find(feed)
     if not 0.0 < result.allowed_factor < np.inf:
         return result
-    at_limit = find(feed.held(result.allowed_factor, result.currents_A))
+    largest_A = result.allowed_factor * result.currents_A
+    at_limit = find(replace(feed, volts=np.full_like(feed.volts, np.nan), amperes=largest_A))
     return replace(result, at_limit=replace(at_limit, limit_s=None))  # which it only approaches
 
 

@@ -232,18 +232,16 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     surfaces = np.bincount(faces.part, faces.area, n)[count:]
     # From face to middle in m^2 K/W; a winding's is in its stars
     resistance = np.concatenate([np.zeros(count), volumes[count:] / surfaces / conductivities])
-    joined = _outside(n, count, faces, resistance, around)
+    joined = _outside(count, faces, resistance, around)
     leaving = joined[n + 1 :].sum(axis=1)
+    inside_parts = np.zeros_like(joined)
     for k, (coil, winding) in enumerate(zip(coils, windings, strict=True)):
+        first = n + 1 + OWN * k
         for axis, ways in enumerate(stars(coil, winding.conductivity_W_per_m_K)):
-            ends = (_node(n, k, 2 * axis), _node(n, k, 2 * axis + 1), k)
-            for end, way in zip(ends, ways, strict=True):
-                _join(joined, _node(n, k, SIDES + axis), end, 1.0 / way)
-    standing = [k for k in range(n) if not moves[k]]
-    if standing:
-        held = max(standing, key=lambda k: (k >= count, volumes[k]))
-        _join(joined, held, n, around.mounting_W_per_K)
-    reduced, inside = _reduced(joined, n, leaving)
+            inside_parts[first + SIDES + axis, [first + 2 * axis, first + 2 * axis + 1, k]] = 1.0 / ways
+    if standing := [k for k in range(n) if not moves[k]]:
+        inside_parts[max(standing, key=lambda k: (k >= count, volumes[k])), n] = around.mounting_W_per_K
+    reduced, inside = _reduced(joined + inside_parts + inside_parts.T, n, leaving)
     between = -reduced[:n, :n]
     np.fill_diagonal(between, 0.0)
     stored = [cast("float", material.heat_capacity_J_per_m3_K) for material in materials] * volumes[count:]
@@ -251,31 +249,28 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     return HeatNetwork(coils, regions, windings, capacities, between, -reduced[:n, n], inside)
 
 
-def _outside(n: int, count: int, faces: Faces, resistance: FloatArray, around: Surroundings) -> FloatArray:
-    """Conductances (N, N) by the faces, among n parts, the surroundings, and the own nodes of ``count`` windings."""
+def _outside(count: int, faces: Faces, resistance: FloatArray, around: Surroundings) -> FloatArray:
+    """Conductances (N, N) by the faces, among n parts, the surroundings, and the own nodes of ``count`` windings.
+
+    ``resistance`` goes from each part's face to its middle, shape (n,), in m^2 K/W.
+    """
+    n, source, facing = len(resistance), faces.part, faces.facing
     joined = np.zeros((n + 1 + OWN * count,) * 2)
-    for source, side, facing, area, gap in zip(
-        faces.part, faces.side, faces.facing, faces.area, faces.gap, strict=True
-    ):
-        here = _node(n, source, side) if source < count else source
-        if facing == OPEN:
-            _join(joined, here, n, area / (1.0 / around.film_W_per_m2_K + resistance[source]))
-        elif facing != NOTHING and not facing < count <= source:  # that pair is counted from the winding's faces
-            joint = around.winding_joint_m if min(source, facing) < count else around.joint_m
-            crossed = max(gap, joint) / AIR_CONDUCTIVITY + resistance[source] + resistance[facing]
-            there = _node(n, facing, side ^ 1) if facing < count else facing
-            both = (source < count) == (facing < count)  # counted from either side
-            _join(joined, here, there, (0.5 if both else 1.0) * area / crossed)
-    return joined
 
+    def nodes(parts: IntArray, sides: IntArray) -> IntArray:
+        return np.where(parts < count, n + 1 + OWN * parts + sides, parts)
 
-def _node(parts: int, winding: int, node: int) -> int:
-    return parts + 1 + OWN * winding + node
-
-
-def _join(conductances: FloatArray, first: int, second: int, conductance: float) -> None:
-    conductances[first, second] += conductance
-    conductances[second, first] += conductance
+    here, there = nodes(source, faces.side), nodes(facing, faces.side ^ 1)
+    free = facing == OPEN
+    film = faces.area / (1.0 / around.film_W_per_m2_K + resistance[source])
+    np.add.at(joined, (here[free], n), film[free])
+    joint = np.where(np.minimum(source, facing) < count, around.winding_joint_m, around.joint_m)
+    crossed = np.maximum(faces.gap, joint) / AIR_CONDUCTIVITY + resistance[source] + resistance[facing]
+    # Of a winding and another part the winding's faces count, of others those of both sides
+    alike = (source < count) == (facing < count)
+    met = (facing >= 0) & (alike | (source < count))
+    np.add.at(joined, (here[met], there[met]), (np.where(alike, 0.5, 1.0) * faces.area / crossed)[met])
+    return joined + joined.T
 
 
 def _reduced(conductances: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -26,7 +26,7 @@ from femfit.report.page import ReportContent, hangs, render
 from femfit.report.style import data_uri, svg_uri, words
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.margins import worst_of
-from femfit.simulation.study import FILTER, ClosedLoopStudy
+from femfit.simulation.summary import FILTER, ClosedLoopStudy
 from femfit.simulation.words import sentence
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
@@ -203,7 +203,7 @@ def _loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
         ],
         "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
         "margins": [
-            (name_of(name), sentence("loop", "margins", design, worst_of(design.margins(name, "ukf"))))
+            (name_of(name), sentence("loop", "margins", design, worst_of(design.margins(name, FILTER))))
             for name in design.controllers
         ],
         "gains": [

@@ -31,8 +31,7 @@ from femfit.report.page import ReportContent, drawing_of, hangs
 from femfit.report.style import Drawing
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.sense import Sensing
-from femfit.simulation.study import ClosedLoopStudy
-from femfit.simulation.summary import LoopSummary
+from femfit.simulation.summary import ClosedLoopStudy, LoopSummary
 from femfit.tables.sweep_table import SweepTable
 
 

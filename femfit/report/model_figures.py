@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.audit.carried import COLD_C, WARM_C
+from femfit.audit.audit_model import COLD_C, WARM_C
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import remembered

@@ -39,7 +39,7 @@ from femfit.report.style import (
     words,
 )
 from femfit.simulation.open_result import OpenLoop
-from femfit.simulation.study import ClosedLoopStudy
+from femfit.simulation.summary import ClosedLoopStudy
 from femfit.tables.measurement import CHANNEL_WORDS
 from femfit.tables.sweep_table import SweepTable
 

@@ -86,10 +86,10 @@ def currents_for_force(
     are tried first; they are where several circuits look alone, so that a loop does not jump to far ones.
     """
     if len(model.circuits) == 1:
-        strongest = np.full(np.shape(distance), np.inf if _rises(model) else -np.inf)
-        if near is None:
-            return _newton(model, distance, force, strongest, _NEWTON_STEPS)[0][..., None]
-        current, converged = _newton(model, distance, force, near[..., 0], _STEPS_FROM_NEAR)
+        current = strongest = np.full(np.shape(distance), np.inf if _rises(model) else -np.inf)
+        converged = np.zeros(np.shape(distance), dtype=np.bool_)
+        if near is not None:
+            current, converged = _newton(model, distance, force, near[..., 0], _STEPS_FROM_NEAR)
         if not converged.all():
             current = np.where(converged, current, _newton(model, distance, force, strongest, _NEWTON_STEPS)[0])
         return current[..., None]

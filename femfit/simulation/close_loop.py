@@ -1,9 +1,13 @@
-"""Close the loop around a model, and say whether it held, how well, and if not, why."""
+"""Close the loop around a model, and say whether it held, how well, and if not, why.
+
+Which loops of a model hold, and how well they measure: every controller over the reference steps, on the same noise.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +17,20 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.core.public import random_generator
 from femfit.core.text import quoted
+from femfit.estimate.noise import consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.simulation.adjust import adjusted, choose
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS, UNCERTAIN
 from femfit.simulation.controllers import ControllerName
-from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, ObserverName, design_loop
-from femfit.simulation.experiment import CERTAIN, Experiment, LoopRuns, run_together
+from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, ObserverName, adjusted, design_loop
+from femfit.simulation.experiment import Experiment, LoopRuns, direct_distance, run_together, why_lost
 from femfit.simulation.loop import LoopOutcome, LoopProgress, LoopResult
 from femfit.simulation.margins import Margins
-from femfit.simulation.summary import Choice, LoopSummary, Spread
-from femfit.simulation.why_lost import why_lost
+from femfit.simulation.summary import FILTER, Choice, ClosedLoopStudy, LoopSummary, Spread, StepRow
 from femfit.simulation.words import finding
+
+CERTAIN = 30.0
+"""Derived: growth times duration from which a deviation of one rounding, 1e-13 of the range, has grown to the range."""
 
 MOST_STEPS = 10**8
 """Conventional: samples of a run, whose record takes ten gigabytes and more."""
@@ -78,7 +84,7 @@ def close_loop(
     plant : ActuatorModel, str, Path or None
         What truly moves and is truly sensed, where that is another model.
     gains, bandwidth_rad_s : optional
-        The controller's, in place of the designed ones: :func:`femfit.simulation.adjust.adjusted`.
+        The controller's, in place of the designed ones: :func:`femfit.simulation.design.adjusted`.
     latency : int
         Samples from a reading to the command that it leads to.
     noise : mapping of str to float, float or None
@@ -124,19 +130,7 @@ def close_loop(
             )
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
-    random = random_generator(rng)
-    experiment = Experiment(
-        controller=controller or "pid",
-        observer=estimator,
-        targets_m=(),
-        force_scale=force_scale,
-        faulty=faulty,
-        offset=offset,
-        drift_per_s=drift_per_s,
-        stuck_after_s=np.inf if stuck_after_s is None else stuck_after_s,
-        dropout_probability=dropout,
-    )
-    believed, truth = model_of(model), None if plant is None else model_of(plant)
+    believed = model_of(model)
     if targets_m is not None:
         try:
             distances = tuple(float(d) for d in targets_m)
@@ -145,40 +139,54 @@ def close_loop(
                 f"targets_m must be a list of distances in m; instead received {quoted(targets_m)}. Give [0.02], say."
             ) from error
         believed = replace(believed, reference_distances_m=distances)
+    random, truth = random_generator(rng), None if plant is None else model_of(plant)
+    faults: dict[str, Any] = {"faulty": faulty, "offset": offset, "drift_per_s": drift_per_s}
+    faults |= {"stuck_after_s": np.inf if stuck_after_s is None else stuck_after_s, "dropout_probability": dropout}
+    experiment = Experiment(controller or "pid", estimator, (), force_scale, **faults)
     design = design_loop(believed, noise, sensors=sensors, latency=latency)
-    own_gains = bool(gains) or bandwidth_rad_s is not None
-    choice = None if controller or own_gains else choose(design, estimator)
-    taken: ControllerName = next(iter(choice)) if choice else experiment.controller
-    design = adjusted(design, taken, gains=gains, bandwidth_rad_s=bandwidth_rad_s)
-    experiment = replace(experiment, controller=taken, targets_m=design.targets_m)
+    choice = {} if controller or gains or bandwidth_rad_s is not None else choose(design, estimator)
+    experiment = replace(experiment, controller=next(iter(choice), experiment.controller), targets_m=design.targets_m)
+    design = adjusted(design, experiment.controller, gains=gains, bandwidth_rad_s=bandwidth_rad_s)
     duration = len(design.targets_m) * design.stay_s if seconds is None else seconds
     options: dict[str, Any] = {"runs": runs, "duration_s": duration, "recorded": recorded, "plant": truth}
     options["progress"] = progress
-    if choice is None:
-        return run_loops(design, [experiment], random, **options)[0]
-    return _first_that_holds(choice, design, experiment, random, options)
-
-
-def _first_that_holds(
-    choice: Mapping[ControllerName, Margins],
-    design: LoopDesign,
-    experiment: Experiment,
-    random: np.random.Generator,
-    options: dict[str, Any],
-) -> LoopSummary:
-    """The loop of the best linear margin that holds all runs: steps of the reference may be more than a margin tells.
-
-    Where none does, that of the best margin with the cause of its loss.
-    """
+    # The best linear margin that holds all runs: steps of the reference may be more than a margin tells
     lost: list[ControllerName] = []
     for name in [name for name, margins in choice.items() if margins.stable]:
-        noise = deepcopy(random)
-        (summary,) = run_loops(design, [replace(experiment, controller=name)], noise, advised=False, **options)
+        noise_of_trial = deepcopy(random)
+        tried = replace(experiment, controller=name)
+        (summary,) = run_loops(design, [tried], noise_of_trial, advised=False, **options)
         if summary.held == summary.runs:
-            random.bit_generator.state = noise.bit_generator.state
+            random.bit_generator.state = noise_of_trial.bit_generator.state
             return replace(summary, choice=Choice(choice, tuple(lost)))
         lost.append(name)
-    return replace(run_loops(design, [experiment], random, **options)[0], choice=Choice(choice))
+    # Where none does, that of the best margin with the cause of its loss
+    (summary,) = run_loops(design, [experiment], random, **options)
+    return replace(summary, choice=Choice(choice) if choice else None)
+
+
+def choose(design: LoopDesign, observer: ObserverName) -> dict[ControllerName, Margins]:
+    """Which controller a loop has where none is asked for: their margins, the farthest from instability first.
+
+    Every controller is designed, since that takes seconds. Of those that are stable with their filter, delays and
+    drivers the one with the largest margins at its worst point of rest is the first, cut where noise takes too much of
+    the commands' room; then come those that grow.
+
+    Raises
+    ------
+    DomainError
+        If no controller can be designed at all.
+    """
+    judged = [design.judged(name, observer) for name in CONTROLLERS]
+    margins = {loop.controller: loop.margins for loop in judged if loop.margins is not None}
+    if not margins:
+        raise DomainError(" ".join(dict.fromkeys(loop.refusal for loop in judged)))
+
+    def rank(name: ControllerName) -> tuple[bool, float, float, float]:
+        worst = margins[name]
+        return worst.stable, worst.kept, worst.modulus, worst.slowest_pole_rad_s
+
+    return {name: margins[name] for name in sorted(margins, key=rank, reverse=True)}
 
 
 def run_loops(
@@ -203,33 +211,35 @@ def run_loops(
         Whether it is found out why runs are lost, by trials.
     """
     steps = max(1, round(duration_s / design.model.sample_time_s))
-    supported, noise = design.steps(SUPPORT_TIME_CONSTANTS), deepcopy(random)
-    loops = [
-        LoopRuns(design, experiment, noise, runs, steps, steps, supported, plant, progress)
-        for experiment in experiments
-    ]
     if steps > MOST_STEPS:
         raise DomainError(
             f"A run must have at most {MOST_STEPS:.3g} samples; instead received {duration_s:g} s, {float(steps):.3g} "
             "samples. Simulate fewer seconds."
         )
+    supported, noise = design.steps(SUPPORT_TIME_CONSTANTS), deepcopy(random)
+    loops = [
+        LoopRuns(design, experiment, noise, runs, steps, steps, supported, plant, progress)
+        for experiment in experiments
+    ]
     results = run_together(loops, "closed loop", random, recorded=recorded)
     return [_summary(loop, result, advised=advised) for loop, result in zip(loops, results, strict=True)]
 
 
 def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummary:
-    held, statistics, duration = result.held, result.statistics, loop.steps * loop.design.model.sample_time_s
-    quality, band = statistics.consistency(held)
+    held, statistics = result.held, result.statistics
+    lost_s = result.outcome_time_s[~held].tolist()
+    read = np.where(held, statistics.readings, 0.0)
+    total = int(read.sum())
+    squared = float(np.nansum(statistics.normalised_innovation_squared * read)) / total if total else None
     tracking = _spread(statistics.tracking_rms_m[held])
     findings = []
-    if held.any() and loop.plant is None and loop.grows:
-        growth = loop.growth_per_s
-        grown = growth * duration > CERTAIN
+    if held.any() and loop.plant is None and (growths := loop.growths) > 1.0:
+        growth, grown = loop.growth_per_s(), growths > CERTAIN
         findings.append(
             finding("limit-cycle", size=growth, growth_per_s=growth, grown=grown, tracking_rms_m=tracking.median)
         )
-    if quality > UNCERTAIN:
-        findings.append(finding("innovations", size=quality, excess=quality))
+    if squared is not None and squared > UNCERTAIN:
+        findings.append(finding("innovations", size=squared, excess=squared))
     return LoopSummary(
         design=loop.design,
         experiment=loop.experiment,
@@ -237,19 +247,61 @@ def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummar
         runs=loop.runs,
         steps=loop.steps,
         outcomes=Counter(LoopOutcome(code).name for code in result.outcome.tolist()),
-        first_loss_s=None if held.all() else float(np.nanmin(result.outcome_time_s)),
-        last_loss_s=None if held.all() else float(np.nanmax(result.outcome_time_s)),
+        first_loss_s=min(lost_s, default=None),
+        last_loss_s=max(lost_s, default=None),
         estimate_rms_m=_spread(statistics.estimate_rms_m[held]),
         tracking_rms_m=tracking,
-        normalised_innovation_squared=quality if np.isfinite(quality) else None,
-        innovation_band=band,
-        cause=None if held.all() or not advised else why_lost(loop, result),
+        normalised_innovation_squared=squared,
+        innovation_band=consistency_band(max(1, total)),
+        cause=why_lost(loop, result) if lost_s and advised else None,
         result=result,
         findings=tuple(findings),
     )
 
 
 def _spread(values: FloatArray) -> Spread:
-    if not values.size:
-        return Spread(float("nan"), float("nan"))
-    return Spread(*(float(q) for q in np.quantile(values, (0.5, 0.95))))
+    return Spread(*np.quantile(values, (0.5, 0.95)).tolist()) if values.size else Spread(np.nan, np.nan)
+
+
+STUDIED_RUNS = 8
+"""Conventional: repeats of the reference steps."""
+
+
+def closed_loop_study(
+    model: ActuatorModel,
+    seed: int = 1,
+    noise: Mapping[str, float] | float | None = None,
+    *,
+    sensors: Sequence[str] | None = None,
+    progress: LoopProgress | None = None,
+) -> ClosedLoopStudy:
+    """Run every controller over the reference steps.
+
+    The direct measurement is taken from the same readings as the filter's: root mean square of measured minus true
+    distance over the whole run.
+
+    Parameters
+    ----------
+    noise : mapping of str to float, float or None
+        White noise of one sample by the sensors' names, or that of the first; the model's where None.
+    sensors : sequence of str or None
+        Which of the model's sensors the loops read; the Hall element, or all where there is none.
+    progress : callable or None
+        Called with what is simulated, the samples done and all of them, now and then.
+    """
+    design = design_loop(model, noise, sensors=sensors)
+    if not design.controllers:
+        raise DomainError(" ".join(design.why_no(name) for name in CONTROLLERS))
+    samples = len(design.targets_m) * ceil(design.step_s / design.model.sample_time_s)
+    experiments = [Experiment(name, FILTER, design.targets_m) for name in design.controllers]
+    options: dict[str, Any] = {"runs": STUDIED_RUNS, "recorded": STUDIED_RUNS, "advised": False, "progress": progress}
+    duration = samples * design.model.sample_time_s
+    loops, rows = run_loops(design, experiments, np.random.default_rng(seed), duration_s=duration, **options), []
+    for loop in loops:
+        held, series = loop.result.held, loop.result.series
+        measured = {} if design.why_no_direct else {"direct": direct_distance(design, series)}
+        for measurement, distance in (measured | {FILTER: series.estimated_distance_m}).items():
+            errors = (distance - series.distance_m)[:, held]
+            rms = float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")
+            rows.append(StepRow(loop.experiment.controller, measurement, rms, loop.held, loop.runs))
+    return ClosedLoopStudy(design, seed, tuple(loops), tuple(rows))

@@ -1,12 +1,12 @@
 """Controllers: pure steps from an estimate and a reference to the commands of the drivers.
 
-The linear position controller: proportional, integral and derivative of the distance error.
+A nonlinear one, and linear ones of the distance's error and of every state.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.simulation.allocation import currents_for_acceleration, limited
-from femfit.simulation.operating_point import OperatingPoint, resting_command, usable_coil_pole
+from femfit.simulation.operating_point import resting_command
 from femfit.simulation.targets import Reference
 
 ControllerName = Literal["backstepping", "pid", "state-feedback"]
@@ -72,22 +72,20 @@ class Backstepping(Controller):
     """
 
     model: ActuatorModel
-    position_gain: float
-    velocity_gain: float
-    current_gain_ohm: float = 0.0
+    position: float  # k_p in 1/s^2
+    velocity: float  # k_v in 1/s
+    current: float = 0.0  # K_i in ohm
     name = "backstepping"
 
     @property
     def parts(self) -> dict[str, float]:
         """The outer gains, and that of the current where a voltage is commanded."""
-        outer = {"position": self.position_gain, "velocity": self.velocity_gain}
-        return outer if commands_currents(self.model).all() else {**outer, "current": self.current_gain_ohm}
+        outer = {"position": self.position, "velocity": self.velocity}
+        return outer if commands_currents(self.model).all() else {**outer, "current": self.current}
 
     def with_parts(self, changed: Mapping[str, float]) -> "Backstepping":
         """By their names."""
-        fields = {"position": "position_gain", "velocity": "velocity_gain", "current": "current_gain_ohm"}
-        gains: dict[str, Any] = {fields[name]: gain for name, gain in changed.items()}
-        return replace(self, **gains)
+        return replace(self, **changed)  # type: ignore[arg-type]  # all of them are numbers
 
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """The class's equations, clamped."""
@@ -97,51 +95,20 @@ class Backstepping(Controller):
         velocity, currents = estimate[:, 1], estimate[:, 2:]
         acceleration = (
             reference.acceleration
-            - self.velocity_gain * (velocity - reference.velocity)
-            - self.position_gain * (estimate[:, 0] - reference.distance)
+            - self.velocity * (velocity - reference.velocity)
+            - self.position * (estimate[:, 0] - reference.distance)
         )
         wanted = currents_for_acceleration(model, distance, acceleration, velocity, near=currents)
-        volts = resting_command(model, wanted) + self.current_gain_ohm * (wanted - currents)
+        volts = resting_command(model, wanted) + self.current * (wanted - currents)
         command = np.where(commands_currents(model), wanted, volts)
         return limited(model, estimate, command), memory
-
-
-def design_backstepping(
-    model: ActuatorModel, points: Sequence[OperatingPoint], bandwidth_rad_s: float | None = None
-) -> Backstepping:
-    """Gains from the model's poles, for the fastest unstable pole lambda and the slowest coil among the points.
-
-    The current follows i* with the pole p = (R + K_i)/L. Linearised, with lambda^2 = -F_d/m,
-
-        s^3/p + s^2 + (k_v - lambda^2/p) s + k_p = 0,
-
-    so a velocity gain below (lambda^2 + k_p)/p leaves the loop unstable. The poles sum up to -p; the slowest of them
-    is fastest as the triple pole w = p/3: k_p = w^2/3, k_v = w + lambda^2/(3 w). K_i = 0 (the paper's form, p = R/L) is
-    kept as long as w is faster than lambda; otherwise K_i raises p to 3 lambda. A coil that is faster than the samples
-    is taken as slow as they can follow. A given bandwidth is w, as far as K_i >= 0 allows.
-    """
-    unstable = max(point.unstable_pole_rad_s for point in points)
-    slowest = min(points, key=lambda point: point.coil_pole_rad_s)
-    current_pole = max(usable_coil_pole(model, slowest), 3.0 * unstable)
-    if bandwidth_rad_s is not None:
-        current_pole = max(3.0 * bandwidth_rad_s, slowest.coil_pole_rad_s)
-    triple = current_pole / 3.0 if bandwidth_rad_s is None else bandwidth_rad_s
-    return Backstepping(
-        model=model,
-        position_gain=triple**2 / 3.0,
-        velocity_gain=triple + unstable**2 / (3.0 * triple),
-        current_gain_ohm=max(current_pole - slowest.coil_pole_rad_s, 0.0) * slowest.inductance_H,
-    )
-
-
-_ROUNDED = 1e-13
-"""Derived: sum of three numerators over their sizes, below which it is their rounding and no integral."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pid(Controller):
     """The structure of (35), tuned on the model.
 
+        C(z) = k_p + k_i t z/(z - 1) + k_d (1 - p)/t (z - 1)/(z - p),   w = -C(z) e,
         w(k) = (1 + p) w(k-1) - p w(k-2) + b_0 e(k) + b_1 e(k-1) + b_2 e(k-2),   u* = u_r + g w,   e = r - d,
         U = clamp(u* + K_i (u*/R - i)),
 
@@ -158,13 +125,31 @@ class Pid(Controller):
     """
 
     model: ActuatorModel
-    filter_pole: float
-    # b_0, b_1, b_2 in V/m (A/m for an amplifier), negative in sum: a body that is too far away needs more force
-    gains: tuple[float, float, float]
+    kp: float  # Per m; of a body that is too far away and needs more force they are positive
+    ki: float  # Per m s
+    kd: float  # Per m/s
+    filter_pole: float  # p
     direction: tuple[float, ...] = (1.0,)
-    current_gain_ohm: float = 0.0
+    current: float = 0.0  # K_i in ohm
     words = 4  # w(k-1), w(k-2), e(k-1), e(k-2)
     name = "pid"
+
+    @classmethod
+    def of_recursion(
+        cls, model: ActuatorModel, p: float, b: tuple[float, float, float], direction: tuple[float, ...], current: float
+    ) -> "Pid":
+        """That of b_0, b_1 and b_2."""
+        step = model.sample_time_s
+        each = -sum(b) / (1.0 - p)
+        kp = (b[2] - b[0] - each) / (1.0 - p)
+        return cls(model, kp, each / step, -(b[2] + kp * p) * step / (1.0 - p), p, direction, current)
+
+    @property
+    def gains(self) -> tuple[float, float, float]:
+        """b_0, b_1 and b_2 in V/m, or A/m for an amplifier, negative in sum."""
+        step, p = self.model.sample_time_s, self.filter_pole
+        each, rate = self.ki * step, self.kd * (1.0 - p) / step
+        return -self.kp - each - rate, self.kp * (1.0 + p) + each * p + 2.0 * rate, -self.kp * p - rate
 
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """The recursion, clamped."""
@@ -175,7 +160,7 @@ class Pid(Controller):
         error = reference.distance - estimate[:, 0]
         w = (1.0 + self.filter_pole) * w1 - self.filter_pole * w2 + b0 * error + b1 * e1 + b2 * e2
         # As gains on the voltage R i: none behind an amplifier, which closes the loop of the current itself
-        inner = np.where(commands_currents(self.model), 0.0, self.current_gain_ohm / self.model.resistances_ohm)
+        inner = np.where(commands_currents(self.model), 0.0, self.current / self.model.resistances_ohm)
         back = inner * self.model.resistances_ohm * estimate[:, 2:]
         command = limited(self.model, estimate, (1.0 + inner) * (needed + along * w[:, None]) - back)
         effective = ((command + back) / (1.0 + inner) - needed) @ along / (along @ along)
@@ -183,42 +168,85 @@ class Pid(Controller):
 
     @property
     def parts(self) -> dict[str, float]:
-        """Gains as an engineer gives them, for the error d - r: per m, m s and m/s, the filter in rad/s, K_i in ohm.
-
-        C(z) = k_p + k_i t z/(z - 1) + k_d (1 - p)/t (z - 1)/(z - p), with p = exp(-filter t).
-        """
-        step, p = self.model.sample_time_s, self.filter_pole
-        b0, b1, b2 = (-gain for gain in self.gains)
-        total = b0 + b1 + b2
-        integral = total / (1.0 - p) if abs(total) > _ROUNDED * (abs(b0) + abs(b1) + abs(b2)) else 0.0
-        proportional = (b0 - b2 - integral) / (1.0 - p)
-        derivative = (b2 - proportional * p) * step / (1.0 - p)
-        rate = -np.log(p) / step if p > 0.0 else np.inf
-        return {
-            "kp": proportional,
-            "ki": integral / step,
-            "kd": derivative,
-            "filter_rad_s": float(rate),
-            "current": self.current_gain_ohm,
-        }
+        """Gains as an engineer gives them; the derivative's filter in rad/s, p = exp(-filter t)."""
+        rate = -np.log(self.filter_pole) / self.model.sample_time_s if self.filter_pole > 0.0 else np.inf
+        outer = {"kp": self.kp, "ki": self.ki, "kd": self.kd}
+        return {**outer, "filter_rad_s": float(rate), "current": self.current}
 
     def with_parts(self, changed: Mapping[str, float]) -> "Pid":
-        """By all of the parts anew."""
-        return pid_of_parts(self.model, **{**self.parts, **changed}, direction=self.direction)
+        """By their names."""
+        fields = dict(changed)
+        if "filter_rad_s" in fields:
+            fields["filter_pole"] = float(np.exp(-fields.pop("filter_rad_s") * self.model.sample_time_s))
+        return replace(self, **fields)  # type: ignore[arg-type]  # all of them are numbers
 
 
-def pid_of_parts(
-    model: ActuatorModel,
-    kp: float,
-    ki: float,
-    kd: float,
-    filter_rad_s: float,
-    current: float = 0.0,
-    direction: tuple[float, ...] = (1.0,),
-) -> Pid:
-    """The controller whose :attr:`Pid.parts` these are."""
-    step = model.sample_time_s
-    p = float(np.exp(-filter_rad_s * step))
-    each, rate = ki * step, kd * (1.0 - p) / step
-    gains = (kp + each + rate, -kp * (1.0 + p) - each * p - 2.0 * rate, kp * p + rate)
-    return Pid(model, p, (-gains[0], -gains[1], -gains[2]), direction, current)
+@dataclass(frozen=True, eq=False)
+class StateFeedback(Controller):
+    """Feedback of every state, with an integral.
+
+        u = u_r + K_x (x_r - x^) + K_p (pending commands) - K_i q,      q(k+1) = q(k) + t (d - r)
+
+    References
+    ----------
+    K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), section 4.5.
+    """
+
+    model: ActuatorModel
+    gains: FloatArray  # K_x, shape (n, 2 + n)
+    integral: FloatArray  # K_i, shape (n,)
+    pending: FloatArray  # Of the commands on their way, the last one first; shape (n, latency n)
+    direction: FloatArray  # Change of the commands that raises the force, as in :class:`OperatingPoint`; shape (n,)
+    name = "state-feedback"
+
+    @property
+    def words(self) -> int:  # type: ignore[override]
+        """The integral, and the commands on their way."""
+        return 1 + int(self.pending.shape[1])
+
+    def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
+        """The law, clamped; the integral stands while the clamp holds back what it asks for."""
+        q, pending = memory[:, 0], memory[:, 1:]
+        currents = np.atleast_2d(reference.currents)
+        needed = resting_command(self.model, currents)
+        error = estimate[:, 0] - reference.distance
+        moving = np.empty_like(estimate)
+        moving[:, 0], moving[:, 1] = error, estimate[:, 1] - reference.velocity
+        moving[:, 2:] = estimate[:, 2:] - currents
+        wanted = needed - moving @ self.gains.T - pending @ self.pending.T - q[:, None] * self.integral
+        command = limited(self.model, estimate, wanted)
+        held_back = np.any((command - wanted) * (self.integral * error[:, None]) > 0.0, axis=1)
+        grown = np.where(held_back, q, q + self.model.sample_time_s * error)
+        later = np.concatenate([command - needed, pending], axis=1)[:, : self.pending.shape[1]]
+        return command, np.concatenate([grown[:, None], later], axis=1)
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """Of distance, velocity and integral that of the direction's largest entry; each current has its own."""
+        first = int(np.argmax(np.abs(self.direction)))
+        along = -float(self.direction[first])
+        return {
+            "distance": float(self.gains[first, 0]) / along,
+            "velocity": float(self.gains[first, 1]) / along,
+            **{name: float(self.gains[k, 2 + k]) for k, name in enumerate(self._currents)},
+            "integral": float(self.integral[first]) / along,
+        }
+
+    def with_parts(self, changed: Mapping[str, float]) -> "StateFeedback":
+        """Those of distance, velocity and integral for all commands, along the direction."""
+        gains, names = (
+            np.column_stack([self.gains, self.integral]),
+            ["distance", "velocity", *self._currents, "integral"],
+        )
+        for name, value in changed.items():
+            k = names.index(name)
+            if name in self._currents:
+                gains[k - 2, k] = value
+            else:
+                gains[:, k] = -value * self.direction
+        return replace(self, gains=gains[:, :-1], integral=gains[:, -1])
+
+    @property
+    def _currents(self) -> list[str]:
+        names = self.model.circuit_names
+        return ["current"] if len(names) == 1 else [f"current_{name}" for name in names]

@@ -1,9 +1,9 @@
 """What a closed loop of a model needs: reference distances, sensors, observers, controllers, derived from the model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Literal, cast, get_args
+from functools import cached_property, wraps
+from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, TypeVar, cast, get_args
 
 import numpy as np
 
@@ -18,25 +18,49 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
 from femfit.simulation.constants import COMMAND_ERRORS, DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S, NEARLY
 from femfit.simulation.controllers import Controller, ControllerName
-from femfit.simulation.margins import Margins
+from femfit.simulation.linear_loop import Rest
+from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.observers import DirectObserver, distance_inverse
 from femfit.simulation.operating_point import OperatingPoint, operating_point
-from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
+from femfit.simulation.plant import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, reference_rate, require_sensed
-from femfit.simulation.tune import (
-    Bench,
-    make_bench,
-    near_the_best,
-    tuned_backstepping,
-    tuned_pid,
-    tuned_regulator,
-)
+from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, near_the_best
 from femfit.simulation.words import sentence
 
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
+LoopObserver: TypeAlias = ObserverName | Literal["exact"]
+"""A linear loop may know the state itself, too."""
+
 CONTROLLERS: tuple[ControllerName, ...] = get_args(ControllerName)
 OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
+
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+
+
+def once(method: Callable[Concatenate["LoopDesign", Given], Made]) -> Callable[Concatenate["LoopDesign", Given], Made]:
+    """A method of a design that works out for each of its arguments once what it returns."""
+
+    @wraps(method)
+    def kept(design: "LoopDesign", /, *given: Given.args, **named: Given.kwargs) -> Made:
+        key = (method.__name__, *given)
+        if key not in design.worked_out:
+            design.worked_out[key] = method(design, *given, **named)
+        return cast("Made", design.worked_out[key])
+
+    return kept
+
+
+@dataclass(frozen=True)
+class JudgedLoop:
+    """A linear loop at its worst point of rest."""
+
+    controller: ControllerName
+    observer: str
+    margins: Margins | None  # None where there are none
+    refusal: str = ""  # Why there are none
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +77,7 @@ class LoopDesign:
     latency: int = 0  # Samples from a reading to the command that it leads to
     given: Mapping[str, Controller] = field(default_factory=dict)  # In place of the designed ones
     command_error: float = 1.0  # Factor on the error of the drivers' voltages that the filters allow for
-    # What is worked out when it is asked for: controllers or why there are none, why none is stable, benches
-    _designed: dict[str, Controller | str] = field(default_factory=dict, init=False)
-    _reasons: dict[str, str] = field(default_factory=dict, init=False)
-    _benches: dict[str, Bench] = field(default_factory=dict, init=False)
+    worked_out: dict[tuple[object, ...], Any] = field(default_factory=dict, init=False)  # What was asked for before
 
     @property
     def command_unit(self) -> str:
@@ -97,8 +118,7 @@ class LoopDesign:
 
     def loop_sensors(self, model: ActuatorModel | None = None) -> tuple[LoopSensor, ...]:
         """The sensors of the design's model, or those of the same names of another one."""
-        read = self.model if model is None else model
-        return loop_sensors(read, self.sensors, self.noise, self.model.sample_time_s)
+        return loop_sensors(self.model if model is None else model, self.noise, self.model.sample_time_s)
 
     @property
     def delay_s(self) -> float:
@@ -111,42 +131,24 @@ class LoopDesign:
         """Whether a sensor is not read at each sample."""
         return any(sensor.period > 1 for sensor in self.loop_sensors())
 
+    @once
     def controller(self, name: ControllerName) -> Controller:
-        """The controller of this name, or what comes nearest to a stable one."""
-        made = self._made(name)
-        if isinstance(made, str):
-            raise DomainError(made)
-        return made
+        """The controller that is given or designed, which is what comes nearest to a stable one."""
+        return self.given.get(name) or self._filtered.tuned(name)
 
+    @once
     def why_no(self, name: ControllerName) -> str:
         """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
-        made = self._made(name)
-        if isinstance(made, str) or name in self.given:
-            return made if isinstance(made, str) else ""
-        if name not in self._reasons:
-            self._reasons[name] = ""
-            if not self._filtered.growth(made) < 0.0:
-                self._reasons[name] = sentence("loop", "none_stable", self, name)
-        return self._reasons[name]
+        try:
+            fit = name in self.given or worst_of(self._filtered.judge(self.controller(name), SEARCH_FREQUENCIES)).stable
+        except DomainError as error:
+            return str(error)
+        return "" if fit else sentence("loop", "none_stable", self, name)
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:
         """The names of the controllers that keep the body at rest, as far as the linear loop tells."""
         return tuple(name for name in CONTROLLERS if not self.why_no(name))
-
-    def _made(self, name: ControllerName) -> Controller | str:
-        """The controller that is given or designed, or why none can be."""
-        if name in self.given:
-            return self.given[name]
-        if name not in self._designed:
-            try:
-                if name == "backstepping":
-                    self._designed[name] = tuned_backstepping(self._filtered, self.points)
-                else:
-                    self._designed[name] = (tuned_pid if name == "pid" else tuned_regulator)(self._filtered)
-            except DomainError as error:
-                self._designed[name] = str(error)
-        return self._designed[name]
 
     @cached_property
     def _filtered(self) -> Bench:
@@ -160,22 +162,29 @@ class LoopDesign:
         except FilterError:
             return self.bench("exact")
         try:
-            biased = self.bench("ekf4")
-            _ = biased.observers
+            return replace(bench, noisier=self.bench("ekf4"))
         except (DomainError, FilterError):
             return bench
-        return replace(bench, noisier=biased)
 
-    def bench(self, observer: ObserverName | Literal["exact"]) -> Bench:
-        """What linear controllers are judged in."""
-        if observer not in self._benches:
-            made = None if observer == "exact" else self.observer(observer)
-            self._benches[observer] = make_bench(self.model, self.points, self.loop_sensors(), made, self.latency)
-        return self._benches[observer]
+    @once
+    def bench(self, observer: LoopObserver) -> Bench:
+        """What linear controllers are judged in: at the nearest, the middle and the farthest point."""
+        seen_by, sensors = None if observer == "exact" else self.observer(observer), self.loop_sensors()
+        places = [self.points[k] for k in sorted({0, len(self.points) // 2, len(self.points) - 1})]
+        rests = tuple(Rest.at(self.model, point, sensors, seen_by) for point in places)
+        return Bench(self.model, self.points, rests, self.latency)
 
-    def margins(self, name: ControllerName, observer: ObserverName | Literal["exact"]) -> tuple[Margins, ...]:
+    def margins(self, name: ControllerName, observer: LoopObserver) -> tuple[Margins, ...]:
         """Stability margins of a loop at the nearest, the middle and the farthest point."""
         return self.bench(observer).judge(self.controller(name))
+
+    @once
+    def judged(self, name: ControllerName, observer: LoopObserver) -> JudgedLoop:
+        """The least margins of a loop, or why there are none."""
+        try:
+            return JudgedLoop(name, observer, worst_of(self.margins(name, observer)))
+        except (DomainError, FilterError) as error:
+            return JudgedLoop(name, observer, None, str(error))
 
     @property
     def filter_noise(self) -> FilterNoise:
@@ -256,9 +265,9 @@ def keeping_margins(design: LoopDesign) -> LoopDesign:
     """
     design = replace(design, command_error=1.0)
 
-    def score(tried: LoopDesign, observer: ObserverName | Literal["exact"] = "ekf") -> float:
+    def score(tried: LoopDesign, observer: LoopObserver = "ekf") -> float:
         bench = tried.bench(observer)
-        return bench.score(tuned_backstepping(bench, tried.points))
+        return bench.score(bench.tuned("backstepping"))
 
     try:
         tried = [(score(design), design)]
@@ -271,3 +280,47 @@ def keeping_margins(design: LoopDesign) -> LoopDesign:
     except (DomainError, FilterError):  # whose controllers say why there is none
         return design
     return near_the_best(tried)
+
+
+def adjusted(
+    design: LoopDesign,
+    name: ControllerName,
+    *,
+    gains: Mapping[str, float] | None = None,
+    bandwidth_rad_s: float | None = None,
+) -> LoopDesign:
+    """The design with a controller of one's own of this name; as it is where nothing is given.
+
+    Parameters
+    ----------
+    gains : mapping of str to float or None
+        In place of the designed ones: kp, ki, kd, filter_rad_s of a PID; position, velocity, current of backstepping;
+        distance, velocity, integral, and current or current_NAME of state feedback.
+    bandwidth_rad_s : float or None
+        The poles' radius for which the controller is designed.
+
+    Raises
+    ------
+    DomainError
+        If a gain is unknown or a bandwidth is not above zero.
+    """
+    if bandwidth_rad_s is None and not gains:
+        return design
+    highest = np.pi / design.model.sample_time_s
+    if bandwidth_rad_s is not None and not 0.0 < bandwidth_rad_s < highest:
+        raise DomainError(
+            f"A bandwidth must be > 0 rad/s and below half of the sampling, {highest:.4g} rad/s; instead received "
+            f"{bandwidth_rad_s:g}."
+        )
+    if bandwidth_rad_s is None:
+        controller = design.controller(name)
+    else:
+        controller = design.bench("exact").designed(name, bandwidth_rad_s)
+    if wrong := [gain for gain in gains or () if gain not in controller.parts]:
+        raise DomainError(
+            f"The gains of this controller are {', '.join(controller.parts)}; instead received {', '.join(wrong)}. "
+            "Name one of them, as in kp=2000."
+        )
+    if bad := [gain for gain, value in (gains or {}).items() if not np.isfinite(value)]:
+        raise DomainError(f"Gains must be finite; instead received {', '.join(bad)}.")
+    return replace(design, given={**design.given, name: controller.with_parts(gains) if gains else controller})

@@ -1,24 +1,32 @@
-"""An experiment on a loop, and the same again on the same noise, as it was or with something taken away."""
+"""An experiment on a loop, the same again on the same noise with something taken away, and why its runs are lost.
 
-from collections.abc import Sequence
+What was asked for, the loop itself, or what sensors and driver can do: the lost runs are repeated on the same noise
+without what was asked for, another plant, faults, gains, latency. Where they are lost all the same, the linear loop
+about its rest comes before all that a driver or a sensor could do: an unstable loop swings until its commands reach the
+driver's limits, so that a lost run looks like a weak driver. Of a stable one the numbers of the hardware tell the
+cause: the noise in the command against its room, and the distances from which the force at the driver's limits brings
+the body back.
+"""
+
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.allocation import currents_for_acceleration
+from femfit.simulation.allocation import currents_for_acceleration, force_range
+from femfit.simulation.constants import NOISE_FILLS
 from femfit.simulation.controllers import ControllerName
-from femfit.simulation.design import LoopDesign, ObserverName
+from femfit.simulation.design import LoopDesign, LoopObserver, ObserverName, keeping_margins
 from femfit.simulation.loop import ClosedLoop, LoopProgress, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observers import distance_inverse
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant, with_force_scale
-from femfit.simulation.sensor import SensorErrors
+from femfit.simulation.plant import Plant, SensorErrors, with_force_scale
 from femfit.simulation.targets import Reference, reference_steps
 
 
@@ -60,10 +68,6 @@ def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
     return np.where(np.isnan(series.distance_m), np.nan, held)
 
 
-CERTAIN = 30.0
-"""Derived: growth times duration from which a deviation of one rounding, 1e-13 of the range, has grown to the range."""
-
-
 @dataclass(frozen=True, eq=False)
 class LoopRuns:
     """Everything that is needed to run a loop, and to run it again on the same noise."""
@@ -78,7 +82,13 @@ class LoopRuns:
     plant: ActuatorModel | None = None  # What truly moves and is sensed, where that is another model than the design's
     progress: LoopProgress | None = None
 
-    @cached_property
+    @property
+    def truth(self) -> ActuatorModel:
+        """The model of what moves."""
+        model = self.design.model
+        return model if self.plant is None else replace(self.plant, sample_time_s=model.sample_time_s)
+
+    @property
     def loop(self) -> ClosedLoop:
         """The loop that is run."""
         design, e, model = self.design, self.experiment, self.design.model
@@ -100,37 +110,15 @@ class LoopRuns:
             latency=design.latency,
         )
 
-    @property
-    def truth(self) -> ActuatorModel:
-        """The model of what moves."""
-        model = self.design.model
-        return model if self.plant is None else replace(self.plant, sample_time_s=model.sample_time_s)
-
-    def held(self, trial: str) -> BoolArray | None:
-        """Which runs are held this time, on the same noise; None where no such loop can be designed.
-
-        Parameters
-        ----------
-        trial : str
-            What is tried, as the progress says it.
-        """
-        try:
-            return run_together([self], f"why runs are lost, {trial}", recorded=0)[0].held
-        except (DomainError, FilterError):
-            return None
-
-    @cached_property
-    def growth_per_s(self) -> float:
-        """Rate at which a deviation grows in the linear loop; below zero where it is stable."""
-        return self.design.bench(self.experiment.observer).growth(self.design.controller(self.experiment.controller))
+    def growth_per_s(self, observer: LoopObserver | None = None) -> float:
+        """Rate at which a deviation grows in the linear loop, of another observer too; zero where nothing tells."""
+        margins = self.design.judged(self.experiment.controller, observer or self.experiment.observer).margins
+        return 0.0 if margins is None else -margins.slowest_pole_rad_s
 
     @property
-    def grows(self) -> bool:
-        """Whether a deviation grows within the runs; no where nothing tells."""
-        try:
-            return self.growth_per_s * self.path_steps * self.design.model.sample_time_s > 1.0
-        except (DomainError, FilterError):
-            return False
+    def growths(self) -> float:
+        """By how many factors e a deviation grows within the runs; below zero where the linear loop is stable."""
+        return self.growth_per_s() * self.path_steps * self.design.model.sample_time_s
 
 
 def run_together(
@@ -158,3 +146,74 @@ def run_together(
         show=first.progress and partial(first.progress, stage_name),
         **options,
     )
+
+
+BEYOND, FOLLOWED = 1.5, 20.0
+"""Conventional: a trial is followed for so many times the time of the last loss, and so many of the body's time
+constants more: a loop that drifts away a fifth as fast as the body is lost by then."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Why runs were lost: a code, and the numbers that tell it."""
+
+    code: str
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    in_vain: tuple[str, ...] = ()  # Codes of what was asked for and taken away without effect
+
+
+def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:
+    """The cause, and the numbers that tell it."""
+    last = float(np.nanmax(result.outcome_time_s)) / loop.design.model.sample_time_s
+    loop = replace(loop, steps=min(loop.steps, int(BEYOND * last) + loop.design.steps(FOLLOWED)))
+    e, design = loop.experiment, loop.design
+    asked_for = {
+        "plant": loop.plant is not None,
+        "sensor-offset": e.offset != 0.0,
+        "sensor-drift": e.drift_per_s != 0.0,
+        "sensor-stuck": np.isfinite(e.stuck_after_s),
+        "dropouts": e.dropout_probability != 0.0,
+        "force-scale": e.force_scale != 1.0,
+        "gains": bool(design.given),
+        "latency": bool(design.latency),
+    }
+    codes = tuple(code for code, present in asked_for.items() if present)
+    if codes:
+        plain = replace(design, given={}, latency=0) if design.given or design.latency else design
+        plain = keeping_margins(plain) if design.latency else plain
+        without = replace(loop, plant=None, design=plain, experiment=Experiment(e.controller, e.observer, e.targets_m))
+        try:
+            held = run_together([without], f"why runs are lost, without {', '.join(codes)}", recorded=0)[0].held
+        except (DomainError, FilterError):  # no such loop can be designed
+            held = result.held
+        if held[~result.held].all():
+            return Cause("asked-for", {"asked_for": codes})
+    if loop.growths > 1.0:  # the estimate where the exact state makes the linear loop stable, the controller otherwise
+        code = "estimate" if loop.growth_per_s("exact") < 0.0 else "controller"
+        return Cause(code, {"growth_per_s": loop.growth_per_s()}, codes)
+    return replace(_hardware_limit(loop), in_vain=codes)
+
+
+def _hardware_limit(loop: LoopRuns) -> Cause:
+    """What of sensors and driver the runs are lost by where the loop itself is stable.
+
+    The noise where it fills the command's room at the point of rest that leaves least of it, the driver otherwise. The
+    room is in V, or A for a current amplifier, of which noise takes a share rms; ``reach_m`` is how far nearer
+    and farther a body at rest may be for the force at the limits to turn it back. The current is taken to be at its
+    limit at once; a coil needs time, and so less is true.
+    """
+    design, controller, observer = loop.design, loop.experiment.controller, loop.experiment.observer
+    model, target = design.model, loop.experiment.targets_m[0]
+    ends = model.validity.distance_min_m, model.validity.distance_max_m
+    distance = np.linspace(*ends, 401)
+    needed, (weakest, strongest) = model.require_motion().static_force(distance), force_range(model, distance)
+    near = distance[(distance < target) & (weakest > needed)].max(initial=ends[0])
+    far = distance[(distance > target) & (strongest < needed)].min(initial=ends[1])
+    numbers: dict[str, Any] = {"reach_m": (float(target - near), float(far - target)), "room": None}
+    if design.judged(controller, observer).margins is None:  # nothing tells what noise takes
+        return Cause("authority", numbers)
+    pairs = zip(design.bench(observer).rests, design.margins(controller, observer), strict=True)
+    rest, worst = min(pairs, key=lambda pair: float(pair[0].room.min()))
+    share = worst.noise_share
+    numbers["room"] = {"distance_m": rest.point.distance_m, "room": float(rest.room.min()), "noise_share": share}
+    return Cause("noise" if share >= NOISE_FILLS else "authority", numbers)

@@ -15,6 +15,7 @@ K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,11 +25,11 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.model.dynamics import state_scale
 from femfit.model.sensors import sample_weights, sampled_value, sensor_named
+from femfit.simulation.allocation import limits_of
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint, solve_riccati
-from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import LoopSensor
+from femfit.simulation.plant import LoopSensor, Plant
 from femfit.simulation.targets import Reference
 
 
@@ -75,6 +76,80 @@ class LinearController:
         return np.asarray(np.linalg.solve(np.eye(n) - both[..., :n], both[..., n:]))
 
 
+def closed_loop_matrix(plant: LinearPlant, controller: LinearController) -> FloatArray:
+    """The state matrix of the whole loop; its eigenvalues are the loop's poles.
+
+    Its states are those of the plant, what earlier ones add to each sensor's next readings, the estimate, the
+    controller's memory, and the commands given before, the last one first.
+    """
+    (order, n), (sensors, samples, _), k = plant.B.shape, plant.C.shape, controller
+    late, pending = samples - 1, n * (k.latency + 1)
+    sizes = [order, sensors * late, len(k.P), len(k.M), pending]
+    x, chains, estimate, memory, before = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    chains = chains.reshape(sensors, late, sum(sizes))
+    later = np.zeros_like(chains)
+    later[:, :-1] = chains[:, 1:]
+    readings = plant.C[:, 0] @ x + chains[:, :1].sum(axis=1)
+    estimate = k.P @ estimate + k.G @ before[-n:] + k.L @ readings
+    commands = np.concatenate([k.N @ memory + k.D @ estimate, before])
+    acting = commands[n * k.latency :][:n]
+    moved = plant.A @ x + plant.B @ acting
+    later += plant.C[:, 1:] @ x
+    memory = k.M @ memory + k.E @ estimate
+    return np.concatenate([moved, later.reshape(sizes[1], sum(sizes)), estimate, memory, commands[:pending]])
+
+
+Linear: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""P, G and L of the module's head."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A point of rest, linear."""
+
+    model: ActuatorModel
+    point: OperatingPoint
+    plant: LinearPlant
+    observer: Linear
+    room: FloatArray  # From the resting commands to the nearer limits, in the commands' units, shape (n,)
+
+    @classmethod
+    def at(
+        cls,
+        model: ActuatorModel,
+        point: OperatingPoint,
+        sensors: Sequence[LoopSensor],
+        observer: Filter | DirectObserver | None,
+    ) -> "Rest":
+        """A point with its sensors and observer; without one every state is known at once, without noise."""
+        plant, order, (low, high) = linear_plant(model, point, sensors), model.order, limits_of(model)
+        room = np.minimum(point.commands - low, high - point.commands)
+        if observer is None:
+            plant = replace(plant, C=np.eye(order)[:, None], noise=np.zeros(order))
+            linear = np.zeros((order, order)), np.zeros((order, len(point.commands))), np.eye(order)
+        elif isinstance(observer, DirectObserver):
+            linear = _linear_direct(model, point, observer)
+        else:
+            linear = _linear_filter(model, point, observer)
+        return cls(model, point, plant, linear, room)
+
+    def closed_by(self, controller: Controller, latency: int) -> LinearController:
+        """The observer with a controller behind it."""
+        point, n, estimated = self.point, len(self.point.commands), len(self.observer[0])
+        states, still = 2 + n, np.zeros(1)
+        reference = Reference(np.array([point.distance_m]), still, still, point.currents_A[None])
+        rest, scale = np.zeros(states + controller.words), np.full(states + controller.words, 1e-2)
+        rest[:states], scale[:states] = point.state, state_scale(self.model)[:states]
+        (slopes,) = central_differences(
+            lambda both: np.concatenate(controller.command(both[:, states:], both[:, :states], reference), axis=1),
+            rest[None],
+            scale,
+        )
+        by_estimate = np.pad(slopes[:, :states], ((0, 0), (0, estimated - states)))
+        law = slopes[n:, states:], by_estimate[n:], slopes[:n, states:], by_estimate[:n]
+        return LinearController(*self.observer, *law, latency)
+
+
 def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[LoopSensor]) -> LinearPlant:
     """Differences of one step of the plant, and of its readings."""
     plant = Plant(model)
@@ -101,45 +176,15 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
     return LinearPlant(both[:, : len(rest)], both[:, len(rest) :], C, noise)
 
 
-def closed_loop_matrix(plant: LinearPlant, controller: LinearController) -> FloatArray:
-    """The state matrix of the whole loop; its eigenvalues are the loop's poles.
-
-    Its states are those of the plant, what earlier ones add to each sensor's next readings, the estimate, the
-    controller's memory, and the commands given before, the last one first.
-    """
-    (order, n), (sensors, samples, _), k = plant.B.shape, plant.C.shape, controller
-    late, pending = samples - 1, n * (k.latency + 1)
-    sizes = [order, sensors * late, len(k.P), len(k.M), pending]
-    x, chains, estimate, memory, before = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
-    chains = chains.reshape(sensors, late, sum(sizes))
-    later = np.zeros_like(chains)
-    later[:, :-1] = chains[:, 1:]
-    readings = plant.C[:, 0] @ x + chains[:, :1].sum(axis=1)
-    estimate = k.P @ estimate + k.G @ before[-n:] + k.L @ readings
-    commands = np.concatenate([k.N @ memory + k.D @ estimate, before])
-    acting = commands[n * k.latency :][:n]
-    moved = plant.A @ x + plant.B @ acting
-    later += plant.C[:, 1:] @ x
-    memory = k.M @ memory + k.E @ estimate
-    return np.concatenate([moved, later.reshape(sizes[1], sum(sizes)), estimate, memory, commands[:pending]])
-
-
 def _command_scale(model: ActuatorModel, point: OperatingPoint) -> FloatArray:
     widths = state_scale(model)[2 : 2 + len(point.commands)]
     return np.where(commands_currents(model), widths, widths * model.resistances_ohm)
 
 
-def linear_observer(
-    model: ActuatorModel, point: OperatingPoint, observer: Filter | DirectObserver | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """P, G and L of the module's head."""
-    n, order = len(point.commands), model.order
-    if observer is None:
-        return np.zeros((order, order)), np.zeros((order, n)), np.eye(order)
-    if isinstance(observer, DirectObserver):
-        return _linear_direct(model, point, observer)
+def _linear_filter(model: ActuatorModel, point: OperatingPoint, observer: Filter) -> Linear:
+    """From a filter's Jacobians and its settled covariance."""
     process = observer.process
-    rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
+    rest = np.concatenate([point.state, np.zeros(process.order - len(point.state))])
     A = process.with_slopes(rest[None], point.commands[None])[1][0]
     (B,) = central_differences(
         lambda inputs: process.transition(np.tile(rest, (len(inputs), 1)), inputs),
@@ -155,9 +200,7 @@ def linear_observer(
     return remainder @ A, remainder @ B, gain
 
 
-def _linear_direct(
-    model: ActuatorModel, point: OperatingPoint, observer: DirectObserver
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linear_direct(model: ActuatorModel, point: OperatingPoint, observer: DirectObserver) -> Linear:
     """Jacobians of a step of the direct measurement in state, commands and first reading."""
     n, rest = len(point.commands), point.state
     reading = sampled_value(model, sensor_named(model, observer.sensor), Plant(model).start(rest[None]))
@@ -168,22 +211,3 @@ def _linear_direct(
         np.concatenate(scales),
     )
     return slopes[:, : 2 + n], slopes[:, 2 + n : -1], slopes[:, -1:]
-
-
-def linear_controller(
-    model: ActuatorModel, point: OperatingPoint, controller: Controller, estimated: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """M, E, N and D of the module's head, for an estimate of so many states."""
-    n, states = len(point.commands), 2 + len(point.commands)
-    still = np.zeros(1)
-    reference = Reference(np.array([point.distance_m]), still, still, point.currents_A[None])
-    rest, scale = np.zeros(states + controller.words), np.full(states + controller.words, 1e-2)
-    rest[:states], scale[:states] = point.state, state_scale(model)[:states]
-    (slopes,) = central_differences(
-        lambda both: np.concatenate(controller.command(both[:, states:], both[:, :states], reference), axis=1),
-        rest[None],
-        scale,
-    )
-    by_estimate = np.zeros((len(slopes), estimated))
-    by_estimate[:, :states] = slopes[:, :states]
-    return slopes[n:, states:], by_estimate[n:], slopes[:n, states:], by_estimate[:n]

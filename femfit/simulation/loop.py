@@ -17,14 +17,12 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.estimate.noise import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import limits_of
 from femfit.simulation.controllers import Controller
-from femfit.simulation.observers import Observer, innovation_quality
+from femfit.simulation.observers import Observer
 from femfit.simulation.operating_point import resting_command
-from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import History, LoopSensor, SensorErrors, read_sensors, true_readings
+from femfit.simulation.plant import LoopSensor, Plant, SensorBank, SensorErrors
 from femfit.simulation.targets import Reference
 
 Show = Callable[[int, int], None]
@@ -88,15 +86,6 @@ class LoopStatistics:
     normalised_innovation_squared: FloatArray  # Mean over the readings; 1 is expected of a true filter
     readings: FloatArray  # How many a filter took, of all sensors; 0 without one
 
-    def consistency(self, runs: BoolArray) -> tuple[float, ConsistencyBand]:
-        """Mean of the normalised innovations squared of some runs, NaN where there are none, and its 95 % band."""
-        count = np.where(runs & (self.readings > 0.0), self.readings, 0.0)
-        total = int(count.sum())
-        mean = (
-            np.sum(np.where(count > 0.0, self.normalised_innovation_squared * count, 0.0)) / total if total else np.nan
-        )
-        return float(mean), consistency_band(max(1, total))
-
 
 @dataclass(frozen=True, eq=False)
 class LoopResult:
@@ -146,31 +135,27 @@ def run_loop(
     sums = np.zeros((4, runs))
     state = loop.plant.start(start)
     belief = state[:, : 2 + n]
-    history = History(loop.sensors, state)
-    last = np.full((runs, len(loop.sensors)), np.nan)
+    sensing = SensorBank(model, loop.sensors, loop.errors, state, random, len(controlled))
     observed: Any = loop.observer.start(belief)
     memories = [np.zeros((share, controller.words)) for controller in loop.controllers]
     rest = np.clip(resting_command(model, belief[:, 2:]), *limits_of(model))
     on_their_way = deque([rest] * (loop.latency + 1), maxlen=loop.latency + 1)  # the oldest of them acts
     watch, touched = _Watch(model, runs), np.zeros((2, runs), dtype=np.bool_)
     for k in range(-supported_steps, steps):
-        values = true_readings(model, loop.sensors, history, max(k, 0) * step)
-        readings = read_sensors(loop.sensors, loop.errors, last, values, k, max(k, 0) * step, random, len(controlled))
-        last = np.where(np.isnan(readings), last, readings)
+        readings = sensing.read(k, max(k, 0) * step)
         observed = (
             loop.observer.update(observed, readings)
             if k == -supported_steps
             else loop.observer.step(observed, on_their_way[0], readings)
         )
-        estimate, quality = observed.mean[:, : 2 + n], innovation_quality(observed)
         if show is not None and k % SHOWN == 0:
             show(k + supported_steps, steps + supported_steps)
         if k < 0:
             continue
+        estimate = observed.mean[:, : 2 + n]
         alive = watch.alive(k * step, state, estimate, observed.diverged, touched)
-        all_alive = bool(alive.all())
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
-        belief = estimate if all_alive else np.where(alive[:, None], estimate, start)
+        belief = np.where(alive[:, None], estimate, start)
         reference = loop.reference.at(k)
         answers = [
             controller.command(memory, belief[which], reference)
@@ -178,17 +163,17 @@ def run_loop(
         ]
         command, memories = np.concatenate([given for given, _ in answers]), [memory for _, memory in answers]
         on_their_way.append(command)
+        squared = observed.normalised_innovation_squared
+        read = np.isfinite(observed.innovation_variance).reshape(runs, -1).sum(axis=1)
         if len(recorded_runs):
-            columns = (state[:, : 2 + n], belief, command, readings, np.broadcast_to(reference.distance, runs), quality)
-            row = np.column_stack([column[recorded_runs] for column in columns])
-            record[k] = row if all_alive else np.where(alive[recorded_runs, None], row, np.nan)
-        read = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
+            distance, quality = np.broadcast_to(reference.distance, runs), squared / np.maximum(read, 1)
+            row = np.column_stack([state[:, : 2 + n], belief, command, readings, distance, quality])
+            record[k] = np.where(alive[:, None], row, np.nan)[recorded_runs]
         error, deviation = belief[:, 0] - state[:, 0], state[:, 0] - reference.distance
-        sums += np.stack([error**2, deviation**2, np.where(read > 0, quality * read, 0.0), read])
+        sums += np.stack([error**2, deviation**2, np.where(np.isfinite(squared), squared, 0.0), read])
         touched[:] = False
-        moved = loop.plant.step(state, on_their_way[0], touched)
-        state = moved if all_alive else np.where(alive[:, None], moved, state)
-        history.add(state)
+        state = np.where(alive[:, None], loop.plant.step(state, on_their_way[0], touched), state)
+        sensing.see(state, (k + 1) * step)
         if not alive.any():
             break
     outcome, when = watch.end()
@@ -222,9 +207,9 @@ class _Watch:
     """Which runs are lost, how and when."""
 
     def __init__(self, model: ActuatorModel, runs: int) -> None:
-        self._model = model
+        self._box, self._ends, self._circuits = model.validity, model.require_motion().ends, len(model.circuits)
         self._outcome, self._when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
-        self._lifted, self._side = np.zeros(runs, dtype=np.bool_), np.zeros(runs, dtype=np.intp)
+        self._lifted, self._met = np.zeros(runs, dtype=np.bool_), [np.zeros(runs, dtype=np.bool_)]
 
     def alive(
         self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray, touched: BoolArray
@@ -234,40 +219,26 @@ class _Watch:
         Bodies that met a stop since the sample before are lost, but for those that have not left the one where they
         began.
         """
-        box, distance, currents = self._model.validity, state[:, 0], state[:, 2 : 2 + len(self._model.circuits)]
-        alive = box.contains(distance, currents) & np.isfinite(estimate).all(axis=1)
-        if not alive.all() or diverged.any():
-            middle = np.full(len(distance), 0.5 * (box.distance_min_m + box.distance_max_m))
-            code = np.select(
-                [
-                    ~(distance >= box.distance_min_m),
-                    distance > box.distance_max_m,
-                    ~box.contains(middle, currents),
-                    diverged,
-                ],
-                _LOST,
-                _HELD,
-            )
-            self._name(code, time)
-        near, far = self._model.require_motion().ends
-        if (near, far) != (-np.inf, np.inf):
-            met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
-            self._side = np.select(met, _LOST[:2], _HELD)
-            apart = LIFTED * (box.distance_max_m - box.distance_min_m)
-            self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
-            self._name(np.where(self._lifted, self._side, _HELD), time)
-            alive &= ~np.isin(self._outcome, _LOST[:2])
-        return np.asarray(alive)
+        box, distance, currents = self._box, state[:, 0], state[:, 2 : 2 + self._circuits]
+        low, high, (near, far) = box.distance_min_m, box.distance_max_m, self._ends
+        covered = box.contains(np.full(len(distance), 0.5 * (low + high)), currents)
+        self._name([~(distance >= low), distance > high, ~covered, diverged], time)
+        self._met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
+        apart = LIFTED * (high - low)
+        self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
+        self._name([met & self._lifted for met in self._met], time)
+        known = box.contains(distance, currents) & np.isfinite(estimate).all(axis=1)
+        return np.asarray(known & ~np.isin(self._outcome, _LOST[:2]))
 
-    def _name(self, code: IntArray, time: float) -> None:
-        """The first name of a run stays."""
+    def _name(self, lost: list[BoolArray], time: float) -> None:
+        """Runs that are lost by these outcomes in their order; the first name of a run stays."""
+        code = np.select(lost, _LOST[: len(lost)], _HELD)
         fresh = (self._outcome == _HELD) & (code != _HELD)
-        self._outcome = np.where(fresh, code, self._outcome)
-        self._when = np.where(fresh, time, self._when)
+        self._outcome[fresh], self._when[fresh] = code[fresh], time
 
     def end(self) -> tuple[IntArray, FloatArray]:
         """Outcomes and times; a body that never left the stop where it began was not held, from the first sample on."""
-        self._name(np.where(self._lifted, _HELD, self._side), 0.0)
+        self._name([met & ~self._lifted for met in self._met], 0.0)
         return self._outcome, self._when
 
 

@@ -85,30 +85,25 @@ def margins(
     points : int
         Of the frequency response.
     """
-    poles = np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller)))
-    largest = float(poles.max())
-    slowest = -np.log(max(largest, 1e-300)) / sample_time_s
+    largest = float(np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller))).max())
+    slowest = float(-np.log(max(largest, 1e-300)) / sample_time_s)
     w = np.pi / sample_time_s * np.geomspace(LOWEST, 1.0, points)
     z = np.exp(1j * w * sample_time_s)
     K, G = controller.response(z), plant.response(z, controller.latency)
-    n = K.shape[1]
-    returned = np.eye(n) - K @ G
-    S = np.linalg.inv(returned)
+    S = np.linalg.inv(np.eye(K.shape[1]) - K @ G)
     from_noise = (S @ K) * plant.noise
     power = np.sum(np.abs(from_noise) ** 2, axis=2)  # of each command, (frequencies, n)
     variance = np.trapezoid(power, w, axis=0) * sample_time_s / np.pi
     share = float(np.max(np.sqrt(variance) / np.maximum(room, 1e-12)))
     if not largest < 1.0:
-        return Margins(False, np.nan, np.nan, 0.0, 0.0, 0.0, float(slowest), share)
+        return Margins(False, np.nan, np.nan, 0.0, 0.0, 0.0, slowest, share)
     modulus = 1.0 / float(np.linalg.norm(S, ord=2, axis=(1, 2)).max())
-    below, above, phase, delay = 0.0, np.inf, np.pi, np.inf
-    for k in range(n):
-        L: ComplexArray = np.asarray(1.0 / S[:, k, k] - 1.0, dtype=np.complex128)
-        own_below, own_above = gain_margins(L)
-        below, above = max(below, own_below), min(above, own_above)
-        own_phase, own_delay = phase_and_delay_margin(w, L)
-        phase, delay = min(phase, own_phase), min(delay, own_delay)
-    return Margins(True, below, above, phase, delay, modulus, float(slowest), share)
+    of_commands = []
+    for sensitivity in np.diagonal(S, axis1=1, axis2=2).T:
+        L = np.asarray(1.0 / sensitivity - 1.0, dtype=np.complex128)
+        edges = *gain_margins(L), *phase_and_delay_margin(w, L)
+        of_commands.append(Margins(True, *edges, modulus, slowest, share))
+    return worst_of(of_commands)
 
 
 def gain_margins(L: ComplexArray) -> tuple[float, float]:

@@ -16,10 +16,10 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import product
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -52,93 +52,81 @@ def distance_inverse(model: ActuatorModel, name: str) -> Inverse:
         If it reads something that many distances give.
     """
     sensor, box = sensor_named(model, name), model.validity
-    if isinstance(sensor, HallSensor):
-        return partial(_of_hall_voltage, model, *_hall_table(model))
     if isinstance(sensor, PositionSensor):  # the current does not matter
         return lambda reading, _: np.clip(distance_of(sensor, reading), box.distance_min_m, box.distance_max_m)
-    raise FilterError(
-        f"A distance must follow from the reading of one sensor for a loop without a filter; {name} reads "
-        f"{sensor.kind}. Use a filter, which needs no inversion, or name a position or Hall sensor first."
-    )
-
-
-def _hall_table(model: ActuatorModel) -> tuple[FloatArray, FloatArray]:
-    """Distances in m and ascending readings in V at the middle current: first guesses."""
-    box, sensor = model.validity, model.require_sensor()
+    if not isinstance(sensor, HallSensor):
+        raise FilterError(
+            f"A distance must follow from the reading of one sensor for a loop without a filter; {name} reads "
+            f"{sensor.kind}. Use a filter, which needs no inversion, or name a position or Hall sensor first."
+        )
     distances = np.linspace(box.distance_min_m, box.distance_max_m, TABLE_POINTS)
     for corner in product(*box.current_limits_A):
         slope = sensor.field.derivatives(distances, np.array(corner))[1]
-        if not (np.all(slope > 0.0) or np.all(slope < 0.0)):
-            turn = distances[np.flatnonzero(np.sign(slope) != np.sign(slope[0]))[0]]
+        turns = np.flatnonzero(np.sign(slope) != (np.sign(slope[0]) or 1.0))
+        if len(turns):
             amperes = " and ".join(f"{current_A:g} A" for current_A in corner)
             raise FilterError(
-                f"The Hall voltage must change monotonically with the distance to be inverted; at {amperes} it "
-                f"turns at {1e3 * turn:.3g} mm. Move the Hall element, or use the filter, which needs no inversion."
+                f"The Hall voltage must change monotonically with the distance to be inverted; at {amperes} it turns "
+                f"at {1e3 * distances[turns[0]]:.3g} mm. Move the Hall element, or use the filter, which needs no "
+                "inversion."
             )
-    volts = sensor.output(distances, _middle(model))
+    volts = sensor.output(distances, box.current_limits_A.mean(axis=1))
     order = np.argsort(volts)
-    return distances[order], volts[order]
+    return partial(_of_hall_voltage, model, sensor, distances[order], volts[order])
 
 
 def _of_hall_voltage(
-    model: ActuatorModel, distances: FloatArray, table: FloatArray, volts: FloatArray, current: FloatArray
+    model: ActuatorModel,
+    sensor: HallSensor,
+    distances: FloatArray,
+    table: FloatArray,
+    volts: FloatArray,
+    current: FloatArray,
 ) -> FloatArray:
-    """Solve quiescent + sensitivity B(d, i) = v for d."""
-    box, sensor = model.validity, model.require_sensor()
-    near, far = (sensor.output(np.asarray(end), current) for end in (box.distance_min_m, box.distance_max_m))
+    """Solve quiescent + sensitivity B(d, i) = v for d by Newton's steps within a bracket that narrows.
+
+    The first guess is that of ascending readings in V at the middle current, ``table``, of so many distances in m.
+    """
+    box, middle = model.validity, model.validity.current_limits_A.mean(axis=1)
+    ends, centre = (box.distance_min_m, box.distance_max_m), 0.5 * (box.distance_min_m + box.distance_max_m)
+    near, far = (sensor.output(np.asarray(end), current) for end in ends)
     finite = np.isfinite(volts) & np.all(np.isfinite(current), axis=-1)
     with np.errstate(invalid="ignore"):
         inside = finite & (volts >= np.minimum(near, far)) & (volts <= np.maximum(near, far))
-        edge = np.where((volts > np.maximum(near, far)) == (near > far), box.distance_min_m, box.distance_max_m)
+        edge = np.where((volts > np.maximum(near, far)) == (near > far), *ends)
     # What cannot be solved is taken at the middle current, where it can
-    wanted = np.where(inside, volts, table[len(table) // 2])
-    amps = np.where(inside[..., None], current, _middle(model))
-    return np.where(inside, _solved(model, distances, table, wanted, amps), np.where(finite, edge, np.nan))
-
-
-def _solved(
-    model: ActuatorModel, distances: FloatArray, table: FloatArray, volts: FloatArray, current: FloatArray
-) -> FloatArray:
-    """By Newton's steps within a bracket that narrows."""
-    box, sensor = model.validity, model.require_sensor()
-    scale = sensor.sensitivity_V_per_T
-    centre = np.asarray(0.5 * (box.distance_min_m + box.distance_max_m))
-    coil = sensor.output(centre, current) - sensor.output(centre, _middle(model))
-    distance = np.interp(volts - coil, table, distances)
-    tolerance = 1e-13 * (table[-1] - table[0]) + 1e-15 * abs(sensor.quiescent_V)
-    low = np.full_like(distance, box.distance_min_m)
-    high = np.full_like(distance, box.distance_max_m)
-    falling = sensor.output(low, current) > sensor.output(high, current)
+    wanted, amps = np.where(inside, volts, table[len(table) // 2]), np.where(inside[..., None], current, middle)
+    falling = np.where(inside, near > far, distances[0] > distances[-1])
+    coil = sensor.output(np.asarray(centre), amps) - sensor.output(np.asarray(centre), middle)
+    distance = np.interp(wanted - coil, table, distances)
+    low, high = (np.full_like(distance, end) for end in ends)
+    span = table[-1] - table[0]
     for _ in range(NEWTON_STEPS):
-        field, slope, _ = sensor.field.derivatives(distance, current)
-        excess = sensor.quiescent_V + scale * field - volts
-        if np.all(np.abs(excess) <= tolerance):
-            return distance
+        field, slope, _ = sensor.field.derivatives(distance, amps)
+        excess = sensor.quiescent_V + sensor.sensitivity_V_per_T * field - wanted
+        if np.all(np.abs(excess) <= 1e-13 * span + 1e-15 * abs(sensor.quiescent_V)):
+            break
         beyond = (excess > 0.0) == falling  # the solution lies at a larger distance
         low, high = np.where(beyond, distance, low), np.where(beyond, high, distance)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = distance - excess / (scale * slope)
+            step = distance - excess / (sensor.sensitivity_V_per_T * slope)
         distance = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-    if np.any(np.abs(sensor.output(distance, current) - volts) > 1e-9 * (table[-1] - table[0])):
+    if np.any(np.abs(excess) > 1e-9 * span):
         raise FilterError(
             "The Hall voltage could not be inverted to a distance: the fitted field is too uneven within the "
             "validity box. Fit the Hall field with fewer knots."
         )
-    return distance
-
-
-def _middle(model: ActuatorModel) -> FloatArray:
-    """The middle of the validity domain's currents, of shape (n,)."""
-    return np.asarray(model.validity.current_limits_A.mean(axis=1))
+    return np.where(inside, distance, np.where(finite, edge, np.nan))
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A state without a covariance."""
+    """A state without a covariance, and what a filter would say of its innovations: nothing."""
 
     mean: FloatArray
     diverged: BoolArray
     normalised_innovation_squared: FloatArray
+    innovation_variance: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,30 +151,28 @@ class DirectObserver:
 
     def start(self, mean: FloatArray) -> Seen:
         """The belief itself."""
-        return Seen(np.array(mean), np.zeros(len(mean), dtype=bool), np.full(len(mean), np.nan))
+        unknown = np.full(len(mean), np.nan)
+        return Seen(np.array(mean), np.zeros(len(mean), dtype=bool), unknown, unknown)
 
     def update(self, state: Seen, measurement: FloatArray) -> Seen:
         """The distance alone, from readings of shape (runs, sensors)."""
         mean, first = state.mean.copy(), measurement[:, 0]
-        distance = self.inverse(first, self.model.currents_of(mean))
-        mean[:, 0] = np.where(np.isnan(first), mean[:, 0], distance)
-        return Seen(mean, state.diverged, state.normalised_innovation_squared)
+        mean[:, 0] = np.where(np.isnan(first), mean[:, 0], self.inverse(first, self.model.currents_of(mean)))
+        return replace(state, mean=mean)
 
     def step(self, state: Seen, voltage: FloatArray, measurement: FloatArray) -> Seen:
         """Coil equations, inversion, difference quotient; a sample that is missing leaves distance and velocity."""
-        mean, first = state.mean, measurement[:, 0]
-        model = self.model
-        n, step = len(model.circuits), model.sample_time_s
-        currents = self._coil_currents(mean, voltage)
-        measured = self.inverse(first, currents)
-        moved = np.concatenate([np.stack([measured, (measured - mean[:, 0]) / step], axis=1), currents], axis=1)
-        missing = np.isnan(first)
-        moved[missing, :2] = mean[missing, :2]
-        return Seen(moved[:, : 2 + n], state.diverged, state.normalised_innovation_squared)
+        before, first = state.mean, measurement[:, 0]
+        currents = self._coil_currents(before, voltage)
+        distance = self.inverse(first, currents)
+        velocity = (distance - before[:, 0]) / self.model.sample_time_s
+        mean = np.column_stack([distance, velocity, currents])
+        mean[np.isnan(first), :2] = before[np.isnan(first), :2]
+        return replace(state, mean=mean)
 
     def _coil_currents(self, mean: FloatArray, command: FloatArray) -> FloatArray:
         """Currents (runs, n) one sample later as if nothing else conducted, of bodies that go on within the domain."""
-        model, n = self._alone, command.shape[1]
+        model, n = self.model.without_eddies, command.shape[1]
         box, count, time = model.validity, model.sample_step.count, model.sample_time_s
         state = np.zeros((model.order, len(mean)))
         state[: 2 + n] = mean[:, : 2 + n].T
@@ -196,19 +182,6 @@ class DirectObserver:
         for _ in range(count):
             state = step(state, command.T)[:-1]
         return state[2 : 2 + n].T
-
-    @cached_property
-    def _alone(self) -> ActuatorModel:
-        return self.model.without_eddies
-
-
-def innovation_quality(state: Any) -> FloatArray:
-    """Normalised innovations squared over the number of sensors that were read: 1 is expected."""
-    ratio: FloatArray = state.normalised_innovation_squared
-    variance = getattr(state, "innovation_variance", None)
-    if variance is None or variance.ndim == 1:
-        return ratio
-    return np.asarray(ratio / np.maximum(np.isfinite(variance).sum(axis=1), 1))
 
 
 Observer: TypeAlias = Filter | DirectObserver

@@ -15,13 +15,12 @@ from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_parts
-from femfit.simulation.events import Stretch, Walk
-from femfit.simulation.feed import CONDUCTING, Feed, Winding
-from femfit.simulation.open_result import OpenLoop, balance
+from femfit.simulation.events import Walk
+from femfit.simulation.open_result import OpenLoop, balance, switchings
 from femfit.simulation.operating_point import rest_distance, sensor_columns
-from femfit.simulation.profile import Command, Constant, Interpolation, Profile, beyond_limits, commanded
-from femfit.simulation.switching import switchings
-from femfit.simulation.system import ENERGIES, Side, System
+from femfit.simulation.profile import CONDUCTING, Command, Constant, Driver, Interpolation, Profile, commanded
+from femfit.simulation.system import Mode, System
+from femfit.simulation.words import sentence
 
 DURATION_S = 0.1
 """Conventional: how long a command that never changes is followed."""
@@ -99,33 +98,39 @@ def simulate(
     if not 0.0 < duration < np.inf:
         raise UsageError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
     model.require_dynamics()
-    driven = zip(model.circuits, profiles, strict=True)
-    windings = tuple(Winding(circuit, profile.kind == "current") for circuit, profile in driven)
-    system, several = System(Feed(model, windings)), len(profiles) > 1
-    notes = [note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several)]
-    begun_at, start = _start(system, rest_distance(model) if start_m is None else start_m)
+    drivers = tuple(Driver.of(*driven) for driven in zip(model.circuits, profiles, strict=True))
+    system, several = System(model, drivers), len(drivers) > 1
+    exceeded = [
+        (driver, profile)
+        for driver, profile in zip(drivers, profiles, strict=True)
+        if not driver.limits[0] <= profile.value.min() <= profile.value.max() <= driver.limits[1]
+    ]
+    notes = [sentence("open_loop", "beyond_limits", *pair, several) for pair in exceeded]
+    start = rest_distance(model) if start_m is None else start_m
+    # What rounding alone keeps from a stop is on it
+    stops = system.stops.items()
+    begun_at = next((side for side, stop in stops if abs(stop.distance_m - start) < system.least_rebound_m), None)
+    start = start if begun_at is None else system.stops[begun_at].distance_m
     if outside not in {"stop", "extrapolate"}:
         raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
     if outside == "stop":
         model.validity.require(np.asarray(start), model.currents_of(np.zeros(model.order)))
-    if any(system.depth(side, np.array([start])) > 0.0 for side in system.stops):
+    near, far = system.mechanics.ends
+    if not near <= start <= far:
         ends = [f"{1e3 * stop.distance_m:g} mm" for stop in system.stops.values()]
         raise DomainError(
             f"The body must begin between its stops ({' and '.join(ends)}); instead received {1e3 * start:g} mm."
         )
-    first = np.zeros(system.size)
-    first[0] = start
-    within_limits = tuple(profile.within(*winding.limits) for profile, winding in zip(profiles, windings, strict=True))
-    walk = Walk(system, within_limits, first, duration, outside == "extrapolate")
+    walk = Walk(system, np.append(start, np.zeros(model.order - 1)), duration, outside == "extrapolate")
     step = duration / SAMPLES if sample_time_s is None else sample_time_s
     return OpenLoop(
         model=model,
         profiles=profiles,
         duration_s=duration,
-        table=_table(model, system, walk, step, notes),
+        table=_table(system, walk, step, notes),
         events=tuple(walk.events),
-        switchings=switchings(walk.events, begun_at, within_limits),
-        energy=balance(model, system.mechanics, walk.first, walk.state, walk.state[system.size :]),
+        switchings=switchings(walk.events, begun_at, [driver.commanded for driver in drivers]),
+        energy=balance(model, walk.first, walk.state),
         end_s=walk.time,
         left_domain=tuple(walk.left_domain.items()),
         extrapolated=outside == "extrapolate" and bool(walk.left_domain),
@@ -133,61 +138,49 @@ def simulate(
     )
 
 
-def _start(system: System, start: float) -> tuple[Side | None, float]:
-    """The stop that the body begins on and the distance; what rounding alone keeps from a stop is on it."""
-    for side, stop in system.stops.items():
-        if abs(stop.distance_m - start) < system.least_rebound_m:
-            return side, stop.distance_m
-    return None, start
-
-
-def _table(model: ActuatorModel, system: System, walk: Walk, step: float, notes: list[str]) -> dict[str, FloatArray]:
+def _table(system: System, walk: Walk, step: float, notes: list[str]) -> dict[str, FloatArray]:
     """The motion at equal steps, up to where it ended; its own columns are true, whatever a sensor reads of them."""
     if not step > 0.0 or walk.time / step > 1e7:
         raise UsageError(
             f"The table's step must be > 0 s and give at most ten million rows; instead received {step:g} s."
         )
+    model, windings = system.model, system.model.windings
     time: FloatArray = step * np.arange(1.0 + np.floor(walk.time / step * (1.0 + 1e-12)))
     time[-1] = min(time[-1], walk.time)
-    circuits = len(model.circuits)
-    states, volts = np.empty((system.size + len(ENERGIES), len(time))), np.empty((circuits, len(time)))
+    circuits, names = len(model.circuits), model.circuit_names
+    states, volts = np.empty((len(walk.state), len(time))), np.empty((circuits, len(time)))
     ends = [stretch.end_s for stretch in walk.stretches]
     which = np.minimum(np.searchsorted(ends, time, side="right"), len(ends) - 1)
     for k in np.unique(which):
-        rows = np.flatnonzero(which == k)
-        stretch = walk.stretches[k]
+        rows, stretch = which == k, walk.stretches[k]
         states[:, rows] = stretch.solution(time[rows])
-        volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
-    d, names, windings = states[0], model.circuit_names, model.windings
-    i = states[2 : windings.end].T
-    flux = windings.magnetics.flux_linkage(d, i)[:, :circuits]
+        volts[:, rows] = _voltages(system, stretch.mode, time[rows], states[:, rows])
+    d, i = states[0], states[2 : windings.end]
+    flux = windings.magnetics.flux_linkage(d, i.T)[:, :circuits]
     motion = {
         "time_s": time,
         "distance_m": d,
         "velocity_m_s": states[1],
-        **dict(zip(circuit_currents(names), states[2 : 2 + circuits], strict=True)),
+        **dict(zip(circuit_currents(names), i[:circuits], strict=True)),
         **dict(zip(voltage_columns(names), volts, strict=True)),
-        **dict(zip(model.eddy_names, states[2 + circuits : windings.end], strict=True)),
-        "force_N": windings.magnetics.force(d, i),
+        **dict(zip(model.eddy_names, i[circuits:], strict=True)),
+        "force_N": windings.magnetics.force(d, i.T),
         "static_force_N": system.mechanics.static_force(d),
         **dict(zip(flux_columns(names), flux.T, strict=True)),
     }
-    sensed = sensor_columns(model, time, states[: system.size].T, notes)
-    return motion | {name: read for name, read in sensed.items() if name not in motion}
+    return motion | sensor_columns(model, time, states[: model.order].T, notes) | motion
 
 
-def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatArray) -> FloatArray:
+def _voltages(system: System, mode: Mode, time: FloatArray, states: FloatArray) -> FloatArray:
     """Shape (circuits, times)."""
-    feed, modes = system.feed, stretch.mode.feed
-    if all(m == CONDUCTING and not w.commands_current for m, w in zip(modes, feed.windings, strict=True)):
-        rows = []
-        for winding, line in zip(feed.windings, stretch.lines, strict=True):
-            command = line.value + line.slope * (time - line.start_s)
-            rows.append(command if winding.diode_V is None else np.where(command > 0.0, command, -winding.diode_V))
-        return np.array(rows).reshape(len(rows), len(time))
-    return np.array(
-        [feed.voltages(modes, stretch.lines, t, state[: system.size]) for t, state in zip(time, states.T, strict=True)]
-    ).T
+    if any(feed.mode != CONDUCTING for feed in mode.feeds) or any(d.commands_current for d in system.drivers):
+        each = [system.voltages(mode, t, state) for t, state in zip(time, states.T, strict=True)]
+        return np.array(each).T
+    rows = np.empty((len(mode.feeds), len(time)))
+    for row, driver, feed in zip(rows, system.drivers, mode.feeds, strict=True):
+        command = feed.value + feed.slope * (time - feed.start_s)
+        row[:] = command if driver.diode_V is None else np.where(command > 0.0, command, -driver.diode_V)
+    return rows
 
 
 FIRST_S, LONGEST_S = 0.05, 3.0

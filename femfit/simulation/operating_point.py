@@ -60,7 +60,16 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     """The point of rest at a distance."""
     currents = holding_currents(model, distance)
     commands = resting_command(model, currents)
-    _require_driven(model, distance, commands)
+    for circuit, command in zip(model.circuits, commands, strict=True):
+        amplifier = circuit.drive.kind == "current"
+        low, high = held_limits(circuit) if amplifier else command_limits(circuit)
+        if not low <= command <= high:
+            what, unit = ("current", "A") if amplifier else ("voltage", "V")
+            raise DomainError(
+                f"The driver must hold {1e3 * model.require_motion().mass_kg:g} g at {1e3 * distance:g} mm with a "
+                f"{what} of {low:g}..{high:g} {unit}; model {model.name!r} needs {command:.4g} {unit} there. Choose "
+                "another reference distance, or change the body's mass or the supply in the actuator file."
+            )
     still, n = model.without_eddies, len(currents)
     all_driven, states = tuple(range(n)), np.zeros((3, still.order))
     states[:, 0], states[:, 2 : 2 + n] = distance, currents
@@ -97,21 +106,6 @@ def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
     middle = np.full(np.shape(currents)[:-1], 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m))
     volts = voltages_needed(model, middle, np.zeros_like(middle), currents)[0]
     return np.where(commands_currents(model), currents, volts)
-
-
-def _require_driven(model: ActuatorModel, distance: float, commands: FloatArray) -> None:
-    """Refuse what the drivers cannot hold."""
-    for circuit, command in zip(model.circuits, commands, strict=True):
-        amplifier = circuit.drive.kind == "current"
-        low, high = held_limits(circuit) if amplifier else command_limits(circuit)
-        if low <= command <= high:
-            continue
-        what, unit = ("current", "A") if amplifier else ("voltage", "V")
-        raise DomainError(
-            f"The driver must hold {1e3 * model.require_motion().mass_kg:g} g at {1e3 * distance:g} mm with a {what} "
-            f"of {low:g}..{high:g} {unit}; model {model.name!r} needs {command:.4g} {unit} there. Choose another "
-            "reference distance, or change the body's mass or the supply in the actuator file."
-        )
 
 
 def usable_coil_pole(model: ActuatorModel, point: OperatingPoint) -> float:
@@ -166,12 +160,6 @@ def solve_riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) ->
             "or is not weighed. Choose another point of rest, or other sensors."
         ) from error
     return np.asarray(solution / scale / scale[:, None])
-
-
-def feedback_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
-    """K of u = -K x that minimises sum x^T Q x + u^T R u, of shape (m, n)."""
-    X = solve_riccati(A, B, Q, R)
-    return np.asarray(np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A))
 
 
 PLACES = 401

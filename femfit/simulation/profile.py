@@ -1,13 +1,28 @@
 """What is commanded over time: a voltage or a current, held from point to point or interpolated.
 
 What is commanded: one profile for each circuit of a model, from whatever was given.
+
+What its driver makes of it, in one of these modes: which voltage the circuit sees, or what sets its current.
+
+===========  ==========================================================================================
+conducting   the source's voltage, the diode's while the current goes on through it, or what a current
+             amplifier of some bandwidth w gives: i' = w (command - i) as far as its voltage allows
+blocked      i = 0: neither source nor diode drives a positive current
+following    a current amplifier without a bandwidth: i is the command
+at_max       it is behind the command, at its largest voltage
+at_min       it is ahead of the command, at its smallest voltage
+===========  ==========================================================================================
+
+Of some circuits the voltages are given, of the others the rates of their currents, and their voltages follow from
+:meth:`femfit.model.equations.Equations.flow_at`.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import pi
 from pathlib import Path
-from typing import Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -15,13 +30,16 @@ from femfit.core.errors import DomainError, TableError, UsageError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.device.electrics import Circuit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.feed import Winding
+from femfit.model.drive import command_limits
 from femfit.simulation.words import sentence
-from femfit.tables.columns import UsedColumn, column_values, match_column
+from femfit.tables.columns import column_values, match_column
 from femfit.tables.reading import read_raw_table
 
 Interpolation = Literal["held", "linear"]
+
+Kind = Literal["voltage", "current"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +63,7 @@ class Profile(Printed):
     (12.0, 0.0)
     """
 
-    kind: Literal["voltage", "current"]
+    kind: Kind
     time_s: FloatArray
     value: FloatArray
     interpolation: Interpolation = "held"
@@ -72,15 +90,19 @@ class Profile(Printed):
         return sentence("open_loop", "profile", self)
 
     @cached_property
+    def slopes(self) -> FloatArray:
+        """Of the straight lines that begin at the points, shape (n,)."""
+        slopes = np.zeros(len(self.value))
+        if self.interpolation == "linear":
+            slopes[:-1] = np.diff(self.value) / np.diff(self.time_s)
+        return slopes
+
+    @property
     def turns_s(self) -> FloatArray:
         """Times at which the command jumps, or changes its slope: between them it is one straight line."""
-        time, value = self.time_s, self.value
-        if self.interpolation == "held":
-            return np.asarray(time[1:][np.diff(value) != 0.0])
-        if len(time) == 1:
-            return np.zeros(0)
-        slope = np.concatenate([[0.0], np.diff(value) / np.diff(time), [0.0]])
-        return np.asarray(time[np.abs(np.diff(slope)) > 1e-12 * np.abs(slope).max()])
+        held = self.interpolation == "held"
+        change = np.abs(np.diff(self.value, prepend=self.value[0]) if held else np.diff(self.slopes, prepend=0.0))
+        return np.asarray(self.time_s[change > 1e-12 * change.max()])
 
     def within(self, low: float, high: float) -> "Profile":
         """The profile as a driver with these limits gives it, turning where it meets them."""
@@ -96,10 +118,10 @@ class Profile(Printed):
     def line(self, time: float) -> tuple[float, float]:
         """The straight line that begins at a time: (value there, slope)."""
         k = int(np.searchsorted(self.time_s, time, side="right")) - 1
-        if k < 0 or k >= len(self.time_s) - 1 or self.interpolation == "held":
-            return float(self.value[max(k, 0)]), 0.0
-        slope = (self.value[k + 1] - self.value[k]) / (self.time_s[k + 1] - self.time_s[k])
-        return float(self.value[k] + slope * (time - self.time_s[k])), float(slope)
+        if k < 0:
+            return float(self.value[0]), 0.0
+        slope = float(self.slopes[k])
+        return float(self.value[k]) + slope * (time - float(self.time_s[k])), slope
 
     def at(self, time: float) -> float:
         """The command at a time in s; at a jump, the value after it."""
@@ -126,16 +148,13 @@ def read_profiles(
     """
     path = Path(path)
     raw = read_raw_table(path)
-    pairs = list(zip(circuits, voltage_columns(circuits), circuit_currents(circuits), strict=True))
-    columns = ("time_s", *(column for _, *both in pairs for column in both))
-    used: dict[str, UsedColumn] = {}
-    for header in raw.headers:
-        column = match_column(header, columns)
-        if column is not None and column.name not in used:
-            used[column.name] = column
-    commands = {name: [column for column in both if column in used] for name, *both in pairs}
+    pairs = dict(zip(circuits, zip(voltage_columns(circuits), circuit_currents(circuits), strict=True), strict=True))
+    columns = ("time_s", *(column for pair in pairs.values() for column in pair))
+    matched = [match for header in raw.headers if (match := match_column(header, columns)) is not None]
+    used = {match.name: match for match in reversed(matched)}  # the first of several for the same
+    commands = {name: [column for column in pair if column in used] for name, pair in pairs.items()}
     if "time_s" not in used or not any(commands.values()) or any(len(both) > 1 for both in commands.values()):
-        each = " or ".join(f"one of {voltage} and {current}" for _, voltage, current in pairs)
+        each = " or ".join(f"one of {voltage} and {current}" for voltage, current in pairs.values())
         raise TableError(
             f"{path} must have a column time_s and {each}; its columns are {', '.join(raw.headers)}. Name them so, and "
             "leave one of two for the same circuit out."
@@ -143,16 +162,14 @@ def read_profiles(
     values, _ = column_values(raw, list(used.values()))
     profiles: dict[str, Profile] = {}
     try:
-        for name, commanded in commands.items():
-            for command in commanded:
-                kind: Literal["voltage", "current"] = "voltage" if command.startswith("voltage") else "current"
-                profiles[name] = Profile(kind, values["time_s"].to_numpy(), values[command].to_numpy(), interpolation)
+        for name, both in commands.items():
+            for column in both:
+                kind: Kind = "current" if column == pairs[name][1] else "voltage"
+                profiles[name] = Profile(kind, values["time_s"].to_numpy(), values[column].to_numpy(), interpolation)
     except TableError as error:
         raise TableError(f"{path}: {error}") from error
     return profiles
 
-
-Value = TypeVar("Value")
 
 Constant: TypeAlias = float | Mapping[str, float] | None
 """One number, or one by the name of a circuit."""
@@ -166,67 +183,118 @@ def commanded(
 ) -> tuple[Profile, ...]:
     """A profile for each circuit, in their order; one that nothing is said of has no voltage, or no current."""
     circuits = model.require_circuits()
-    commands = [command for command in (drive, voltage, current) if command is not None]
-    if not circuits and commands:
+    count = sum(command is not None for command in (drive, voltage, current))
+    if not circuits and count:
         raise UsageError(
             "A device without a winding takes no command; instead received one. Leave out drive, voltage_V and "
             "current_A (--drive, --voltage, --current)."
         )
-    mixed = all(isinstance(command, Mapping) for command in (voltage, current)) and drive is None
-    if circuits and len(commands) != 1 and not mixed:
+    mixed = isinstance(voltage, Mapping) and isinstance(current, Mapping) and drive is None
+    if circuits and count != 1 and not mixed:
         raise UsageError(
             "A simulation needs one of drive, voltage_V and current_A (--drive, --voltage, --current); "
-            f"instead received {len(commands)} of them."
+            f"instead received {count} of them."
         )
     if isinstance(drive, str | Path):
-        named: Mapping[str, Profile] = read_profiles(drive, model.circuit_names, interpolation)
-    elif drive is not None:
-        named = _by_name(model, drive, "drive")
-    else:
-        named = _constant(model, "voltage", voltage) | _constant(model, "current", current)
-    profiles = []
-    for circuit in circuits:
-        kind: Literal["voltage", "current"] = "current" if circuit.drive.kind == "current" else "voltage"
-        profile = named.get(circuit.name) or Profile(kind, np.zeros(1), np.zeros(1))
-        if kind == "current" and profile.kind == "voltage":
+        drive = read_profiles(drive, model.circuit_names, interpolation)
+    named: dict[str, Profile] = {}
+    given_by: dict[str, tuple[Any, Kind]] = {
+        "drive": (drive, "voltage"),
+        "voltage_V (--voltage)": (voltage, "voltage"),
+        "current_A (--current)": (current, "current"),
+    }
+    for option, (given, kind) in given_by.items():
+        for name, value in _by_name(model, given, option).items():
+            named[name] = value if isinstance(value, Profile) else Profile(kind, np.zeros(1), np.array([value]))
+    profiles = [named.get(each.name) or Profile(each.drive.kind, np.zeros(1), np.zeros(1)) for each in circuits]
+    for circuit, profile in zip(circuits, profiles, strict=True):
+        if circuit.drive.kind == "current" and profile.kind == "voltage":
             which = f"Circuit {circuit.name!r} of model" if len(circuits) > 1 else "Model"
             raise DomainError(
                 f"{which} {model.name!r} is driven by a current amplifier; its command must be a current. Give "
                 "current_A (--current), or a table with the column current_A."
             )
-        profiles.append(profile)
     return tuple(profiles)
 
 
-def _constant(model: ActuatorModel, kind: Literal["voltage", "current"], constant: Constant) -> dict[str, Profile]:
-    if constant is None:
-        return {}
-    option = "voltage_V (--voltage)" if kind == "voltage" else "current_A (--current)"
-    values = _by_name(model, constant, option)
-    return {name: Profile(kind, np.zeros(1), np.array([value])) for name, value in values.items()}
-
-
-def _by_name(model: ActuatorModel, values: Value | Mapping[str, Value], option: str) -> dict[str, Value]:
+def _by_name(model: ActuatorModel, given: Any, option: str) -> Mapping[str, Any]:
+    """What is given for each circuit, by their names; one value is the only circuit's."""
     names = model.circuit_names
-    if not isinstance(values, Mapping):
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
         if len(names) == 1:
-            return {names[0]: values}
+            return {names[0]: given}
         raise UsageError(
             f"{option} must say for which of the circuits {', '.join(names)} it is; instead received one value. Give "
             f"it by their names, as --voltage {','.join(f'{name}=1' for name in names)}."
         )
-    unknown = [name for name in values if name not in names]
-    if unknown:
+    if unknown := [name for name in given if name not in names]:
         raise UsageError(
             f"{option} must name circuits of model {model.name!r} ({', '.join(names)}); instead received "
             f"{', '.join(unknown)}. Use these names."
         )
-    return dict(values)
+    return given
 
 
-def beyond_limits(winding: Winding, profile: Profile, named: bool) -> tuple[str, ...]:
-    """A note where a driver cannot give what is commanded."""
-    low, high = winding.limits
-    if low <= profile.value.min() and profile.value.max() <= high:
-        return ()
-    return (sentence("open_loop", "beyond_limits", winding, profile, named),)
+CONDUCTING, BLOCKED, FOLLOWING, AT_MAX, AT_MIN = "conducting", "blocked", "following", "at_max", "at_min"
+
+_TINY = 1e-9
+"""Derived: part of a rate, voltage or current's scale that the integration's own error may make."""
+
+
+@dataclass(frozen=True)
+class Feed:
+    """What one circuit gets between two turns of its command, a straight line, in one mode of its driver."""
+
+    mode: str
+    start_s: float
+    value: float  # Of the command at the start, in V or A
+    slope: float
+
+    def command(self, time: float) -> float:
+        """In V or A."""
+        return self.value + self.slope * (time - self.start_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Driver:
+    """One circuit with what drives it."""
+
+    circuit: Circuit
+    commanded: Profile  # Cut where the driver gives no more
+    limits: tuple[float, float]  # Least and largest command that the driver gives, in V or A
+    commands_current: bool
+    diode_V: float | None  # Of a freewheel diode; None where there is none
+    bandwidth: float  # In rad/s of a current amplifier; 0 where there is none, or none that matters
+    slack_V: float  # That the integration's own error may make
+
+    @classmethod
+    def of(cls, circuit: Circuit, commanded: Profile) -> "Driver":
+        """The driver of a circuit, and what it is commanded."""
+        amplifies, drive = commanded.kind == "current", circuit.drive
+        limits = command_limits(circuit, current=amplifies)
+        diode_V, bandwidth = (None, drive.bandwidth_Hz or 0.0) if amplifies else (drive.diode_V, 0.0)
+        slack_V = _TINY * max(abs(circuit.voltage_max_V), abs(circuit.voltage_min_V))
+        return cls(circuit, commanded.within(*limits), limits, amplifies, diode_V, 2.0 * pi * bandwidth, slack_V)
+
+    def given(self, feed: Feed, time: float, current: float) -> tuple[float, bool, float]:
+        """Its voltage or its current's rate, whether it is the rate, and the drop of its diode where that conducts."""
+        if feed.mode in {BLOCKED, FOLLOWING}:
+            return (feed.slope if feed.mode == FOLLOWING else 0.0), True, 0.0
+        if feed.mode in {AT_MAX, AT_MIN}:
+            return (self.circuit.voltage_max_V if feed.mode == AT_MAX else self.circuit.voltage_min_V), False, 0.0
+        command = feed.command(time)
+        if self.commands_current:
+            return self.bandwidth * (command - current), True, 0.0
+        if self.diode_V is not None and command <= 0.0:
+            return -self.diode_V, False, self.diode_V
+        return command, False, 0.0
+
+    def alone(self, command: float, current: float) -> str:
+        """The mode by the circuit's own command and current."""
+        if self.commands_current and not self.bandwidth:
+            if abs(command - current) > _TINY * max(abs(command), abs(current), 1e-3):
+                return AT_MAX if command > current else AT_MIN
+            return FOLLOWING
+        return CONDUCTING if self.diode_V is None or current > 0.0 else BLOCKED

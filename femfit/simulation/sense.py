@@ -20,7 +20,6 @@ from femfit.core.results import Plotted
 from femfit.device.electrics import Circuit
 from femfit.estimate.constants import TEST_SAMPLES
 from femfit.estimate.error_bound import bound_along, without_stops
-from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -61,13 +60,12 @@ class Sensing(Plotted):
     @property
     def parts(self) -> dict[str, BoolArray]:
         """Samples before the body starts, while it moves, and after it has seated."""
-        moving = np.abs(self.motion.table["velocity_m_s"][: len(self.time_s)]) > 0.0
+        row, moving = np.arange(len(self.time_s)), np.abs(self.motion.table["velocity_m_s"][: len(self.time_s)]) > 0.0
         if not moving.any():
-            return {"at rest": np.ones(len(moving), dtype=bool)}
+            return {"at rest": ~moving}
         first, last = np.flatnonzero(moving)[[0, -1]]
-        row = np.arange(len(moving))
-        parts = {"before it starts": row < first, MOVES: (row >= first) & (row <= last)}
-        return parts | {"after it has come to rest": row > last}
+        between = (row >= first) & (row <= last)
+        return {"before it starts": row < first, MOVES: between, "after it has come to rest": row > last}
 
     def __str__(self) -> str:
         return sentence("sense", "sensing", self)
@@ -75,13 +73,13 @@ class Sensing(Plotted):
     @property
     def errors(self) -> dict[str, tuple[float, float, float]]:
         """Root mean squares of error, claim and bound in m by part: over the motion, and in the last half of a rest."""
-        errors = {}
+        squares, errors = self.table[["rms_m", "claimed_m", "bound_m"]] ** 2, {}
         for name, here in self.parts.items():
-            rows = np.flatnonzero(here)
+            rows = squares[here]
             rows = rows if name == MOVES else rows[len(rows) // 2 :]
             if len(rows):
-                mean = [np.sqrt(np.mean(series[rows] ** 2)) for series in (self.rms_m, self.claimed_m, self.bound_m)]
-                errors[name] = (float(mean[0]), float(mean[1]), float(mean[2]))
+                error, claimed, bound = np.sqrt(rows.mean()).tolist()
+                errors[name] = error, claimed, bound
         return errors
 
     @property
@@ -92,13 +90,9 @@ class Sensing(Plotted):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the series."""
-        return {
-            "sensors": list(self.sensors),
-            "runs": self.runs,
-            "errors": {
-                name: dict(zip(("rms_m", "claimed_m", "bound_m"), of, strict=True)) for name, of in self.errors.items()
-            },
-        }
+        names = ("rms_m", "claimed_m", "bound_m")
+        errors = {name: dict(zip(names, numbers, strict=True)) for name, numbers in self.errors.items()}
+        return {"sensors": list(self.sensors), "runs": self.runs, "errors": errors}
 
 
 def sense(
@@ -147,31 +141,39 @@ def sense(
     if runs < 1 or (drive is not None and voltage_V is not None):
         raise UsageError("sense needs at least one run, and one of drive and voltage_V at most.")
     circuit, sensors = model.require_circuit(), names_or_kinds(model, sensors)
-    built = kalman_filter(model, sensors=sensors)
-    step, volts = model.sample_time_s, circuit.voltage_max_V if voltage_V is None else voltage_V
+    filter_, random = kalman_filter(model, sensors=sensors), random_generator(rng)
+    volts = circuit.voltage_max_V if voltage_V is None else voltage_V
     base = Profile("voltage", np.array([0.0, REST_S, REST_S + ON_S]), np.array([0.0, volts, volts]))
     if drive is not None:
         (base,) = commanded(model, drive, None, None, "held")
-    end, command = float(base.time_s[-1]), _with_test(base, circuit, step, test_voltage_V, test_frequency_Hz)
+    step, end = model.sample_time_s, float(base.time_s[-1])
+    command = _with_test(base, circuit, step, test_voltage_V, test_frequency_Hz)
     motion = simulate(model, drive=command, duration_s=end, sample_time_s=step)
-    table = motion.table
-    states = np.zeros((len(table["time_s"]), built.process.order))
-    states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]
-    for k, name in enumerate(model.eddy_names, start=3):
+    table, process = motion.table, filter_.process
+    states = np.zeros((len(table["time_s"]), process.order))
+    for k, name in enumerate(("distance_m", "velocity_m_s", "current_A", *model.eddy_names)):
         states[:, k] = table[name]
-    volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
-    rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
-    free = replace(built.process, model=without_stops(model))
-    return Sensing(
-        motion=motion,
-        sensors=sensors,
-        runs=runs,
-        time_s=table["time_s"],
-        distance_m=table["distance_m"],
-        rms_m=rms,
-        claimed_m=claimed,
-        bound_m=np.sqrt(bound_along(free, states, volts)[:, 0, 0]),
-    )
+    held_V = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
+    # What is remembered follows from the first states: the body was at rest before
+    first = np.linalg.cholesky(process.start_covariance[: process.base, : process.base])
+    start = states[0, : process.base] + random.standard_normal((runs, process.base)) @ first.T
+    start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
+    outputs = [sensor_named(model, output.name) for output in process.outputs]
+    exact = np.stack([sampled_readings(model, sensor, states[:, : model.order]) for sensor in outputs], axis=1)
+    deviation = np.sqrt([output.variance for output in process.outputs])
+    periods = np.array([output.period for output in process.outputs])
+    state = filter_.start(start)
+    rms, claimed = np.empty(len(states)), np.empty(len(states))
+    for k, truth in enumerate(states):
+        state = state if k == 0 else filter_.predict(state, np.full(runs, held_V[k]))
+        readings = exact[k] + deviation * random.standard_normal((runs, len(outputs)))
+        readings[:, k % periods > 0] = np.nan
+        state = filter_.update(state, readings)
+        rms[k] = np.sqrt(np.mean((state.mean[:, 0] - truth[0]) ** 2))
+        claimed[k] = np.sqrt(np.mean(state.covariance[:, 0, 0]))
+    free = replace(process, model=without_stops(model))
+    bound = np.sqrt(bound_along(free, states, held_V)[:, 0, 0])
+    return Sensing(motion, sensors, runs, table["time_s"], table["distance_m"], rms, claimed, bound)
 
 
 def _with_test(base: Profile, circuit: Circuit, step: float, amplitude: float, frequency: float | None) -> Profile:
@@ -191,33 +193,3 @@ def _with_test(base: Profile, circuit: Circuit, step: float, amplitude: float, f
     level = np.array([base.at(time) for time in step * (row + 0.5)])
     volts = np.clip(level + amplitude * sign, low, circuit.voltage_max_V)
     return Profile("voltage", np.append(step * row, base.time_s[-1]), np.append(volts, volts[-1]))
-
-
-def _errors(
-    model: ActuatorModel,
-    built: Filter,
-    states: FloatArray,
-    volts: FloatArray,
-    runs: int,
-    generator: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
-    process, names = built.process, [output.name for output in built.process.outputs]
-    # What is remembered follows from the first states: the body was at rest before
-    first = np.linalg.cholesky(process.start_covariance[: process.base, : process.base])
-    start = states[0, : process.base] + generator.standard_normal((runs, process.base)) @ first.T
-    start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
-    moved = states[:, : model.order]
-    exact = np.stack([sampled_readings(model, sensor_named(model, name), moved) for name in names], axis=1)
-    deviation = np.sqrt([output.variance for output in process.outputs])
-    periods = np.array([output.period for output in process.outputs])
-    state = built.start(start)
-    rms, claimed = np.empty(len(states)), np.empty(len(states))
-    for k, truth in enumerate(states):
-        state = state if k == 0 else built.predict(state, np.full(runs, volts[k]))
-        readings = exact[k] + deviation * generator.standard_normal((runs, len(names)))
-        readings[:, k % periods > 0] = np.nan
-        state = built.update(state, readings)
-        rms[k] = np.sqrt(np.mean((state.mean[:, 0] - truth[0]) ** 2))
-        claimed[k] = np.sqrt(np.mean(state.covariance[:, 0, 0]))
-    return rms, claimed

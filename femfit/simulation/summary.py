@@ -1,4 +1,4 @@
-"""What is said of closed loops: of one in numbers, and of many runs of one.
+"""What is said of closed loops: of one in numbers, of many runs of one, and of all controllers over the same steps.
 
 Recorded runs of a loop as a table: one row a sample, up to the sample at which a run was lost.
 """
@@ -11,52 +11,26 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.errors import DomainError, FilterError
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
-from femfit.core.results import Finding, Plotted, remembered
+from femfit.core.results import Finding, Plotted
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.controllers import ControllerName
-from femfit.simulation.design import LoopDesign
-from femfit.simulation.experiment import Experiment
+from femfit.simulation.design import CONTROLLERS, JudgedLoop, LoopDesign, ObserverName
+from femfit.simulation.experiment import Cause, Experiment
 from femfit.simulation.loop import LoopOutcome, LoopResult
-from femfit.simulation.margins import Margins, worst_of
+from femfit.simulation.margins import Margins
 from femfit.simulation.open_result import write_table
-from femfit.simulation.why_lost import Cause
 from femfit.simulation.words import sentence
 
-
-@dataclass(frozen=True)
-class JudgedLoop:
-    """A linear loop at its worst point of rest."""
-
-    controller: ControllerName
-    observer: str
-    margins: Margins | None  # None where there are none
-    refusal: str = ""  # Why there are none
-
-
-def judged_loop(design: LoopDesign, name: ControllerName, observer: str) -> JudgedLoop:
-    """The margins of a loop, or why there are none."""
-    try:
-        return JudgedLoop(name, observer, worst_of(design.margins(name, observer)))  # type: ignore[arg-type]
-    except (DomainError, FilterError) as error:
-        return JudgedLoop(name, observer, None, str(error))
-
-
-_OF_BACKSTEPPING = {
-    "position_gain_1_s2": "position_gain",
-    "velocity_gain_1_s": "velocity_gain",
-    "current_gain_ohm": "current_gain_ohm",
-}
+_OF_BACKSTEPPING = {"position_gain_1_s2": "position", "velocity_gain_1_s": "velocity", "current_gain_ohm": "current"}
 _OF_POINT = ("distance_m", "currents_A", "commands", "unstable_pole_rad_s", "coil_pole_rad_s")
 
 
-def design_data(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]] = ()) -> dict[str, Any]:
+def design_data(design: LoopDesign, loops: Sequence[JudgedLoop] = ()) -> dict[str, Any]:
     """Reference, gains, margins and operating points, ready for JSON."""
     backstepping = design.controller("backstepping")
     pid, feedback = (None if design.why_no(name) else design.controller(name) for name in ("pid", "state-feedback"))
-    margins = {loop: worst_of(design.margins(*loop)) for loop in loops}  # type: ignore[arg-type]
     return {
         "sensors": list(design.sensors),
         "noise": dict(design.noise),
@@ -69,8 +43,9 @@ def design_data(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]] 
         "state_feedback": feedback and {name: getattr(feedback, name).tolist() for name in ("gains", "integral")},
         "no_state_feedback": design.why_no("state-feedback"),
         "margins": [
-            {"controller": name, "observer": observer, **json_ready(asdict(worst))}
-            for (name, observer), worst in margins.items()
+            {"controller": loop.controller, "observer": loop.observer, **json_ready(asdict(loop.margins))}
+            for loop in loops
+            if loop.margins is not None
         ],
         "points": [{name: np.array(getattr(point, name)).tolist() for name in _OF_POINT} for point in design.points],
     }
@@ -83,27 +58,27 @@ def series_table(design: LoopDesign, result: LoopResult) -> pd.DataFrame:
     takes them; what no sensor gives is named as the truth or an estimate.
     """
     series, circuits = result.series, design.model.circuits
-    kinds = [("command", "A") if circuit.drive.kind == "current" else ("voltage", "V") for circuit in circuits]
-    names = [f"_{circuit.name}" if len(circuits) > 1 else "" for circuit in circuits]
-    readings = [sensor.reading for sensor in design.loop_sensors()]
-    units = [reading.unit.replace("/", "_").replace("^", "") for reading in readings]
-    currents = circuit_currents(design.model.circuit_names)
-    groups = [
-        ([f"{kind}{name}_{unit}" for (kind, unit), name in zip(kinds, names, strict=True)], series.commands),
-        ([f"true_{name}" for name in currents], series.currents_A),
-        (["true_distance_m"], series.distance_m),
-        ([r.column or f"{r.name}_{unit}" for r, unit in zip(readings, units, strict=True)], series.readings),
-        (["reference_m"], series.reference_m),
-        (["estimated_distance_m"], series.estimated_distance_m),
-        (["estimated_velocity_m_s"], series.estimated_velocity_m_s),
-        ([f"estimated_{name}" for name in currents], series.estimated_currents_A),
+    readings, currents = [each.reading for each in design.loop_sensors()], circuit_currents(design.model.circuit_names)
+    kinds = ["command{}_A" if circuit.drive.kind == "current" else "voltage{}_V" for circuit in circuits]
+    commands = [
+        kind.format(f"_{circuit.name}" if len(circuits) > 1 else "")
+        for kind, circuit in zip(kinds, circuits, strict=True)
     ]
-    steps, runs = series.distance_m.shape
-    columns = {"run": np.repeat(np.arange(1, runs + 1), steps), "time_s": np.tile(result.time_s, runs)}
-    for group, values in groups:
-        each = values.reshape(steps, runs, len(group)).transpose(2, 1, 0).reshape(len(group), -1)
-        columns |= dict(zip(group, each, strict=True))
-    return pd.DataFrame(columns)[np.isfinite(columns["true_distance_m"])]
+    names = [
+        *commands,
+        *(f"true_{name}" for name in currents),
+        "true_distance_m",
+        *(r.column or f"{r.name}_{r.unit.replace('/', '_').replace('^', '')}" for r in readings),
+        *("reference_m", "estimated_distance_m", "estimated_velocity_m_s"),
+        *(f"estimated_{name}" for name in currents),
+    ]
+    true = [series.commands, series.currents_A, series.distance_m, series.readings, series.reference_m]
+    estimated = [series.estimated_distance_m, series.estimated_velocity_m_s, series.estimated_currents_A]
+    values, (steps, runs) = np.dstack([*true, *estimated]), series.distance_m.shape
+    table = pd.DataFrame(values.transpose(1, 0, 2).reshape(-1, len(names)), columns=names)
+    table.insert(0, "time_s", np.tile(result.time_s, runs))
+    table.insert(0, "run", np.repeat(np.arange(1, runs + 1), steps))
+    return table[np.isfinite(table["true_distance_m"])]
 
 
 @dataclass(frozen=True)
@@ -183,28 +158,23 @@ class LoopSummary(Plotted):
         return sentence("lost", "advice", self, self.cause) if self.cause else ""
 
     @property
-    def loop(self) -> tuple[ControllerName, str]:
-        """Controller and observer."""
-        return self.experiment.controller, self.experiment.observer
+    def judged(self) -> JudgedLoop:
+        """The linear loop."""
+        return self.design.judged(self.experiment.controller, self.experiment.observer)
 
     def __str__(self) -> str:
-        return "\n\n".join(
-            [sentence("loop", "summary", self), sentence("loop", "design", self.design, [_judged(self)])]
-        )
+        return "\n\n".join([sentence("loop", "summary", self), sentence("loop", "design", self.design, [self.judged])])
 
     def data(self) -> dict[str, Any]:
         """The numbers without the series, ready for JSON."""
-        shown = {
-            name: value for name, value in vars(self).items() if name not in {"design", "result", "cause", "findings"}
-        }
-        records = Experiment | Spread | ConsistencyBand | Choice
+        shown = {name: value for name, value in vars(self).items() if name not in {"design", "result", "findings"}}
+        records = Experiment | Spread | ConsistencyBand | Choice | Cause
         numbers = {name: asdict(value) if isinstance(value, records) else value for name, value in shown.items()}
         return {
             "model": self.design.model.name,
             **json_ready(numbers),
-            "cause": self.cause and self.cause.to_dict(),
             "findings": [remark.as_dict() for remark in self.findings],
-            "design": design_data(self.design, [self.loop]),
+            "design": design_data(self.design, [self.judged]),
         }
 
     def write_csv(self, path: str | Path) -> None:
@@ -213,7 +183,49 @@ class LoopSummary(Plotted):
         write_table(path, series_table(self.design, self.result))
 
 
-@remembered
-def _judged(summary: LoopSummary) -> JudgedLoop:
-    """Worked out once: a result is printed often."""
-    return judged_loop(summary.design, *summary.loop)
+FILTER: ObserverName = "ukf"
+"""That a study of all controllers looks at."""
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """How well one measurement follows the true distance over the reference steps."""
+
+    controller: str
+    measurement: str  # ``direct`` or the filter that feeds the loop
+    rms_m: float  # Over the runs that were held; NaN if none was
+    held: int
+    runs: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedLoopStudy(Plotted):
+    """Everything that command line, report and run show of the closed loop."""
+
+    design: LoopDesign
+    seed: int
+    loops: tuple[LoopSummary, ...]  # One a controller, all of its runs recorded
+    steps: tuple[StepRow, ...]
+
+    def __str__(self) -> str:
+        design = self.design
+        sections = [
+            sentence("study", "held", self, [why for name in CONTROLLERS if (why := design.why_no(name))]),
+            sentence("study", "steps", self),
+            sentence("study", "design", self, self._judged),
+        ]
+        return "\n\n".join(sections)
+
+    @property
+    def _judged(self) -> list[JudgedLoop]:
+        return [self.design.judged(name, FILTER) for name in self.design.controllers]
+
+    def data(self) -> dict[str, Any]:
+        """The numbers without time series, ready for JSON; what does not exist is null."""
+        return {
+            "model": self.design.model.name,
+            "seed": self.seed,
+            "no_direct": self.design.why_no_direct,
+            **design_data(self.design, self._judged),
+            "steps": [json_ready(asdict(row)) for row in self.steps],
+        }

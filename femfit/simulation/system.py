@@ -17,21 +17,23 @@ pull.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property, partial
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Literal
 
+import casadi as ca
 import numpy as np
-from scipy.integrate import solve_ivp
+from casadi import SX
 from scipy.optimize import brentq
 
-from femfit.core.errors import SimulationError
+from femfit.core.graph import GraphFunction, once
 from femfit.core.numerics import FloatArray
 from femfit.core.tape import Caller
-from femfit.device.mechanics import Mechanics, Stop
+from femfit.device.mechanics import Stop
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import state_scale
-from femfit.simulation.feed import MODE_NUMBERS, Feed, Line, Modes, moment_function
+from femfit.simulation.profile import AT_MAX, AT_MIN, BLOCKED, CONDUCTING, FOLLOWING, Driver, Feed
 
 LEAST_RESTITUTION = 0.01
 """Conventional: a stop that gives way and returns nothing would need infinite damping; it returns a ten thousandth of
@@ -55,116 +57,164 @@ def damping(stop: Stop, mass: float) -> float:
 
 Side = Literal["near", "far"]
 
-Lines = tuple[Line, ...]
-"""The command of each circuit."""
-
-Reading = Callable[[float, FloatArray], float]
-"""A number at a time and a state."""
+AWAY: dict[Side, int] = {"near": 1, "far": -1}
+"""Direction in which a body leaves a stop."""
 
 ENERGIES = ("source", "copper", "eddy", "diode", "friction", "impact")
 
-RTOL = 1e-9
-"""Derived: a thousand steps may each miss by so much before the energies are off by a millionth."""
-
-STIFF = 3000.0
-"""Conventional: fastest rate times duration from which an implicit method costs less than an explicit one's steps."""
-
-INTERPOLATED = 3.0
-"""Chosen: longest step times the fastest rate; over longer ones the table between the steps, which is interpolated, is
-off by a ten-thousandth of the range although the steps are right."""
-
 LEAST_REBOUND = 1e-7
 """Conventional: height of a rebound over the travel below which a body stays on its stop."""
+
+MODE_NUMBERS = 6
+
+
+def moment_function(model: ActuatorModel, driven: tuple[int, ...]) -> GraphFunction:
+    """The derivative of state and energies, the net force, and the drivers' voltages.
+
+    A function of the state, of what :meth:`System.given` says, and of a mode's numbers: whether the body is held, the
+    dry friction in N, and of a stop that is pressed the direction away from it, its distance in m, its stiffness in N/m
+    and its damping in N s/m.
+    """
+    motion, windings, n = model.require_motion(), model.windings, len(model.circuits)
+
+    def made() -> GraphFunction:
+        inputs = [SX.sym("x", model.order), SX.sym("given", n), SX.sym("drops", n), SX.sym("mode", MODE_NUMBERS)]
+        state, given, drops, mode = inputs
+        held, friction, away, end, stiffness, damper = ca.vertsplit(mode)
+        rates, volts = model.equations.flow_at(state, given, driven)
+        contact = away * ca.fmax(0.0, stiffness * (away * (end - state[0])) - damper * (away * state[1]))
+        net = motion.mass_kg * rates[1] + contact
+        velocity = ca.if_else(held, 0.0, state[1])
+        acceleration = ca.if_else(held, 0.0, (net - friction) / motion.mass_kg)
+        currents = state[2 : windings.end]
+        lost = SX(windings.resistances_ohm) * currents**2
+        energies = [
+            ca.dot(currents[:n], ca.if_else(drops, 0.0, volts)),
+            ca.sum1(lost[:n]),
+            ca.sum1(lost[n:]),
+            ca.dot(currents[:n], drops),
+            (motion.viscous_N_s_per_m * velocity + friction) * velocity,
+            -contact * velocity,
+        ]
+        return GraphFunction(inputs, ca.vertcat(velocity, acceleration, rates[2:], *energies, net, volts))
+
+    return once(model, ("moment", driven), made)
 
 
 @dataclass(frozen=True)
 class Mode:
     """Which of the smooth equations hold."""
 
-    feed: Modes  # One a circuit
-    sliding: int = 0  # Direction of the motion that dry friction brakes; 0 where there is none
-    held: bool = False  # At rest, on a stop or by dry friction
+    feeds: tuple[Feed, ...]  # One a circuit
+    sliding: int = 0  # Direction of the motion that dry friction brakes; 0 of a body held on a stop or by the friction
     support: Side | None = None  # The rigid stop that it rests on
     touching: Side | None = None  # The stop that gives way and is pressed
 
+    def driven_as(self, k: int, driver_mode: str) -> "Mode":
+        """The mode in which another one holds of circuit k."""
+        feeds = list(self.feeds)
+        feeds[k] = replace(feeds[k], mode=driver_mode)
+        return replace(self, feeds=tuple(feeds))
 
-@dataclass(frozen=True, eq=False)
+
 class System:
     """An actuator in open loop."""
 
-    feed: Feed
-
-    @cached_property
-    def mechanics(self) -> Mechanics:
-        """The body's."""
-        return self.feed.model.require_motion()
-
-    @cached_property
-    def stops(self) -> dict[Side, Stop]:
-        """Those that there are."""
+    def __init__(self, model: ActuatorModel, drivers: tuple[Driver, ...]) -> None:
+        self.model, self.drivers, self.mechanics = model, drivers, model.require_motion()
         sides: dict[Side, Stop | None] = {"near": self.mechanics.near_stop, "far": self.mechanics.far_stop}
-        return {side: stop for side, stop in sides.items() if stop is not None}
+        self.stops = {side: stop for side, stop in sides.items() if stop is not None}
+        d, i = model.validity.grid(15, 15, several=5)
+        strongest = np.abs(model.magnetics.force(d, i)).max() + np.abs(self.mechanics.static_force(d)).max()
+        largest_N = float(strongest) or 1.0
+        # What is large for each state: the domain's ranges, and what the largest force does over them
+        scales, limits = state_scale(model), model.validity.current_limits_A[: len(drivers)]
+        work = largest_N * scales[0]
+        scales[2 : 2 + len(drivers)] = np.abs(limits).max(axis=1)
+        scales[1] = np.sqrt(work / self.mechanics.mass_kg)
+        self.scales: FloatArray = np.append(scales, np.full(len(ENERGIES), work))
+        self.least_rebound_m = float(LEAST_REBOUND * scales[0])
+        # The least net force that moves a body at rest; above the dry friction by what rounding may make
+        self.breakaway_N = self.mechanics.coulomb_N + 1e-9 * largest_N
 
-    @cached_property
-    def size(self) -> int:
-        """Number of states without the energies."""
-        return self.feed.model.order
+    def given(self, mode: Mode, time: float, state: FloatArray) -> tuple[list[float], tuple[int, ...], list[float]]:
+        """What the drivers give in a mode.
 
-    @cached_property
-    def travel_m(self) -> float:
-        """Width of the validity domain's distances."""
-        box = self.feed.model.validity
-        return box.distance_max_m - box.distance_min_m
+        Returns
+        -------
+        values : list of float
+            Voltage of each circuit, or the rate of its current.
+        driven : tuple of int
+            The circuits of which it is the rate.
+        drops : list of float
+            Of the diodes that currents go on through, else 0; the source of such a one gives nothing.
+        """
+        given = [
+            driver.given(feed, time, current)
+            for driver, feed, current in zip(self.drivers, mode.feeds, state[2:].tolist(), strict=False)
+        ]
+        values = [value for value, _, _ in given]
+        driven = tuple([k for k, (_, is_rate, _) in enumerate(given) if is_rate])
+        limited = [k for k in driven if self.drivers[k].bandwidth]
+        for _ in limited:  # an amplifier gives no more than its voltage, which the others then feel
+            volts = self._solved(state, values, driven)
+            ends = {k: self.drivers[k].circuit for k in limited if k in driven}
+            within = {k: min(max(volts[k], end.voltage_min_V), end.voltage_max_V) for k, end in ends.items()}
+            if not (over := {k: volt for k, volt in within.items() if volt != volts[k]}):
+                break
+            values = [over.get(k, value) for k, value in enumerate(values)]
+            driven = tuple([k for k in driven if k not in over])
+        return values, driven, [drop for _, _, drop in given]
 
-    @cached_property
-    def least_rebound_m(self) -> float:
-        """Height of a rebound that counts."""
-        return LEAST_REBOUND * self.travel_m
+    def voltages(self, mode: Mode, time: float, state: FloatArray) -> list[float]:
+        """That the circuits' drivers give in a mode, in V."""
+        values, driven, _ = self.given(mode, time, state)
+        return self._solved(state, values, driven)
 
-    @cached_property
-    def largest_force_N(self) -> float:  # noqa: N802  the unit
-        """Of field and mechanics over the validity domain."""
-        d, i = self.feed.model.validity.grid(15, 15, several=5)
-        magnetic, static = self.feed.model.magnetics.force(d, i), self.mechanics.static_force(d)
-        return float(np.abs(magnetic).max() + np.abs(static).max()) or 1.0
+    def _solved(self, state: FloatArray, values: list[float], driven: tuple[int, ...]) -> list[float]:
+        """The drivers' voltages where those of the circuits are given, and the currents' rates of those driven."""
+        point = moment_function(self.model, driven).point
+        found = point(state[: self.model.order], values, [0.0] * len(values), [0.0] * MODE_NUMBERS)
+        return found[len(found) - len(values) :].tolist()
 
-    @cached_property
-    def scales(self) -> FloatArray:
-        """What is large for each state: the domain's ranges, and what the largest force does over them."""
-        model, circuits = self.feed.model, 2 + len(self.feed.windings)
-        work = self.largest_force_N * self.travel_m
-        result = np.ones(self.size + len(ENERGIES))
-        result[0], result[1] = self.travel_m, np.sqrt(work / self.mechanics.mass_kg)
-        result[2:circuits] = np.abs(model.validity.current_limits_A).max(axis=1)[: circuits - 2]
-        result[circuits : model.windings.end] = state_scale(model)[circuits : model.windings.end]
-        result[self.size :] = work
-        return result
+    def conducts(self, mode: Mode, k: int, time: float, state: FloatArray) -> float:
+        """Above zero where source or diode of a blocked circuit would drive a positive current, in V."""
+        source, _, _ = self.drivers[k].given(replace(mode.feeds[k], mode=CONDUCTING), time, float(state[2 + k]))
+        return source - self.voltages(mode, time, state)[k] - self.drivers[k].slack_V
 
-    @property
-    def breakaway_N(self) -> float:  # noqa: N802  the unit
-        """The least net force that moves a body at rest; above the dry friction by what rounding may make."""
-        return self.mechanics.coulomb_N + 1e-9 * self.largest_force_N
+    def settled(self, mode: Mode, time: float, state: FloatArray) -> Mode:
+        """The drivers' modes that hold from now on, where a command may have jumped."""
+        for k, (driver, feed) in enumerate(zip(self.drivers, mode.feeds, strict=True)):
+            mode = mode.driven_as(k, driver.alone(feed.command(time), float(state[2 + k])))
+        for _ in self.drivers:  # what one circuit does may turn another's diode or amplifier
+            before = mode
+            for k, driver in enumerate(self.drivers):
+                if mode.feeds[k].mode == BLOCKED and self.conducts(mode, k, time, state) > 0.0:
+                    mode = mode.driven_as(k, CONDUCTING)
+                elif mode.feeds[k].mode == FOLLOWING:
+                    needed = self.voltages(mode, time, state)[k]
+                    above, below = needed > driver.circuit.voltage_max_V, needed < driver.circuit.voltage_min_V
+                    mode = mode.driven_as(k, AT_MAX if above else AT_MIN if below else FOLLOWING)
+            if mode == before:
+                break
+        return mode
 
-    def depth(self, side: Side, state: FloatArray) -> float:
-        """How far in m a body is beyond a stop."""
-        beyond = float(state[0]) - self.stops[side].distance_m
-        return -beyond if side == "near" else beyond
-
-    def moment(self, mode: Mode, lines: Lines) -> Callable[[float, FloatArray], FloatArray]:
+    def moment(self, mode: Mode) -> Callable[[float, FloatArray], FloatArray]:
         """In a mode the derivative of the state, and after it the net force without dry friction and rigid stops."""
-        feed, size, stop = self.feed, self.size, self.stops.get(mode.touching) if mode.touching else None
-        numbers = [float(mode.held), mode.sliding * self.mechanics.coulomb_N, *[0.0] * (MODE_NUMBERS - 2)]
-        if stop is not None:
-            away, mass = (1.0 if mode.touching == "near" else -1.0), self.mechanics.mass_kg
-            numbers[2:] = away, stop.distance_m, stop.stiffness_N_per_m or 0.0, damping(stop, mass)
+        size, side = self.model.order, mode.touching
+        numbers = [float(not mode.sliding), mode.sliding * self.mechanics.coulomb_N, *[0.0] * (MODE_NUMBERS - 2)]
+        if side is not None:
+            stop = self.stops[side]
+            damper = damping(stop, self.mechanics.mass_kg)
+            numbers[2:] = float(AWAY[side]), stop.distance_m, stop.stiffness_N_per_m or 0.0, damper
 
         def asked(time: float, state: FloatArray) -> tuple[Caller, list[float], list[float]]:
-            values, driven, drops = feed.given(mode.feed, lines, time, state[:size])
-            return moment_function(feed.model, driven).point, values, drops
+            values, driven, drops = self.given(mode, time, state)
+            return moment_function(self.model, driven).point, values, drops
 
         # What stays as it is need not be asked for again
-        steady = not any(line.slope or w.bandwidth for line, w in zip(lines, feed.windings, strict=True))
-        always = asked(0.0, np.zeros(size)) if steady else None
+        changing = any(feed.slope or driver.bandwidth for feed, driver in zip(mode.feeds, self.drivers, strict=True))
+        always = None if changing else asked(0.0, np.zeros(size))
 
         def at(time: float, state: FloatArray) -> FloatArray:
             function, values, drops = always or asked(time, state)
@@ -172,61 +222,15 @@ class System:
 
         return at
 
-
-def integrated(
-    system: System,
-    mode: Mode,
-    lines: Lines,
-    state: FloatArray,
-    span: tuple[float, float],
-    events: Sequence[tuple[Reading, float]],
-    longest_step: float,
-) -> Any:
-    """SciPy's solution up to the first event, which is a function whose zero counts in a direction, or the end.
-
-    Raises
-    ------
-    SimulationError
-        If the motion cannot be followed.
-    """
-    moment = system.moment(mode, lines)
-    functions = []
-    for of, direction in events:
-        value: Any = partial(of)
-        value.terminal, value.direction = True, direction
-        functions.append(value)
-    fastest = _fastest_rate(system, mode, state)
-    stiff = fastest * (span[1] - span[0]) > STIFF
-    with np.errstate(over="ignore", invalid="ignore"):
-        solution = solve_ivp(
-            lambda time, state: moment(time, state)[:-1],
-            span,
-            state,
-            method="LSODA" if stiff else "DOP853",
-            rtol=RTOL,
-            atol=RTOL * system.scales,
-            events=functions,
-            dense_output=True,
-            max_step=longest_step if stiff or not fastest else min(longest_step, INTERPOLATED / fastest),
-        )
-    if solution.status < 0 or not np.all(np.isfinite(solution.y[:, -1])):
-        there = "".join(f" and {current:.4g} A" for current in solution.y[2 : 2 + len(lines), -1])
-        raise SimulationError(
-            f"The motion must be finite; it cannot be followed beyond {1e3 * solution.t[-1]:.6g} ms, at "
-            f"{1e3 * solution.y[0, -1]:.4g} mm{there}. Keep it within the validity domain."
-        )
-    return solution
-
-
-def _fastest_rate(system: System, mode: Mode, state: FloatArray) -> float:
-    """Of windings, amplifiers and a stop that gives way, in rad/s."""
-    windings = system.feed.model.windings
-    rate = max((winding.bandwidth for winding in system.feed.windings), default=0.0)
-    if windings.count:
-        magnetic = windings.magnetics.state(state[0], state[2 : windings.end])
-        decay = np.linalg.solve(magnetic.inductance + windings.series_H, np.diag(windings.resistances_ohm))
-        rate = max(rate, float(np.abs(decay).sum(axis=1).max()))
-    if mode.touching is not None:
-        stiffness = system.stops[mode.touching].stiffness_N_per_m or 0.0
-        rate = max(rate, float(np.sqrt(stiffness / system.mechanics.mass_kg)))
-    return rate
+    def fastest_rate(self, mode: Mode, state: FloatArray) -> float:
+        """Of windings, amplifiers and a stop that gives way, in rad/s."""
+        windings = self.model.windings
+        rate = max((driver.bandwidth for driver in self.drivers), default=0.0)
+        if windings.count:
+            magnetic = windings.magnetics.state(state[0], state[2 : windings.end])
+            decay = np.linalg.solve(magnetic.inductance + windings.series_H, np.diag(windings.resistances_ohm))
+            rate = max(rate, float(np.abs(decay).sum(axis=1).max()))
+        if mode.touching is not None:
+            stiffness = self.stops[mode.touching].stiffness_N_per_m or 0.0
+            rate = max(rate, float(np.sqrt(stiffness / self.mechanics.mass_kg)))
+        return rate

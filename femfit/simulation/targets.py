@@ -16,7 +16,6 @@ of each circuit uses at most a part of the way from the holding voltage to the c
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NoReturn
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import command_limits, voltage_limits
 from femfit.model.dynamics import voltages_needed
 from femfit.model.hall import HallSensor
-from femfit.model.sensors import predict_sensor, reading_of, sensor_named
+from femfit.model.sensors import HALL, predict_sensor, reading_of, sensor_named
 from femfit.simulation.allocation import (
     covered_currents,
     current_ranges,
@@ -51,65 +50,56 @@ def covered(model: ActuatorModel) -> ActuatorModel:
 
 def derived_targets(model: ActuatorModel, sensors: Sequence[str]) -> tuple[float, ...]:
     """Steps over the middle 40 % of the distances at which the driver holds the body and the sensors see it."""
-    box, motion = model.validity, model.require_motion()
-    near, far = np.clip(motion.ends, box.distance_min_m, box.distance_max_m)
-    d = np.linspace(near, far, 301)
-    needed = motion.static_force(d)
-    weakest, strongest = force_range(model, d)
+    motion, d = model.require_motion(), np.linspace(*model.travel_m, 301)
+    needed, (weakest, strongest) = motion.static_force(d), force_range(model, d)
     holdable = d[(weakest <= needed) & (strongest >= needed)]
     if holdable.size < 3:
-        _refuse_to_hold(model, d, weakest, strongest)
+        low, high = 1e3 * needed.min(), 1e3 * needed.max()
+        asked = (
+            f"the weight is {low:.4g} mN"
+            if low == high
+            else f"weight, springs and load ask for {low:.4g}..{high:.4g} mN"
+        )
+        spans = ", ".join(f"{least:.3g}..{most:.3g} A" for least, most in current_ranges(model))
+        raise DomainError(
+            f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in {1e3 * d[0]:g}.."
+            f"{1e3 * d[-1]:g} mm: {asked}, and with {spans} the force is {1e3 * weakest.min():.4g}.."
+            f"{1e3 * strongest.max():.4g} mN. It is not an actuator that levitates this body; change mass or supply to "
+            "simulate one that is."
+        )
     currents = currents_for_force(model, holdable, motion.static_force(holdable))
-    sensed = holdable[~blind(model, sensors, holdable, currents)]
+    blind = [_at_an_end(model, name, holdable, currents)[0] for name in sensors]
+    sensed = holdable[~np.any(blind, axis=0)]
     if sensed.size < 3:
         require_sensed(model, sensors, holdable, currents)
     near, far = float(sensed[0]), float(sensed[-1])
     return near + 0.3 * (far - near), near + 0.7 * (far - near), near + 0.3 * (far - near)
 
 
-def _refuse_to_hold(model: ActuatorModel, d: FloatArray, weakest: FloatArray, strongest: FloatArray) -> NoReturn:
-    motion, ranges = model.require_motion(), current_ranges(model)
-    needed = motion.static_force(d)
-    forces, low, high = np.concatenate([weakest, strongest]), 1e3 * needed.min(), 1e3 * needed.max()
-    asked = (
-        f"the weight is {low:.4g} mN" if low == high else f"weight, springs and load ask for {low:.4g}..{high:.4g} mN"
-    )
-    spans = ", ".join(f"{span[0]:.3g}..{span[1]:.3g} A" for span in ranges)
-    raise DomainError(
-        f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in {1e3 * d[0]:g}.."
-        f"{1e3 * d[-1]:g} mm: {asked}, and with {spans} the force is {1e3 * forces.min():.4g}.."
-        f"{1e3 * forces.max():.4g} mN. It is not an actuator that levitates this body; change mass or supply to "
-        "simulate one that is."
-    )
-
-
-def blind(model: ActuatorModel, sensors: Sequence[str], distance: FloatArray, currents: FloatArray) -> BoolArray:
-    """At which points of rest a Hall element or position sensor gives the end of its range, whatever the distance."""
-    states = np.zeros((len(distance), model.order))
+def _at_an_end(
+    model: ActuatorModel, name: str, distance: FloatArray, currents: FloatArray
+) -> tuple[BoolArray, FloatArray]:
+    """At which points of rest a Hall element or position sensor gives the end of its range, and what it would read."""
+    sensor, reading, states = sensor_named(model, name), reading_of(model, name), np.zeros((len(distance), model.order))
+    if not isinstance(sensor, HallSensor | PositionSensor):
+        return np.zeros(len(distance), dtype=np.bool_), distance
     states[:, 0], states[:, 2 : 2 + currents.shape[1]] = distance, currents
-    ended = np.zeros(len(distance), dtype=np.bool_)
-    for name in sensors:
-        sensor = sensor_named(model, name)
-        if isinstance(sensor, HallSensor | PositionSensor):
-            reading, value = reading_of(model, name), predict_sensor(model, sensor, states)
-            ended |= (value <= reading.low) | (value >= reading.high)
-    return ended
+    values = predict_sensor(model, sensor, states)
+    return (values <= reading.low) | (values >= reading.high), values
 
 
 def require_sensed(model: ActuatorModel, sensors: Sequence[str], distance: FloatArray, currents: FloatArray) -> None:
     """Refuse points of rest at which a sensor of the distance is at the end of its range."""
     for name in sensors:
-        dark = blind(model, (name,), distance, currents)
-        if not np.any(dark):
+        blind, values = _at_an_end(model, name, distance, currents)
+        if not np.any(blind):
             continue
-        reading, sensor, states = reading_of(model, name), sensor_named(model, name), np.zeros((1, model.order))
-        states[0, 0], states[0, 2 : 2 + currents.shape[1]] = distance[dark][0], currents[dark][0]
-        value = float(predict_sensor(model, sensor, states)[0])
-        smaller = "a smaller sensitivity_V_per_T" if isinstance(sensor, HallSensor) else "a wider range"
+        reading, k = reading_of(model, name), int(np.argmax(blind))
+        remedy = "a smaller sensitivity_V_per_T" if name == HALL else "a wider range"
         raise DomainError(
             f"The sensor {name} of model {model.name!r} must stay within its range of {reading.low:g}.."
-            f"{reading.high:g} {reading.unit} where the body is held; at {1e3 * states[0, 0]:.4g} mm it would read "
-            f"{value:.4g} {reading.unit}. Give it {smaller}, or choose other reference distances."
+            f"{reading.high:g} {reading.unit} where the body is held; at {1e3 * distance[k]:.4g} mm it would read "
+            f"{values[k]:.4g} {reading.unit}. Give it {remedy}, or choose other reference distances."
         )
 
 

@@ -37,10 +37,9 @@ from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
-from femfit.simulation.close_loop import run_loops
+from femfit.simulation.close_loop import closed_loop_study, run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.study import closed_loop_study
 from support.actuators import GEOMETRY
 from support.added_effects import added, usual
 from support.campaign import campaign

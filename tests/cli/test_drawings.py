@@ -55,7 +55,7 @@ def test_no_loop_is_closed_where_no_sensor_reads_the_distance(monkeypatch, levit
     laser = PositionSensor(name="laser", noise=4e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
     blind = replace(levitation_model, sensor=None, other_sensors=(shunt,))
     calls = []
-    monkeypatch.setattr("femfit.simulation.study.closed_loop_study", lambda model, seed: calls.append(model))
+    monkeypatch.setattr("femfit.simulation.close_loop.closed_loop_study", lambda model, seed: calls.append(model))
     _, why = _close_loop(blind, 1, Path("runs/valve/model.json"))
     assert not calls
     assert "femfit simulate runs/valve/model.json" in why

@@ -13,7 +13,7 @@ from femfit.model.dynamics import state_derivative
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.hall import CurrentAxis, SensedField
 from femfit.model.with_effects import coenergy_of
-from femfit.simulation.feed import MODE_NUMBERS, moment_function
+from femfit.simulation.system import MODE_NUMBERS, moment_function
 from support.added_effects import under_effects
 from support.eddies import REFERENCE_M, knots_over, magnets_alone, spline_of, with_eddies
 from support.halves import cut_in_two

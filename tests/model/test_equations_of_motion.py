@@ -17,7 +17,7 @@ from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.model.with_effects import with_effects
 from femfit.simulation.allocation import currents_for_acceleration
-from femfit.simulation.controllers import design_backstepping
+from femfit.simulation.gains import design_backstepping
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.targets import Reference
 from support.added_effects import added, usual

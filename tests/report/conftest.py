@@ -13,8 +13,7 @@ from femfit.report.page import ReportContent
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopResult, TimeSeries
-from femfit.simulation.study import ClosedLoopStudy, StepRow
-from femfit.simulation.summary import LoopSummary, Spread
+from femfit.simulation.summary import ClosedLoopStudy, LoopSummary, Spread, StepRow
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 

@@ -12,13 +12,11 @@ from femfit.device.mechanics import Spring, Stop
 from femfit.model.bspline import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.simulation.adjust import choose
-from femfit.simulation.close_loop import close_loop
+from femfit.simulation.close_loop import choose, close_loop, closed_loop_study
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.experiment import direct_distance
 from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.study import closed_loop_study
 from support.levitation import REFERENCE_DISTANCE, fitted_spline
 from support.readings import LASER_10_V as LASER
 

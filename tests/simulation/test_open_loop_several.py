@@ -12,8 +12,8 @@ from femfit.fit.build import fit_model
 from femfit.report.motion_figures import open_loop_figure
 from femfit.simulation.events import Event
 from femfit.simulation.open_loop import motion_at_supply, simulate
+from femfit.simulation.open_result import step_response, switchings
 from femfit.simulation.profile import Profile, read_profiles
-from femfit.simulation.switching import step_response, switchings
 from support.bearing import table_of
 from support.halves import NAMES, cut_in_two
 from support.solenoids import NoField, solenoid

@@ -12,21 +12,19 @@ from scipy.signal import ss2tf
 import femfit as ff
 from femfit.core.errors import DomainError
 from femfit.device.electrics import CurrentSensor, PositionSensor
-from femfit.simulation.adjust import adjusted
-from femfit.simulation.controllers import Backstepping, pid_of_parts
-from femfit.simulation.design import design_loop
+from femfit.simulation.controllers import Backstepping
+from femfit.simulation.design import adjusted, design_loop
 from femfit.simulation.experiment import Experiment, LoopRuns
 from femfit.simulation.linear_loop import (
     LinearController,
     LinearPlant,
     closed_loop_matrix,
-    linear_controller,
     linear_plant,
 )
 from femfit.simulation.loop import run_loop
 from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin, worst_of
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.sensor import loop_sensors
+from femfit.simulation.plant import loop_sensors
 from support.readings import LASER_10_V
 from support.solenoids import searched
 
@@ -48,9 +46,8 @@ def late(levitation_model):
 
 def parts(design, name="backstepping", observer="ekf"):
     bench = design.bench(observer)
-    k = bench.middle
-    own = linear_controller(design.model, bench.points[k], design.controller(name), len(bench.observers[k][0]))
-    return bench.points[k], bench.plants[k], LinearController(*bench.observers[k], *own, design.latency)
+    rest = bench.rests[len(bench.rests) // 2]
+    return rest.point, rest.plant, rest.closed_by(design.controller(name), design.latency)
 
 
 def test_the_linear_plant_is_the_matrix_exponential_of_the_equations(levitation_model, design):
@@ -118,12 +115,12 @@ def test_gains_of_ones_own_take_the_place_of_the_designed_in_both_forms(design):
     assert other.controller("pid").parts["kd"] == pytest.approx(design.controller("pid").parts["kd"])
     faster = adjusted(design, "backstepping", bandwidth_rad_s=80.0).controller("backstepping")
     assert isinstance(faster, Backstepping)
-    assert faster.position_gain == pytest.approx(80.0**2 / 3.0)
+    assert faster.position == pytest.approx(80.0**2 / 3.0)
     with pytest.raises(DomainError, match="kp, ki, kd, filter_rad_s, current"):
         adjusted(design, "pid", gains={"p": 1.0})
     with pytest.raises(DomainError, match="> 0"):
         adjusted(design, "pid", bandwidth_rad_s=1e9)
-    again = pid_of_parts(design.model, **design.controller("pid").parts)
+    again = other.controller("pid").with_parts(design.controller("pid").parts)
     np.testing.assert_allclose(again.gains, design.controller("pid").gains, rtol=1e-9)
     assert again.filter_pole == pytest.approx(design.controller("pid").filter_pole, rel=1e-9)
 
@@ -137,7 +134,7 @@ def test_the_linear_loop_reads_a_late_or_slow_pickup_coil_as_late_as_it_is(delay
     point = operating_point(model, 2.5e-3)
 
     def response(one, z):
-        sensors = loop_sensors(one, ("search",), {"search": 1e-3}, step)
+        sensors = loop_sensors(one, {"search": 1e-3}, step)
         return linear_plant(one, point, sensors).response(z)[:, 0, 0]
 
     angle = 2.0 * np.pi * np.array([0.01, 0.03])

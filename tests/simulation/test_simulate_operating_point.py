@@ -10,9 +10,8 @@ from femfit.core.errors import DomainError
 from femfit.device.electrics import Circuit
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
-from femfit.simulation.adjust import adjusted
 from femfit.simulation.allocation import currents_for_force, limited
-from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.design import CONTROLLERS, adjusted, design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.operating_point import operating_point, solve_riccati
 from femfit.simulation.plant import Plant

@@ -10,15 +10,7 @@ import femfit as ff
 from femfit.core.errors import DomainError, FilterError, UsageError
 from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
-from femfit.simulation.sensor import (
-    History,
-    SensorErrors,
-    convert,
-    loop_sensors,
-    read_sensors,
-    sensor_noise,
-    true_readings,
-)
+from femfit.simulation.plant import SensorBank, SensorErrors, convert, loop_sensors, sensor_noise
 from support.readings import LASER
 from support.solenoids import STEP_S as PICKUP_STEP_S
 from support.solenoids import searched, solenoid
@@ -27,18 +19,17 @@ STEP_S = 0.5e-3
 
 
 def of(model, noise=0.0, names=("hall",)):
-    return loop_sensors(model, names, dict.fromkeys(names, noise), STEP_S)
+    return loop_sensors(model, dict.fromkeys(names, noise), STEP_S)
 
 
-def readings(model, errors, steps, runs=1, seed=0, state=(0.025, 0.0, 0.5), noise=0.0):
-    sensors = of(model, noise)
-    random, last = np.random.default_rng(seed), np.full((runs, 1), np.nan)
-    volts = np.tile(model.sensor.voltage(state[0], state[2]), (runs, 1))
-    values = []
-    for k in range(steps):
-        last = read_sensors(sensors, errors, last, volts, k, k * STEP_S, random)
-        values.append(last[:, 0])
-    return np.array(values)
+AT_REST = (0.025, 0.0, 0.5)
+
+
+def readings(model, errors, steps, runs=1, noise=0.0, names=("hall",)):
+    """Of bodies at rest, shape (steps, runs, sensors)."""
+    still = np.tile(AT_REST, (runs, 1))
+    sensing = SensorBank(model, of(model, noise, names), errors, still, np.random.default_rng(0))
+    return np.array([sensing.read(k, k * STEP_S) for k in range(steps)])
 
 
 @pytest.fixture
@@ -64,7 +55,7 @@ def test_a_converter_rounds_within_half_a_step_and_clips_to_its_range(levitation
 
 
 def test_white_noise_has_its_deviation_and_no_correlation(free):
-    values = readings(free, SensorErrors(), steps=20_000, noise=3.2e-3)[:, 0]
+    values = readings(free, SensorErrors(), steps=20_000, noise=3.2e-3)[:, 0, 0]
     noise = values - free.sensor.voltage(np.asarray(0.025), np.asarray(0.5))
     assert noise.std() == pytest.approx(3.2e-3, rel=0.02)  # 1/sqrt(2 * 20000) = 0.5 %
     assert abs(noise.mean()) < 4 * 3.2e-3 / np.sqrt(20_000)
@@ -73,9 +64,9 @@ def test_white_noise_has_its_deviation_and_no_correlation(free):
 
 def test_offset_drift_a_stuck_sensor_and_dropouts_read_as_told(free, levitation_model):
     clean = free.sensor.voltage(np.asarray(0.025), np.asarray(0.5))
-    values = readings(free, SensorErrors(offset=0.02, drift_per_s=0.1), steps=101)[:, 0]
+    values = readings(free, SensorErrors(offset=0.02, drift_per_s=0.1), steps=101)[:, 0, 0]
     np.testing.assert_allclose(values - clean, 0.02 + 0.1 * STEP_S * np.arange(101), atol=1e-12)
-    values = readings(levitation_model, SensorErrors(stuck_after_s=10 * STEP_S), steps=30, noise=3.2e-3)[:, 0]
+    values = readings(levitation_model, SensorErrors(stuck_after_s=10 * STEP_S), steps=30, noise=3.2e-3)[:, 0, 0]
     assert len(np.unique(values[:10])) > 3
     np.testing.assert_array_equal(values[10:], values[9])
     values = readings(levitation_model, SensorErrors(dropout_probability=0.1), steps=200, runs=100)
@@ -100,26 +91,22 @@ def test_a_late_sensor_reads_what_was_there_before(several):
     def state(time):
         return np.array([[0.02 + 0.1 * time + 5.0 * time**2, 0.1 + 10.0 * time, 0.4, 0.0][:3]])
 
-    history = History(sensors, state(0.0))
+    sensing = SensorBank(several, sensors, SensorErrors(), state(0.0), np.random.default_rng(0))
     for k in range(1, 6):
-        history.add(state(k * STEP_S))
-        late = true_readings(several, sensors, history)[0, 0]
+        sensing.see(state(k * STEP_S), k * STEP_S)
         if k >= 2:  # before that the body was at rest
             wanted = state((k - 1.3) * STEP_S)[0, 0] + 0.5 * 10.0 * 0.3 * 0.7 * STEP_S**2
-            assert late == pytest.approx(wanted, abs=1e-15)
+            assert sensing.exact[0, 0] == pytest.approx(wanted, abs=1e-15)
 
 
 def test_a_slow_sensor_is_not_read_between_its_samples_and_a_fault_is_of_the_sensor_that_has_it(several):
-    sensors, random = of(several, names=("laser", "ammeter")), np.random.default_rng(0)
-    assert [one.period for one in sensors] == [1, 4]
-    last = np.full((1, 2), np.nan)
-    seen = [read_sensors(sensors, SensorErrors(), last, np.ones((1, 2)), k, 0.0, random)[0] for k in range(8)]
-    assert np.isfinite(np.array(seen)[:, 1]).tolist() == [True, False, False, False] * 2
-    assert np.isfinite(np.array(seen)[:, 0]).all()
-    sensors, random = of(several, names=("laser", "ammeter")), np.random.default_rng(0)
-    errors = SensorErrors(faulty="ammeter", offset=0.25)
-    found = read_sensors(sensors, errors, np.full((1, 2), np.nan), np.zeros((1, 2)), 0, 0.0, random)
-    np.testing.assert_array_equal(found, [[0.0, 0.25]])
+    names = ("laser", "ammeter")
+    assert [sensor.period for sensor in of(several, names=names)] == [1, 4]
+    seen = readings(several, SensorErrors(), 8, names=names)[:, 0]
+    assert np.isfinite(seen[:, 1]).tolist() == [True, False, False, False] * 2
+    assert np.isfinite(seen[:, 0]).all()
+    wrong = readings(several, SensorErrors(faulty="ammeter", offset=0.25), 1, names=names)[0, 0]
+    np.testing.assert_allclose(wrong, seen[0] + [0.0, 0.25], rtol=1e-15)
 
 
 def test_noise_is_given_by_name_or_for_the_first_sensor(several):
@@ -137,12 +124,12 @@ PATH = np.stack([2.5e-3 + 4e-4 * np.sin(200.0 * TIME), 0.08 * np.cos(200.0 * TIM
 
 def read_by_the_loop(model, name, path=PATH):
     """Readings without noise along a path, one sample after the other."""
-    sensors = loop_sensors(model, (name,), {name: 0.0}, model.sample_time_s)
-    history = History(sensors, path[:1])
-    found = [true_readings(model, sensors, history)[0, 0]]
+    sensors = loop_sensors(model, {name: 0.0}, model.sample_time_s)
+    sensing = SensorBank(model, sensors, SensorErrors(), path[:1], np.random.default_rng(0))
+    found = [sensing.exact[0, 0]]
     for state in path[1:]:
-        history.add(state[None])
-        found.append(true_readings(model, sensors, history)[0, 0])
+        sensing.see(state[None], 0.0)
+        found.append(sensing.exact[0, 0])
     return np.array(found)
 
 

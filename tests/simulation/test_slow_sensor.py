@@ -14,17 +14,16 @@ from femfit.fit.build import fit_model
 from femfit.model.dynamics import voltages_needed
 from femfit.model.with_effects import with_effects
 from femfit.simulation.close_loop import run_loops
-from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance
+from femfit.simulation.gains import design_backstepping
 from femfit.simulation.linear_loop import linear_plant
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant, with_force_scale
+from femfit.simulation.plant import Plant, SensorErrors, loop_sensors, with_force_scale
 from femfit.simulation.profile import Profile
-from femfit.simulation.sensor import SensorErrors, loop_sensors
 from femfit.simulation.targets import Reference
 from support.added_effects import added
 from support.bearing import CIRCUITS, ENTRY, table_of
@@ -197,7 +196,7 @@ def test_a_plant_of_another_force_has_its_motional_constant_scaled_alike(levitat
 def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):
     model = with_eddies(levitation_model, (50e-3, 10e-3))
     _, point = a_start(model)
-    sensors = loop_sensors(model, ("hall",), {"hall": 1e-3}, model.sample_time_s)
+    sensors = loop_sensors(model, {"hall": 1e-3}, model.sample_time_s)
     plant = linear_plant(model, point, sensors)
     assert plant.A.shape == (5, 5)
     poles = np.log(np.abs(np.linalg.eigvals(plant.A))) / model.sample_time_s
@@ -216,7 +215,7 @@ def held(truth, believed, kind="ukf", **options):
     start, point = a_start(truth, runs=6)
     loop = ClosedLoop(
         Plant(truth),
-        loop_sensors(truth, ("hall",), {"hall": truth.sensor.noise_V}, truth.sample_time_s),
+        loop_sensors(truth, {"hall": truth.sensor.noise_V}, truth.sample_time_s),
         SensorErrors(),
         kalman_filter(believed, kind, commanded=True, **options),
         (design_backstepping(truth, [point]),),

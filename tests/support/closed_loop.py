@@ -5,13 +5,12 @@ import pandas as pd
 
 from femfit.model.with_effects import with_effects
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
-from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import LoopRuns, run_together
+from femfit.simulation.gains import design_backstepping
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import SensorErrors
+from femfit.simulation.plant import Plant, SensorErrors
 from femfit.simulation.targets import Reference, reference_steps
 from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
 from femfit.tables.measurement_checks import check_clock
