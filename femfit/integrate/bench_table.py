@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from json import dumps
 from pathlib import Path
 from typing import Any
@@ -106,11 +107,20 @@ def make_bench_table(
         require_outputs(inputs, (output, BENCH), (output.with_suffix(".toml"), NOTES))
     first = None if model is None else model_of(model)
     source = "" if model is None else model.name if isinstance(model, ActuatorModel) else Path(model).name
-    rows = _read(record, Words(columns or {}, units or {}, table))
+    words = Words(columns or {}, units or {}, table)
+    rows = read_columns(read_raw_table(record, RECORD.what, (RECORD,), words), RECORD, words).rows
+    rows = rows.dropna(subset=list(NEEDED))  # a row without one of these is a gap, and said to be one
+    if rows.empty:
+        raise TableError(f"{record} has no row with a time, a voltage, a current and a distance.")
+    rows = rows if "run" in rows else rows.assign(run=1.0)
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
-    made, sigma, findings = _table(rows, PlateauOptions(settling_s, still_A, still_m), first)
+    options = PlateauOptions(settling_s, still_A, still_m)
+    tables, variances, remarks = zip(
+        *(_of_run(run, options, first) for _, run in rows.groupby("run", sort=False)), strict=True
+    )
+    made, sigma = pd.concat(tables, ignore_index=True), float(np.sqrt(np.mean(np.concatenate(variances))))
     notes = sentence("integral", "notes", record.name, resistance_ohm, turns_ratio, source)
-    result = BenchFlux(made, sigma, notes, tuple(findings), output)
+    result = BenchFlux(made, sigma, notes, tuple(chain(*remarks)), output)
     if output is not None:
         noted = " ".join([notes, *map(str, result.findings)])
         with replacing(output) as table_file, replacing(output.with_suffix(".toml")) as sidecar:  # both or neither
@@ -119,41 +129,24 @@ def make_bench_table(
     return result
 
 
-def _read(record: Path, words: Words) -> pd.DataFrame:
-    """Columns of a bench record in SI."""
-    rows = read_columns(read_raw_table(record, RECORD.what, (RECORD,), words), RECORD, words).rows
-    rows = rows if "run" in rows else rows.assign(run=1.0)
-    rows = rows.dropna(subset=list(NEEDED))  # a row without one of these is a gap, and said to be one
-    if rows.empty:
-        raise TableError(f"{record} has no row with a time, a voltage, a current and a distance.")
-    return rows
-
-
-def _table(
-    rows: pd.DataFrame, options: PlateauOptions, first: ActuatorModel | None
-) -> tuple[pd.DataFrame, float, list[Finding]]:
-    """The bench table of all runs, the rms of the flux linkage's noise, and what is wrong."""
-    pieces, variances, findings = [], [], []
-    for number in pd.unique(rows["run"]):
-        run = rows[rows["run"] == number].reset_index(drop=True)
-        time, voltage, induced, current, distance = (
-            run[name].to_numpy() for name in ("time_s", "coil_voltage_V", "induced_V", "current_A", "distance_m")
-        )
-        flux = plateau_flux(time, induced, current, distance, options)
-        remarks = watch_run(time, voltage, induced, current, flux)
-        findings += [replace(remark, text=f"Run {number:g}: {remark.text}") for remark in remarks]
-        columns = run.drop(columns=["induced_V", "coil_voltage_V", "branch", "order"], errors="ignore")
-        means = pd.DataFrame([columns.iloc[a:b].mean() for a, b in zip(flux.first, flux.last, strict=True)])
-        means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
-        begin = 0.0
-        if first is not None:
-            distances, currents = means["distance_m"].to_numpy()[:1], means["current_A"].to_numpy()[:1]
-            values = predict_readings(first, distances, currents, Conditions(nominal=nominal_of(first)))
-            begin = float(values["flux_linkage_Wb"][0])
-        pieces.append(means.drop(columns="time_s").assign(flux_linkage_Wb=begin + flux.flux))
-        variances.append(flux.sigma**2)
-    noise = float(np.sqrt(np.mean(np.concatenate(variances))))
-    return pd.concat(pieces, ignore_index=True), noise, findings
+def _of_run(
+    run: pd.DataFrame, options: PlateauOptions, first: ActuatorModel | None
+) -> tuple[pd.DataFrame, FloatArray, list[Finding]]:
+    """A run's rows of the bench table, the variances of their flux linkages, and what is wrong with the run."""
+    time, voltage, induced, current, distance = (
+        run[name].to_numpy() for name in (*NEEDED[:2], "induced_V", *NEEDED[2:])
+    )
+    flux = plateau_flux(time, induced, current, distance, options)
+    columns = run.drop(columns=["induced_V", "coil_voltage_V", "branch", "order"], errors="ignore")
+    means = pd.DataFrame([columns.iloc[a:b].mean() for a, b in zip(flux.first, flux.last, strict=True)])
+    means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
+    begin = 0.0
+    if first is not None:
+        place = means["distance_m"].to_numpy()[:1], means["current_A"].to_numpy()[:1]
+        begin = float(predict_readings(first, *place, Conditions(nominal=nominal_of(first)))["flux_linkage_Wb"][0])
+    number = f"Run {run['run'].iloc[0]:g}: "
+    remarks = [replace(told, text=number + told.text) for told in watch_run(time, voltage, induced, current, flux)]
+    return means.drop(columns="time_s").assign(flux_linkage_Wb=begin + flux.flux), flux.sigma**2, remarks
 
 
 def watch_run(

@@ -5,8 +5,8 @@ Strengths of plays and lags are bounded below by zero: a loop runs in one direct
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,8 +42,7 @@ _RADII = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2)
 _LAG_TIMES_S = (3.0, 10.0, 30.0)
 
 
-@dataclass(frozen=True, eq=False)
-class LabRun:
+class LabRun(NamedTuple):
     """Time in s, current in A and field in T, shape (n,), of a magnet that was cycled to its largest current before."""
 
     time: FloatArray
@@ -58,7 +57,8 @@ def field_of_ratio(ratio: float, rms_T: float) -> FieldModel:
 
 def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> FieldModel:
     """Fit the field to the current over lab runs; without ``terms`` by those for the runs' largest current."""
-    paths = [_path(run) for run in runs]
+    sizes = [max(1, round(PATH_INTERVAL / float(np.median(np.diff(run.time))))) for run in runs]
+    paths = [LabRun(*(_means(column, size) for column in run)) for run, size in zip(runs, sizes, strict=True)]
     top = max(float(run.current.max()) for run in paths)
     if terms is None:
         if top <= 0.0:
@@ -71,9 +71,10 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
             f"instead it goes down to {low:g} A. Record and integrate one polarity at a time."
         )
     columns = [field_columns(terms, precycled(terms), run.time, run.current)[1] for run in paths]
-    matrix = np.concatenate([_means(column, ROW_STEPS) for column in columns])
-    field = np.concatenate([_means(run.field, ROW_STEPS) for run in paths])
-    current = np.concatenate([_means(run.current, ROW_STEPS) for run in paths])
+    matrix, field, current = (
+        np.concatenate([_means(column, ROW_STEPS) for column in of_runs])
+        for of_runs in (columns, [run.field for run in paths], [run.current for run in paths])
+    )
     used = np.flatnonzero(np.any(matrix != 0.0, axis=0))
     lower = np.where(used <= terms.degree, -np.inf, 0.0)
     prior = np.eye(len(used))[np.isfinite(lower)]  # A row for each strength, of which little is believed without runs
@@ -84,12 +85,6 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     coefficients = np.zeros(matrix.shape[1])
     coefficients[used] = BoundedQP(rows, target, sigma, lower, names=names).solve().x
     return FieldModel(terms, coefficients, _left_out_rms(rows, target, sigma, lower, current))
-
-
-def _path(run: LabRun) -> LabRun:
-    """A run with a sample each :data:`PATH_INTERVAL`."""
-    size = max(1, round(PATH_INTERVAL / float(np.median(np.diff(run.time)))))
-    return LabRun(_means(run.time, size), _means(run.current, size), _means(run.field, size))
 
 
 def _means(values: FloatArray, size: int) -> FloatArray:

@@ -6,16 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.files import INTEGRATED, require_outputs
+from femfit.integrate.feed_forward import SETTLING_S, STILL_A
 from femfit.integrate.identified_field import field_of_lab_record, field_of_ratio
 from femfit.integrate.methods import FILTERS, CoilIntegral, IntegrationOptions, Method
-from femfit.integrate.record_stream import stream_record
-from femfit.integrate.uncertainty import OFFSET_SIGMA_V, SETTLING_S, STILL_A, LinearSigma, SensingCoil, Systematics
-from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
+from femfit.integrate.record_stream import stream_record, table_record
+from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
+from femfit.tables.coil_record import RAW_SUFFIXES, open_coil_record
+
+OFFSET_SIGMA_V = {"trapezoid": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6, **dict.fromkeys(FILTERS, 0.0)}
+"""Standard uncertainty of the offset voltage that a method leaves. Chosen: 20 uV for an amplifier's own offset, 5 uV
+for what wanders after it was measured; the filters estimate it."""
 
 _OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "coil_area_m2": ("--coil-area", ()),
@@ -103,13 +107,15 @@ def integrate_coil(
     arguments, begin = locals(), time.perf_counter()
     output = None if output is None else Path(output)
     if isinstance(record, pd.DataFrame):
-        source: CoilRecord | pd.DataFrame = record
+        source = table_record(record)
     else:
         source = open_coil_record(record, columns=columns, units=units, table=table)
-    recorded = tuple(name for name in COLUMNS if name in source.columns)
-    chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
+    chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in source.columns else "ffa2")
     _require_fitting(chosen, arguments)
-    _require_free([record, lab], output)
+    inputs = [Path(path) for path in (record, lab) if isinstance(path, str | Path)]
+    raw = [path for path in inputs if path.suffix in RAW_SUFFIXES]
+    sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
+    require_outputs([*inputs, *sidecars], (output, INTEGRATED))
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
     field_model, offset_sigma, reference_sigma = None, reference_offset_sigma_T or 0.0, None
     if current_to_field_A_per_T is not None:
@@ -118,43 +124,26 @@ def integrate_coil(
     elif lab is not None:
         field_model = field_of_lab_record(lab, coil)
         offset_sigma = max(offset_sigma, field_model.rms_T)
-    settling, still = SETTLING_S if settling_s is None else settling_s, STILL_A if still_A is None else still_A
     options = IntegrationOptions(
-        chosen, coil, initial_field_T, zero_reading_s, settling, still, field_model, reference_sigma
+        chosen,
+        coil,
+        initial_field_T,
+        zero_reading_s,
+        SETTLING_S if settling_s is None else settling_s,
+        STILL_A if still_A is None else still_A,
+        field_model,
+        reference_sigma,
     )
-    systematics = Systematics(
-        (coil_area_sigma_m2 or 0.0) / coil.area_m2,
-        reference_gain_sigma or 0.0,
-        offset_sigma,
-        OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V,
-    )
-    before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
-    if chosen == "ffa2" and offset_sigma_V is None:
-        before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
+    gains = (coil_area_sigma_m2 or 0.0) / coil.area_m2, reference_gain_sigma or 0.0
+    # Until ffa2 takes an offset off, all of the amplifier's is left
+    offsets = OFFSET_SIGMA_V["trapezoid" if chosen == "ffa2" else chosen], OFFSET_SIGMA_V[chosen]
+    offsets = offsets if offset_sigma_V is None else (offset_sigma_V, offset_sigma_V)
+    before, after = (Systematics(*gains, offset_sigma, offset) for offset in offsets)
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
-    claimed = before, systematics
-    streamed = stream_record(
-        source, recorded, options, current_to_field_A_per_T, claimed, quantity, output=output, progress=progress
+    result = stream_record(
+        source, options, current_to_field_A_per_T, (before, after), quantity, coverage, output, progress
     )
-    end = streamed.last
-    parts = {name: float(values[-1]) for name, values in end.responses.parts(streamed.systematics).items()}
-    return CoilIntegral(
-        record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
-        method=chosen,
-        quantity=quantity,
-        coverage=coverage,
-        output=output,
-        samples=streamed.samples,
-        sample_time_s=streamed.sample_time,
-        end_s=float(end.time[-1]),
-        value=float(end.field[-1]),
-        standard_uncertainty=float(end.sigma(streamed.systematics)[-1]),
-        parts={"noise": float(np.sqrt(end.variance[-1])), **parts},
-        offset_V=float(end.offset[-1]),
-        findings=streamed.findings,
-        rows=streamed.rows,
-        seconds=time.perf_counter() - begin,
-    )
+    return replace(result, seconds=time.perf_counter() - begin)
 
 
 def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
@@ -178,11 +167,3 @@ def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
             "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
             "magnet that was cycled before)."
         )
-
-
-def _require_free(read: list[Any], output: Path | None) -> None:
-    """Refuse rows that would replace what is read, or a file of another kind."""
-    inputs = [Path(path) for path in read if isinstance(path, str | Path)]
-    raw = [path for path in inputs if path.suffix in RAW_SUFFIXES]
-    sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
-    require_outputs([*inputs, *sidecars], (output, INTEGRATED))

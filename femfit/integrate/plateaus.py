@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.integrate import cumulative_trapezoid
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
@@ -66,54 +67,44 @@ def plateau_flux(
             "the limits above the noise of these columns, or shorten the settling."
         )
     spans = list(zip(first, last, strict=True))
-    noise, step = white_sigma(voltage), np.diff(time)
-    means = np.array([voltage[a:b].mean() for a, b in spans])
+    means, level = (np.array([values[a:b].mean() for a, b in spans]) for values in (voltage, current))
     rest = voltage - np.interp(time, time[np.stack([first, last - 1], axis=1)].ravel(), np.repeat(means, 2))
-    flux = np.concatenate([[0.0], np.cumsum(0.5 * step * (rest[1:] + rest[:-1]))])
+    flux = cumulative_trapezoid(rest, time, initial=0)
     mean = np.array([flux[a:b].mean() for a, b in spans])
-    level = np.array([current[a:b].mean() for a, b in spans])
-    variance = noise**2 * _variance(time, first, last) + _wandered(time, voltage, first, last, noise)
+    sigma = np.sqrt(_variance(time, voltage, first, last))
     change = np.diff(level, prepend=level[0])
     turn = pd.Series(np.where(np.abs(change) > options.still_A, np.sign(change), np.nan))
     branch = np.asarray(turn.ffill().fillna(0.0), dtype=np.float64)
-    return PlateauFlux(first, last, mean - mean[0], np.sqrt(variance), branch)
+    return PlateauFlux(first, last, mean - mean[0], sigma, branch)
 
 
-def _variance(time: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Variance of a plateau's mean integral minus the first's, for white noise of 1 V, in s^2; shape (p,)."""
-    step = float(np.median(np.diff(time)))
-    count = last - first
-    held = step * count
-    middle = 0.5 * (time[first] + time[last - 1])
-    elapsed = middle - middle[0]
-    # On a plateau the mean is taken off, which leaves a bridge whose mean has held / 12; between plateaus the walk and
-    # the two means' errors, each mean counting in the gap before it and in the gap after it.
-    gap = time[first[1:]] - time[last[:-1] - 1]
+def _variance(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Variance of a plateau's mean integral minus the first's, Wb^2, by white noise and by the offset's wander; (p,).
+
+    On a plateau the mean is taken off, which leaves a bridge whose mean has held / 12; between plateaus the walk and
+    the two means' errors count, each mean in the gap before it and in the gap after it.
+
+    How far the offset leaves the straight line between plateaus is seen where nothing changes: the middle of each
+    plateau, as long as the time between two, against the means of the rest before and after it. What white noise does
+    to that is taken off. Cautious: two gaps share a plateau's mean, and a part of their errors cancels.
+    """
+    noise, step, count = white_sigma(voltage), float(np.median(np.diff(time))), last - first
+    held, gap = step * count, time[first[1:]] - time[last[:-1] - 1]
     before, after = np.concatenate([[0.0], gap]), np.concatenate([gap, [0.0]])
     inner = np.concatenate([[0.0], np.cumsum(np.square(before + after) / 4.0 / count)])[:-1]
     through = inner + np.square(before) / 4.0 / count
-    return np.where(elapsed > 0.0, step * (np.cumsum(before) + (held[0] + held) / 12.0) + through, 0.0)
-
-
-def _wandered(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray, noise: float) -> FloatArray:
-    """Variance of how far the offset leaves the straight line between plateaus, Wb^2; shape (p,).
-
-    Seen where nothing changes: the middle of each plateau, as long as the time between two, against the means of the
-    rest before and after it. What white noise does to that is taken off. Cautious: two gaps share a plateau's mean,
-    and a part of their errors cancels.
-    """
-    step, between = float(np.median(np.diff(time))), (time[first[1:]] - time[last[:-1] - 1])
-    middle = max(1, round(float(np.median(between)) / step))
+    white = step * (np.cumsum(before) + (held[0] + held) / 12.0) + through
+    white[0] = 0.0  # against itself
+    middle = max(1, round(float(np.median(gap)) / step))
     surplus = []
-    for a, b in zip(first, last, strict=True):
-        side = (b - a - middle) // 2
+    for a, side in zip(first, (count - middle) // 2, strict=True):
         if side < 1:
             continue
-        means = voltage[a : a + side].mean() + voltage[a + side + middle : a + 2 * side + middle].mean()
-        strayed = step * (voltage[a + side : a + side + middle].sum() - 0.5 * middle * means)
+        early, between, late = np.split(voltage[a : a + 2 * side + middle], [side, side + middle])
+        strayed = step * (between.sum() - 0.5 * middle * (early.mean() + late.mean()))
         surplus.append(strayed**2 - (step * noise) ** 2 * (middle + 0.5 * middle**2 / side))
-    sample_variance = max(0.0, float(np.mean(surplus))) if surplus else 0.0
-    return np.concatenate([[0.0], np.cumsum(sample_variance * np.square(between / (step * middle)))])
+    wander = max(0.0, float(np.mean(surplus))) if surplus else 0.0
+    return noise**2 * white + wander * np.cumsum(np.square(before / (step * middle)))
 
 
 def _plateaus(
@@ -122,28 +113,24 @@ def _plateaus(
     """Settled stretches in which neither current nor distance moves."""
     moved = (np.abs(np.diff(current)) > options.still_A) | (np.abs(np.diff(distance)) > options.still_m)
     cuts = np.concatenate([[0], np.flatnonzero(moved) + 1, [len(time)]])
+    channels = ("current", current, options.still_A, "A"), ("distance", distance, options.still_m, "m")
     spans = []
     for a, b in itertools.pairwise(cuts.tolist()):
         # A sample beside a change may hold a part of it. The first plateau follows no change, the last precedes none.
         begin = a if a == 0 else max(a + 1, int(np.searchsorted(time, time[a] + options.settling - _ROUNDING)))
         end = b if b == len(time) else b - 1
-        if end - begin >= _LEAST:
-            spans.append((begin, end))
-            _require_still(time[begin:end], current[begin:end], options.still_A, "A")
-            _require_still(time[begin:end], distance[begin:end], options.still_m, "m")
+        if end - begin < _LEAST:
+            continue
+        spans.append((begin, end))
+        quarter = max(1, (end - begin) // 4)
+        for name, values, still, unit in channels:
+            crept = abs(float(values[end - quarter : end].mean() - values[begin : begin + quarter].mean()))
+            if crept > still:
+                raise TableError(
+                    f"The {name} changes slowly from {time[begin]:g} to {time[end - 1]:g} s, by {crept:.3g} {unit} in "
+                    f"all, although no two neighbouring samples differ by more than {still:g} {unit}. If this is a "
+                    "ramp, give a limit below its step from sample to sample, or leave out samples; if it is a "
+                    f"plateau, give a limit above the change. The limit is --still-{'A' if unit == 'A' else 'um'}."
+                )
     pairs = np.array(spans, dtype=np.int64).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
-
-
-def _require_still(time: FloatArray, values: FloatArray, still: float, unit: str) -> None:
-    """Refuse a ramp that is too slow to show between two neighbouring samples."""
-    quarter = max(1, len(values) // 4)
-    crept = abs(float(values[-quarter:].mean() - values[:quarter].mean()))
-    if crept > still:
-        name = "current" if unit == "A" else "distance"
-        raise TableError(
-            f"The {name} changes slowly from {time[0]:g} to {time[-1]:g} s, by {crept:.3g} {unit} in all, although no "
-            f"two neighbouring samples differ by more than {still:g} {unit}. If this is a ramp, give a limit below its "
-            "step from sample to sample, or leave out samples; if it is a plateau, give a limit above the change. The "
-            f"limit is --still-{'A' if unit == 'A' else 'um'}."
-        )

@@ -69,7 +69,7 @@ def test_few_cycles_are_fitted_where_they_leave_strengths_open(peaks):
 def test_the_error_is_that_on_stretches_left_out():
     rng = np.random.default_rng(2)
     runs = [lab_run(peaks, rng) for peaks in ([320.0, 240.0], [320.0, 120.0], [320.0, 60.0])]
-    moved = LabRun(runs[2].time, runs[2].current, runs[2].field + 1e-3)
+    moved = runs[2]._replace(field=runs[2].field + 1e-3)
     assert identify_field([*runs[:2], moved], TERMS).rms_T > 3e-4
     assert identify_field(runs, TERMS).rms_T < 1e-6
 
