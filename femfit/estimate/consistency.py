@@ -16,8 +16,11 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import LAGS, LEAST_JUDGED
+from femfit.estimate.constants import LEAST_JUDGED
 from femfit.estimate.noise import ConsistencyBand, consistency_band
+
+LAGS = 20
+"""Conventional: lags of the innovations' autocorrelation, in samples."""
 
 
 @dataclass(frozen=True, eq=False)

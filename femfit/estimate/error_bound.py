@@ -19,13 +19,18 @@ import numpy as np
 from femfit.core.errors import FilterError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
-from femfit.estimate.constants import OBSERVED_SHARE, SETTLING_STEPS
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.process import FilterProcess
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+
+OBSERVED_SHARE = 0.5
+"""Conventional: a state counts as told by the sensors where its error falls below this share of the first one."""
+
+SETTLING_STEPS = 2000
+"""Conventional: samples after which the bound of a body held still is stated."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -20,16 +20,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import FORGOTTEN, FORGOTTEN_SHARE, LEAST_JUDGED, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
-from femfit.estimate.filter import Filter
+from femfit.estimate.constants import LEAST_JUDGED, NOISE_SAMPLES
+from femfit.estimate.filter import Filter, FilterOutcome
 from femfit.estimate.noise import FilterNoise, motion_rate, operating_distance
 from femfit.estimate.prepare import Prepared
-from femfit.estimate.process import FilterOutcome, FilterProcess
+from femfit.estimate.process import FilterProcess
 from femfit.estimate.run_filter import Replayed
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL, reading_of
 from femfit.model.validity import ProcessNoise
+
+NOISE_PIECE, FORGOTTEN = 500, 100
+"""Conventional: samples of a piece in the search for the noise, and those at its begin that do not count."""
+
+FORGOTTEN_SHARE = 1.0 / 6.0
+"""Conventional: of a record that is shorter than that, the part that does not count."""
+
+UNKNOWN = 2.0
+"""Conventional: a noise whose logarithm is uncertain by more than this is said to be at most its upper limit."""
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,10 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.consistency import Beside, Innovations, beside, innovations_of
 from femfit.estimate.constants import AT_STOP, NOISE_SAMPLES
-from femfit.estimate.filter import Filter
+from femfit.estimate.filter import Filter, FilterOutcome
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.estimate.prepare import Prepared, prepare
-from femfit.estimate.process import FilterOutcome
 from femfit.estimate.run_filter import Replayed, replay
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel

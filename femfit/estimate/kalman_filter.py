@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, final
 
 from femfit.core.errors import FilterError
-from femfit.estimate.filter import Corrected, Filter, Moments
+from femfit.estimate.filter import Filter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.single_step import Terms
@@ -49,7 +49,9 @@ class ExtendedFilter(Filter):
         root = of.product(slope, factor)
         return moved, of.product(root, of.turned(root)) + of.noise
 
-    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
+    def corrected(
+        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
+    ) -> tuple[Any, Any, Any, Any]:
         """(1 - K H) P (1 - K H)' + K R K'."""
         mean, covariance, _ = before
         slope = of.read_slope[sensor](mean)
@@ -89,7 +91,9 @@ class UnscentedFilter(Filter):
         covariance = weight * of.product(delta, of.turned(delta)) + shift_weight * of.product(shift, of.turned(shift))
         return moved[:, :1] + shift, covariance + of.noise
 
-    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
+    def corrected(
+        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
+    ) -> tuple[Any, Any, Any, Any]:
         """Mean and covariance by those of the readings of points that are drawn anew, eqs. (25) to (31).
 
         They lie in pairs mean +- spread L_k, whose differences in z are v, and whose sums the rest r of the variance

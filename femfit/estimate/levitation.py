@@ -12,28 +12,44 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (32) and (33), as corre
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 from scipy.linalg import block_diag
 
 from femfit.core.errors import FilterError
+from femfit.core.graph import GraphFunction, building
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import (
-    BIAS_DEVIATION_V,
-    BIAS_SHARE,
-    BIAS_SHARE_PER_ROOT_S,
-    DELAYED_NOISE,
-    FAR_OFF,
-    FARTHEST,
-    NEAREST,
-)
 from femfit.estimate.noise import FilterNoise, default_noise, first_deviations, operating_distance, process_covariance
-from femfit.estimate.process import FilterProcess, Output
-from femfit.estimate.process_graph import process_graph
+from femfit.estimate.process import FilterProcess, Output, sampled
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
 from femfit.model.hall import HallSensor
-from femfit.model.sensors import HALL, reading_of, readings_span, sensor_named, sensors_of
+from femfit.model.sensors import HALL, reading_of, readings_span, sample_weights, sensor_named, sensors_of
+
+BIAS_DEVIATION_V = 0.02
+"""Conventional: first standard deviation of the Hall offset; the data sheet of a ratiometric linear element allows at
+most +-75 mV (Allegro A1321: quiescent output 2.425 to 2.575 V)."""
+
+BIAS_SHARE, BIAS_SHARE_PER_ROOT_S = 0.01, 5e-4
+"""Conventional: first standard deviation of another sensor's bias over the span of its readings in the validity domain,
+and the random walk of the bias in a second; the ratio of the two is that of the Hall element's."""
+
+NEAREST, FARTHEST = 0.5, 2.0
+"""Conventional: an estimate is lost below half the smallest or above twice the largest distance of the model's validity
+domain. The fit's polynomials continue a little outside of it, which a filter needs while it acquires, and mean nothing
+further out; a cubic spline that is continued over half a domain is usually off by its own size."""
+
+FAR_OFF = 1e4
+"""Conventional: first deviations beyond which an eddy current, an effect's state or a bias is none that a model has."""
+
+MOST_DELAYED_SAMPLES = 100
+"""Conventional: samples by which a sensor may be late; each of them is a state of the filter."""
+
+DELAYED_NOISE = 1e-3
+"""Numerical: process noise of a remembered value over what its reading's noise makes of it, so that Q is definite."""
 
 
 def levitation_process(
@@ -68,53 +84,73 @@ def levitation_process(
     """
     model.require_dynamics()
     sensors = chosen_sensors(model, sensors)
-    graph = process_graph(model, sensors, chosen_biases(sensors, biases, hall_bias))
+    biases = chosen_biases(sensors, biases, hall_bias)
     distance = operating_distance(model) if distance is None else distance
     noise = default_noise(model, distance) if noise is None else noise
-    outputs = tuple(_output(model, name, noise) for name in sensors)
-    first, walks = [], []  # standard deviations of biases, and their random walks over sqrt(s)
-    for name in graph.biases:
-        span = 0.0 if name == HALL else readings_span(model, sensor_named(model, name))
-        first.append(BIAS_DEVIATION_V if name == HALL else BIAS_SHARE * span)
-        walks.append(noise.bias_density if name == HALL else BIAS_SHARE_PER_ROOT_S * span)
-    deviations = np.append(first_deviations(model), first)
-    # Bodies held still all over the validity domain
-    distances, currents = model.validity.grid(5, 3)
-    places, n = np.zeros((distances.size, graph.base)), len(model.circuits)
-    places[:, 0], places[:, 2 : 2 + n] = distances, currents[:, :n]
-    remembered = graph.sample_spreads(places, deviations)
-    covariance = process_covariance(model, noise, distance, walks)
+    outputs, end = [], model.order + len(biases)
+    for name in sensors:
+        outputs.append(replace(_output(model, name, noise), first=end))
+        end = outputs[-1].places.stop
+    spans = [0.0 if name == HALL else readings_span(model, sensor_named(model, name)) for name in biases]
+    of_hall = np.array([name == HALL for name in biases], dtype=bool)
+    walks = np.where(of_hall, noise.bias_density, BIAS_SHARE_PER_ROOT_S * np.array(spans))
+    deviations = np.append(first_deviations(model), np.where(of_hall, BIAS_DEVIATION_V, BIAS_SHARE * np.array(spans)))
+    late = [output for output in outputs if len(output.weights) > 1]
+    counts = np.array([len(output.weights) - 1 for output in late], dtype=int)
+    covariance = process_covariance(model, noise, distance, walks.tolist())
     # A step adds to remembered values far less than what the readings' noise would make of them
-    variance = {output.name: output.variance for output in outputs}
-    added = [
-        np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
-        for samples in graph.samples
-    ]
-    lower, upper = _plausible_range(model, deviations, graph.order)
+    added = [DELAYED_NOISE**2 * output.variance / np.abs(output.weights).max() ** 2 for output in late]
+    remembered = np.repeat(_spreads(model, late, deviations), counts)
+    lower, upper = _plausible_range(model, deviations, end)
     return FilterProcess(
         model,
-        graph.biases,
-        graph.samples,
+        biases,
+        tuple(outputs),
+        block_diag(covariance, np.diag(np.repeat(added, counts))),
+        np.diag(np.square(np.append(deviations, remembered))),
+        lower,
+        upper,
         driven=commanded and bool(model.diodes or commands_currents(model).any()),
-        outputs=outputs,
-        process_covariance=block_diag(covariance, np.diag(np.concatenate([*added, np.zeros(0)]))),
-        lower=lower,
-        upper=upper,
-        start_covariance=np.diag(np.square(np.append(deviations, remembered))),
     )
 
 
 def _output(model: ActuatorModel, name: str, noise: FilterNoise) -> Output:
-    """A sensor of the model as a filter sees it."""
-    reading = reading_of(model, name)
-    hall = isinstance(sensor_named(model, name), HallSensor)
-    white = noise.hall_V if hall else noise.sensors.get(name, reading.white)
+    """A sensor of the model as a filter sees it.
+
+    Raises
+    ------
+    FilterError
+        If its noise is unknown, or its delay longer than a filter remembers.
+    """
+    sensor, reading, step = sensor_named(model, name), reading_of(model, name), model.sample_time_s
+    if sensor.delay_s > MOST_DELAYED_SAMPLES * step:
+        raise FilterError(
+            f"A filter remembers {MOST_DELAYED_SAMPLES} samples at most; sensor {name!r} is late by "
+            f"{1e3 * sensor.delay_s:g} ms, which are {sensor.delay_s / step:.0f}. Lengthen the "
+            "sample time, or leave the sensor out."
+        )
+    white = noise.hall_V if isinstance(sensor, HallSensor) else noise.sensors.get(name, reading.white)
     if not white > 0.0:
         raise FilterError(
             f"A filter must know the noise of sensor {name!r}, and it must be > 0 {reading.unit}; it is {white:g}. "
             f"Give [sensors.{name}] its noise in the actuator file, or take it from a record: femfit observe."
         )
-    return Output(name, reading.unit, white**2, reading.period(model.sample_time_s))
+    weights = tuple(sample_weights(sensor, step).tolist())
+    return Output(name, reading.unit, white**2, reading.period(step), weights)
+
+
+def _spreads(model: ActuatorModel, late: Sequence[Output], deviations: FloatArray) -> FloatArray:
+    """The largest deviation of what each late sensor samples, of bodies held still all over the validity domain."""
+    if not late:
+        return np.zeros(0)
+    distances, currents = model.validity.grid(5, 3)
+    places, n = np.zeros((len(deviations), distances.size)), len(model.circuits)
+    places[0], places[2 : 2 + n] = distances, currents[:, :n].T
+    with building():
+        x = SX.sym("x", len(deviations))
+        slopes = GraphFunction([x], ca.vertcat(*(ca.gradient(sampled(model, each.name, x), x) for each in late)))
+    sizes = np.abs(slopes(places)).reshape(len(late), len(deviations), -1)
+    return np.asarray(np.einsum("sxp,x->sp", sizes, deviations).max(axis=1))
 
 
 def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.core.text import amount, counted
 from femfit.device.electrics import CurrentSensor, PositionSensor
-from femfit.estimate.constants import BLOCK, STANDS_STILL, STILL
+from femfit.estimate.constants import BLOCK, STILL
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.record import (
     converter_step,
@@ -29,6 +29,9 @@ from femfit.model.hall import OtherSensor
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
+
+STANDS_STILL = 1e-3
+"""Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
 
 
 @dataclass(frozen=True, eq=False)

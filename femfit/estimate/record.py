@@ -26,22 +26,25 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import PositionSensor
-from femfit.estimate.constants import (
-    DIFFERENCE_ORDER,
-    FINEST_PART,
-    LEAST_DIFFERENCES,
-    MOST_OFF_GRID,
-    NORMAL_MEDIAN,
-    OFF_GRID,
-    SAME_STEP,
-    SPIKE,
-)
+from femfit.estimate.constants import DIFFERENCE_ORDER, LEAST_DIFFERENCES, NORMAL_MEDIAN, SPIKE
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensing import piece_of
 from femfit.model.sensors import WHOLE, Reading, reading_of
 from femfit.tables.findings import finding
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import TimeSeries
+
+OFF_GRID = 1.0 / 3.0
+"""Conventional: part of the usual step by which a step may miss a multiple of it and still be that multiple."""
+
+MOST_OFF_GRID = 0.05
+"""Conventional: part of the steps that may miss by more; of steps of arbitrary length one third does."""
+
+FINEST_PART = 4
+"""Conventional: the median step is at most so many grid steps; a record of which more is missing is not resampled."""
+
+SAME_STEP = 1e-3
+"""Numerical: steps of a converter are equal to this part of one."""
 
 
 class OnGrid(NamedTuple):

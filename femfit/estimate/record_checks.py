@@ -21,17 +21,7 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, current_columns, voltage_columns
 from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import (
-    AGAINST,
-    FALLING,
-    FASTEST_STEP,
-    FLOWS,
-    LEAST_DIFFERENCES,
-    LOUD,
-    OFF,
-    SLOWEST_STEP,
-    SWAPPED,
-)
+from femfit.estimate.constants import LEAST_DIFFERENCES
 from femfit.estimate.record import bridged, converter_step, white_noise
 from femfit.estimate.rests import Rests, Track, find_rests
 from femfit.model.actuator_model import ActuatorModel
@@ -39,6 +29,28 @@ from femfit.model.with_effects import true_setting_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import LEAST_READINGS, column_unit, suspected_by_range
+
+FLOWS, AGAINST = 0.1, 0.5
+"""Conventional: parts of the largest command or current from which one flows, and of the heat in the winding that the
+mean power must be negative by before its polarity is suspected, or less by before it is taken for the current: a body
+that is driven from outside gives less back."""
+
+SWAPPED = 3.0
+"""Assumed: heat of the drawn resistance over the mean power from which columns are swapped; less is a resistance."""
+
+LOUD = 1.5
+"""Derived: times the standard deviation of all readings above which a declared noise is not theirs: that of a hundred
+readings of white noise alone is uncertain by 7 %, and a slow noise may last as long as the record."""
+
+SLOWEST_STEP, FASTEST_STEP = 100.0, 1e-6
+"""Conventional: times of the model's slowest own time above which a step cannot be filtered, and of its fastest below
+which rounding is all that a step changes."""
+
+OFF = 3.0
+"""Conventional: a current within so many standard deviations of zero has stopped."""
+
+FALLING = 12
+"""Conventional: samples before a current is lost in its noise, by whose slope it goes on to zero, so many at most."""
 
 
 def suspect_settings(

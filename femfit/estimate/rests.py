@@ -21,9 +21,19 @@ import numpy as np
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, FINEST, LEAST_BLOCKS, STILL, WRONG_FACTOR
+from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, STILL
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.findings import finding
+
+LEAST_BLOCKS = 4
+"""Conventional: blocks of a rest; fewer are a turning point."""
+
+WRONG_FACTOR = 2.0
+"""Conventional: a model is taken to be wrong by less than this factor in its force. A body that stands still where no
+such error balances the forces is held; one that could be balanced is taken as free."""
+
+FINEST = 1e-7
+"""Numerical: part of the validity domain below which a simulated distance is rounding, not noise."""
 
 Place = Literal["near", "far", "held"]
 

@@ -13,9 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.estimate.constants import JOINED, LONGEST_PIECE, ROUNDING, SHORTEST_PIECE, TURNS
-from femfit.estimate.filter import Filter
-from femfit.estimate.process import FilterState
+from femfit.estimate.filter import Filter, FilterState
+
+SHORTEST_PIECE, LONGEST_PIECE = 250, 2000
+"""Conventional: samples of a piece of a record; pieces run side by side, and a filter forgets its start within one."""
+
+JOINED, ROUNDING = 1e-12, 1e-15
+"""Numerical: a piece begins where the one before ended if no state differs by more than this of its deviation or this
+of itself, and no variance by more than the first of itself: the record is then followed sample by sample."""
+
+TURNS = 25
+"""Conventional: a filter that has not forgotten its starts after so many turns runs one piece after the other."""
 
 
 class Log(NamedTuple):

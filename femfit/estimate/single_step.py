@@ -115,7 +115,7 @@ class StepFunction:
         def made(function: GraphFunction) -> ca.Function:
             return function.by_tables if compact else function.at_a_point
 
-        moves = [made(step) for step, _ in graph.steps]
+        moves = [made(graph.step(first=first)) for first in graph.steps]
         looks = [made(graph.reading(output.name)) for output in outputs]
         count = points * sum(function.n_instructions() for function in (*moves, *looks))
         written = count < MOST_WRITTEN and not compact
@@ -134,13 +134,13 @@ class StepFunction:
 
         def moved_with_slope(x: Any, _: Any) -> tuple[Any, Any]:
             result = symbol.eye(n)
-            for _, make in graph.steps:
-                x, columns = ca.vertsplit(made(make())(x, u), [0, n, n + n * n])
+            for first in graph.steps:
+                x, columns = ca.vertsplit(made(graph.step(first=first, slopes=True))(x, u), [0, n, n + n * n])
                 result = ca.reshape(columns, n, n) @ result
             return x, result
 
         def read_slope(name: str, x: Any) -> Any:
-            return ca.reshape(made(graph.reading_slope(name))(x, u), -1, n)
+            return ca.reshape(made(graph.reading(name, slopes=True))(x, u), -1, n)
 
         terms = Terms(
             product=ca.mtimes,

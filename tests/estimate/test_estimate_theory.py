@@ -11,11 +11,12 @@ from scipy.stats import chi2
 from femfit.core.errors import DomainError
 from femfit.core.numerics import central_differences
 from femfit.device.mechanics import Mechanics, Spring
+from femfit.estimate.filter import cholesky
 from femfit.estimate.holding import holding_current
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise, consistency_band, default_noise, process_covariance, unstable_pole
-from femfit.estimate.process import Output, cholesky
+from femfit.estimate.process import Output
 from femfit.simulation.observers import distance_inverse
 from support.added_effects import under_effects
 from support.eddies import with_eddies

@@ -8,10 +8,9 @@ import pytest
 from femfit.core.errors import FilterError, MissingPartError
 from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along
-from femfit.estimate.filter import Filter
+from femfit.estimate.filter import Filter, FilterOutcome
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalman_filter
 from femfit.estimate.levitation import levitation_process
-from femfit.estimate.process import FilterOutcome
 from femfit.model.json_file import write_model
 from support.compiling import compile_at_once, needs_compiler
 from support.one_current import within
@@ -100,7 +99,7 @@ def test_states_are_never_changed_in_place_and_the_first_outcome_stays(process, 
     state = filter_.predict(filter_.start(far, initial_covariance()), 0.86)
     state = filter_.update(state, np.nan)
     assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
-    after, slopes = process.transition_with_slopes(np.zeros((0, process.order)), np.zeros(0))  # of no body at all
+    after, slopes = process.with_slopes(np.zeros((0, process.order)), np.zeros(0))  # of no body at all
     assert (after.shape, slopes.shape) == ((0, process.order), (0, process.order, process.order))
 
 

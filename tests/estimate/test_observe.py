@@ -11,9 +11,9 @@ from femfit.core.text import amount
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate import run_filter
+from femfit.estimate.filter import FilterOutcome
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
 from femfit.estimate.follow import noise_of
-from femfit.estimate.process import FilterOutcome
 from femfit.model.sensors import reading_of
 from femfit.model.with_effects import with_effects
 from support.one_current import within
