@@ -9,18 +9,20 @@ from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from functools import cached_property
-from math import isnan
+from itertools import pairwise
 from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femfit.core.compiled import Compilation
 from femfit.core.errors import FilterError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Printed
+from femfit.core.tape import Caller
 from femfit.core.text import counted
 from femfit.estimate.process import FilterProcess
-from femfit.estimate.single_step import StepFunction, Terms, in_arrays
+from femfit.estimate.single_step import MISSING, Terms, in_arrays, step_function
 from femfit.estimate.words import sentence
 
 BAND_99_9 = 10.828
@@ -257,9 +259,12 @@ class Filter(Printed, ABC):
         return self.update(self.predict(state, voltage), measurement)
 
     @cached_property
-    def single(self) -> StepFunction:
-        """One step of one run as one function, by the process's graph."""
-        return StepFunction(self)
+    def _single(self) -> tuple[Caller, FloatArray, list[slice]]:
+        """One step of one run as one function, the variances of its readings, and where its results stand."""
+        function, n, m = step_function(self), self.process.order, len(self.process.outputs)
+        ends = np.cumsum([0, n * n, n * n, n, n, m, m]).tolist()
+        variances = np.array([output.variance for output in self.process.outputs])
+        return Caller(function, Compilation(lambda: function)), variances, [slice(*pair) for pair in pairwise(ends)]
 
     @cached_property
     def _terms(self) -> Terms:
@@ -267,22 +272,27 @@ class Filter(Printed, ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """What is worked out again on demand is not pickled."""
-        return {name: value for name, value in vars(self).items() if name not in {"single", "_terms"}}
+        return {name: value for name, value in vars(self).items() if name not in {"_single", "_terms"}}
 
+    @final
     def _next_alone(self, state: FilterState, inputs: Any, readings: FloatArray) -> FilterState | None:
         """The state of one run that stays healthy; None where anything must be named."""
-        process, fraction = self.process, state.out_of_band.item()
-        step = self.single(state.mean[0], state.factor[0].T, inputs, readings)
-        for innovation, variance in zip(step.innovations.tolist(), step.variances.tolist(), strict=True):
-            if not isnan(innovation):  # as of a missing sample
-                fraction += ((innovation * innovation > BAND_99_9 * variance) - fraction) / self.divergence_steps
-        plausible = process.is_plausible(step.predicted.tolist()) and process.is_plausible(step.mean.tolist())
-        if fraction > 0.5 or not plausible or not step.factor[-1, -1] > 0.0:
+        process, fraction, n = self.process, state.out_of_band.item(), state.mean.shape[1]
+        step, variances, places = self._single
+        if (missing := np.isnan(readings)).any():
+            readings, variances = np.where(missing, 0.0, readings), np.where(missing, MISSING, variances)
+        values = step(state.mean[0], state.factor[0].T.ravel(), inputs, readings, variances)
+        covariance, factor, mean, predicted, innovations, spreads = (values[place] for place in places)
+        for innovation, spread, unread in zip(innovations.tolist(), spreads.tolist(), missing.tolist(), strict=True):
+            if not unread:
+                fraction += ((innovation * innovation > BAND_99_9 * spread) - fraction) / self.divergence_steps
+        plausible = process.is_plausible(predicted.tolist()) and process.is_plausible(mean.tolist())
+        if fraction > 0.5 or not plausible or not factor[-1] > 0.0:
             return None
-        judged = step.innovations, step.variances
-        if len(process.outputs) > 1:
-            judged = step.innovations[None], step.variances[None]
-        moments = step.mean[None], step.covariance[None], step.factor[None]
+        if missing.any():
+            innovations, spreads = np.where(missing, np.nan, innovations), np.where(missing, np.nan, spreads)
+        judged = (innovations, spreads) if len(process.outputs) == 1 else (innovations[None], spreads[None])
+        moments = mean[None], covariance.reshape(1, n, n), factor.reshape(n, n).T[None]
         return FilterState(*moments, *judged, np.array([fraction]), state.outcome)
 
     def _next(

@@ -1,6 +1,6 @@
 """A record through a filter of its model: how the filter is made, what it saw, and whether it can be relied on."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,10 +36,10 @@ class OneFilter:
 
     name: str
     built: Filter
+    noise: FilterNoise  # That it was given
     replayed: Replayed
     innovations: tuple[Innovations, ...]
     beside: tuple[Beside, ...]
-    estimates: Mapping[str, FloatArray]  # What the estimate says of each recorded channel
     prepared: Prepared
     lost_at_s: float | None  # When it no longer ran, for whatever reason
     outcome: FilterOutcome
@@ -87,90 +87,77 @@ class OneFilter:
         }
 
 
-def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
-    """Whether a record has what a filter of this model needs: a command, and a current, distance or Hall voltage."""
-    names = model.circuit_names
-    complete = model.motion is not None and set(voltage_columns(names)) <= set(series.given)
-    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & set(series.given)
-    return complete and (bool(names) or not model.has_winding) and bool(read)
-
-
 def followed(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
-    """The first samples of a record through the model's unscented filter; None where it has no filter for it."""
-    if not can_be_filtered(model, series):
+    """The first samples of a record through the model's unscented filter; None where it has no filter for it.
+
+    It needs a command, and a current, distance or Hall voltage.
+    """
+    names, given = model.circuit_names, set(series.given)
+    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & given
+    if (
+        model.motion is None
+        or not read
+        or not set(voltage_columns(names)) <= given
+        or (model.has_winding and not names)
+    ):
         return None
-    short = replace(series, rows=series.rows[:NOISE_SAMPLES])
     try:
-        prepared = prepare(model, short, None)
-        return follow(prepared, "ukf", None, noise_of(prepared, None))
+        return follow(prepare(model, replace(series, rows=series.rows[:NOISE_SAMPLES]), None))
     except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
         return None
 
 
-def follow(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
-    """The record through one filter."""
-    built = filter_of(prepared, name, biases, noise)
-    resting = None
+def follow(
+    prepared: Prepared, name: str = "ukf", biases: Sequence[str] | None = None, noise: FilterNoise | None = None
+) -> OneFilter:
+    """The record through one filter, with noises as given, or of the model and the record.
+
+    A filter that does not read the recorded distance starts from it where every stretch begins with one.
+    """
+    kind, biased = FILTERS[name]
+    chosen: Sequence[str] = ()
+    if biased:
+        chosen = biases or [sensor.name for sensor in prepared.sensors if sensor.unit != "A"][:1] or prepared.names[:1]
+    noise = default_noise(prepared.model) if noise is None else noise
+    hall = prepared.noise.get(HALL, noise.hall_V)
+    noise = replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
+    model, box, recorded = prepared.model, prepared.model.validity, prepared.recorded
+    read, distance = {sensor.column for sensor in prepared.sensors}, recorded.get("distance_m")
+    known = "distance_m" not in read and distance is not None and np.isfinite(distance[prepared.begins]).all()
+    built = kalman_filter(
+        model,
+        kind,
+        sensors=prepared.names,
+        biases=chosen,
+        noise=noise,
+        first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
+    )
+    resting = built
     if prepared.resting is not None:  # of a body that stands still: the current flows as in a body that nothing moves
         covariance = built.process.process_covariance.copy()
         covariance[:2, :2] = np.diag(np.square(prepared.resting))
         resting = replace(built, process=replace(built.process, held=True, process_covariance=covariance))
-    replayed = replay(built, prepared.log, resting)
+    replayed = replay(built, prepared, resting)
     judged = [
-        innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
-        for k, reading in enumerate(prepared.readings)
+        innovations_of(sensor.name, sensor.unit, replayed.innovation[:, k], replayed.variance[:, k])
+        for k, sensor in enumerate(prepared.sensors)
     ]
-    estimates = _estimates(prepared, replayed)
-    compared = [
-        beside(column, column in prepared.columns, prepared.recorded[column], values)
-        for column, values in estimates.items()
-    ]
+    estimates: dict[str, FloatArray] = {}  # by column, the reading of a sensor of the model in each estimated state
+    stretches = np.split(replayed.mean[:, : model.order], prepared.begins[1:])
+    for sensor_name, sensor in sensors_of(model).items():
+        column = reading_of(model, sensor_name).column
+        if column in recorded and column not in estimates:
+            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
+    compared = [beside(column, column in read, recorded[column], values) for column, values in estimates.items()]
     lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)
     return OneFilter(
         name=name,
         built=built,
+        noise=noise,
         replayed=replayed,
         innovations=tuple(innovations for innovations in judged if innovations is not None),
         beside=tuple(channel for channel in compared if channel is not None),
-        estimates=estimates,
         prepared=prepared,
         lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
         outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if len(lost) else FilterOutcome.RUNNING,
-    )
-
-
-def _estimates(prepared: Prepared, replayed: Replayed) -> dict[str, FloatArray]:
-    """By column, the reading of a sensor of the model in each estimated state, shape (samples,)."""
-    model, estimates = prepared.model, {}
-    for name, sensor in sensors_of(model).items():
-        column = reading_of(model, name).column
-        if column in prepared.recorded and column not in estimates:
-            stretches = np.split(replayed.mean[:, : model.order], prepared.log.begins[1:])
-            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
-    return estimates
-
-
-def noise_of(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
-    """Noises as given, or of the model and the record."""
-    noise = default_noise(prepared.model) if noise is None else noise
-    hall = prepared.noise.get(HALL, noise.hall_V)
-    return replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
-
-
-def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:
-    """The filter; one that does not read the recorded distance starts from it where every stretch begins with one."""
-    kind, biased = FILTERS[name]
-    chosen: Sequence[str] = ()
-    if biased:
-        chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
-    model, box, distance = prepared.model, prepared.model.validity, prepared.recorded.get("distance_m")
-    begins_there = distance is not None and np.isfinite(distance[prepared.log.begins]).all()
-    known = begins_there and "distance_m" not in prepared.columns
-    return kalman_filter(
-        model,
-        kind,
-        sensors=prepared.sensors,
-        biases=chosen,
-        noise=noise,
-        first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
     )

@@ -54,10 +54,10 @@ class ExtendedFilter(Filter):
     ) -> tuple[Any, Any, Any, Any]:
         """(1 - K H) P (1 - K H)' + K R K'."""
         mean, covariance, _ = before
-        slope = of.read_slope[sensor](mean)
+        slope = of.read_slope(sensor, mean)
         cross = of.product(covariance, of.turned(slope))
         variance = of.product(slope, cross) + noise
-        gain, innovation = cross / variance, reading - of.read[sensor](mean)
+        gain, innovation = cross / variance, reading - of.read(sensor, mean)
         kept = of.unit - of.product(gain, slope)
         covariance = of.product(of.product(kept, covariance), of.turned(kept))
         covariance = covariance + noise * of.product(gain, of.turned(gain))
@@ -101,7 +101,7 @@ class UnscentedFilter(Filter):
         6.3.3), which no rounding makes indefinite.
         """
         (mean, _, factor), (spread, weight, shift_weight), half = before, self.scaling, self.process.order
-        seen = of.read[sensor](self._drawn(of, mean, factor))
+        seen = of.read(sensor, self._drawn(of, mean, factor))
         delta = seen[:, 1:] - seen[:, :1]
         across, both = weight * spread * (delta[:, :half] - delta[:, half:]), delta[:, :half] + delta[:, half:]
         shift = weight * of.total(both)

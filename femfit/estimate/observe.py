@@ -13,9 +13,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Plotted
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED
 from femfit.estimate.find_noise import FoundNoise, find_noise
-from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
+from femfit.estimate.follow import FILTERS, OneFilter, follow
 from femfit.estimate.noise import FilterNoise
-from femfit.estimate.prepare import Prepared, prepare
+from femfit.estimate.prepare import prepare
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -136,22 +136,21 @@ def observe(
     if unknown or not names:
         raise FilterError(f"A filter must be one of {', '.join(FILTERS)}; instead received {filter!r}.")
     prepared = prepare(model, series, sensors)
-    noise = noise_of(prepared, noise)
     runs = [follow(prepared, name, biases, noise) for name in names]
-    shown = find_noise(runs[0].built, prepared, runs[0].replayed, noise) if find else None
+    shown = find_noise(runs[0]) if find else None
     error = prepared.model.sample_step.error  # of steps that do not follow what happens within a sample
     share = f"{100.0 * error:.2g} %" if np.isfinite(error) else "all"
     coarse = [finding("coarse-sample", share=share, size=error)] if not error <= COARSE else []
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
         source=series.source,
-        sensors=prepared.sensors,
+        sensors=prepared.names,
         time_s=prepared.time_s,
         recorded=prepared.recorded,
         filters=tuple(runs),
         findings=(
             *prepared.findings,
-            *_told_by_estimate(prepared, runs[0]),
+            *_told_by_estimate(runs[0]),
             *coarse,
             *([NO_NOISE_FOUND] if find and shown is None else []),
         ),
@@ -159,19 +158,17 @@ def observe(
     )
 
 
-def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
+def _told_by_estimate(run: OneFilter) -> list[Finding]:
     """Rests on a stop where no recorded distance tells them, and where the model leaves its validity domain.
 
     An estimate that is not consistent with the readings, or does not claim to know the distance, tells no rest.
     """
-    model, mean, findings = prepared.model, run.replayed.mean, []
-    near, far = model.require_motion().ends
-    samples = len(mean)
-    box, deviation = model.validity, run.replayed.deviation
+    model, mean, deviation, findings = run.prepared.model, run.replayed.mean, run.replayed.deviation, []
+    box, samples = model.validity, len(mean)
     least = AT_STOP * (box.distance_max_m - box.distance_min_m)
     close = np.where(deviation[:, 0] <= least, deviation[:, 0], -1.0)
-    if "distance_m" not in prepared.recorded and run.trusted:
-        for side, stop in (("near", near), ("far", far)):
+    if "distance_m" not in run.prepared.recorded and run.trusted:
+        for side, stop in zip(("near", "far"), model.require_motion().ends, strict=True):
             resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
             if resting.any():
                 share = 100.0 * float(resting.mean())

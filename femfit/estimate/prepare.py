@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.core.text import amount, counted
@@ -23,7 +23,6 @@ from femfit.estimate.record import (
     with_distance,
 )
 from femfit.estimate.record_checks import check_record, require_possible_step
-from femfit.estimate.run_filter import Log
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import OtherSensor
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
@@ -39,10 +38,13 @@ class Prepared:
     """A record as a filter takes it."""
 
     model: ActuatorModel  # With the record's step as its sample time, and the record's sensors
-    sensors: tuple[str, ...]
-    readings: tuple[Reading, ...]
+    sensors: tuple[Reading, ...]  # That the filter reads
     time_s: FloatArray
-    log: Log
+    inputs: FloatArray  # Held from the sample before; (samples, circuits)
+    readings: FloatArray  # NaN where missing; (samples, sensors)
+    begins: IntArray  # Indices of the first samples of stretches without a gap, ascending from 0
+    guesses: FloatArray  # First estimate of every sample, of which pieces take theirs; (samples, n)
+    held: BoolArray  # Whether the body stands still, whatever the forces say; (samples,)
     recorded: dict[str, FloatArray]  # Every channel of the record, one entry a sample
     findings: tuple[Finding, ...]
     noise: dict[str, float]  # White noise of each sensor
@@ -50,56 +52,71 @@ class Prepared:
     resting: tuple[float, float] | None
 
     @property
-    def columns(self) -> set[str | None]:
-        """Of the record that the filter reads."""
-        return {reading.column for reading in self.readings}
+    def names(self) -> tuple[str, ...]:
+        """Of the sensors."""
+        return tuple(sensor.name for sensor in self.sensors)
 
 
 def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
     """Choose sensors, take the record's step, and set aside what no filter should believe."""
     commands = voltage_columns(model.circuit_names)
     model.require_circuits()
+    # What was left out of the record, which may be what is missing
+    left_out = " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
     lacking = [name for name in commands if name not in series.given]
     if lacking:
-        left_out = _left_out(series)
         remedy = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
         raise TableError(
             f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
             f"{', '.join(series.given)}. Record {' and '.join(lacking)}{remedy}. {left_out}".rstrip()
         )
     series, added = on_grid(series)
-    rows = series.rows
-    drawn, findings = tuple(sensors_of(model)), list(series.findings)
+    drawn, rows = tuple(sensors_of(model)), series.rows
     model = with_recorded_sensors(model, series)
-    names = _chosen(model, series, sensors, drawn)
-    readings = tuple(reading_of(model, name) for name in names)
-    time, channels = rows["time_s"].to_numpy(), [name for name in series.given if name not in {"run", "time_s"}]
-    recorded = {name: rows[name].to_numpy(copy=True) for name in channels}
+    usable = recorded_sensors(model, series)
+    # As asked for; else those of the drawing that were recorded, or what was where none of them is
+    names = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
+    chosen = tuple(reading_of(model, name) for name in names)
+    unread = [name for name in names if name not in usable]
+    if unread or not names:
+        raise TableError(
+            f"A filter needs the readings of its sensors ({', '.join(unread) or 'one at least'}); {series.source} "
+            f"holds {', '.join(series.given)}, of which the model's sensors read "
+            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column. "
+            f"{left_out}".rstrip()
+        )
+    time = rows["time_s"].to_numpy()
     begins, step = stretches_and_step(time, rows["segment"].to_numpy(), model.sample_time_s)
     require_possible_step(model, step, series.source)
     checked = check_record(model, with_distance(model, series), added)
-    rests, noise_m = checked.rests, checked.track.noise_m
-    volts = np.array([drive.voltage_V for drive in checked.given]).reshape(len(commands), len(time)).T
-    inputs, held_findings = _inputs(volts, begins)
-    findings += [*checked.findings, *held_findings]
-    read = [sensor_readings(series, reading, begins, step) for reading in readings]
-    noises = [_noise(series, values, reading) for (values, _), reading in zip(read, readings, strict=True)]
+    findings = [*series.findings, *checked.findings]
+    if missing := int(np.isnan(checked.voltage_V).sum()):
+        findings.append(finding("held-command", missing=missing))
+    held = pd.DataFrame(checked.voltage_V).ffill().fillna(0.0).to_numpy()
+    inputs = np.concatenate([held[:1], held[:-1]])
+    inputs[begins] = held[begins]
+    read = [sensor_readings(series, reading, begins, step) for reading in chosen]
+    noises = [_noise(series, values, reading) for (values, _), reading in zip(read, chosen, strict=True)]
     findings += [told for _, of_channel in [*read, *noises] for told in of_channel]
     # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
+    rests, noise_m = checked.rests, checked.track.noise_m
     held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
-    log = Log(
+    return Prepared(
+        model=replace(model, sample_time_s=step),
+        sensors=chosen,
+        time_s=time,
         inputs=inputs,
         readings=np.stack([values for values, _ in read], axis=1),
         begins=begins,
         guesses=_guesses(model, checked.track.distance_m, checked.track.current_A[:, : len(commands)]),
         held=replace(rests, rests=held_rests).held,
+        recorded={name: rows[name].to_numpy(copy=True) for name in series.given if name not in {"run", "time_s"}},
+        findings=tuple(findings),
+        noise={name: value for name, (value, _) in zip(names, noises, strict=True)},
+        # A held body stays where it is; it may have become so fast before its leaving is seen
+        resting=(STANDS_STILL * noise_m, STILL * noise_m / (BLOCK * step)) if rests.rests else None,
     )
-    noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
-    model = replace(model, sample_time_s=step)
-    # A held body stays where it is; it may have become so fast before its leaving is seen
-    resting = (STANDS_STILL * noise_m, STILL * noise_m / (BLOCK * step)) if rests.rests else None
-    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting)
 
 
 def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
@@ -123,41 +140,6 @@ def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence
     """Names of the sensors that the record has readings of, those of some columns left out."""
     columns = {name: reading_of(model, name).column for name in sensors_of(model)}
     return tuple(name for name, column in columns.items() if column in series.given and column not in without)
-
-
-def _left_out(series: TimeSeries) -> str:
-    return " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
-
-
-def _chosen(
-    model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None, drawn: Sequence[str]
-) -> tuple[str, ...]:
-    """As asked for; else those of the drawing that were recorded, or what was where none of them is."""
-    usable = recorded_sensors(model, series)
-    wanted = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
-    for name in wanted:
-        sensor_named(model, name)
-    lacking = [name for name in wanted if name not in usable]
-    if lacking or not wanted:
-        raise TableError(
-            f"A filter needs the readings of its sensors ({', '.join(lacking) or 'one at least'}); {series.source} "
-            f"holds {', '.join(series.given)}, of which the model's sensors read "
-            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column. "
-            f"{_left_out(series)}".rstrip()
-        )
-    return wanted
-
-
-def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:
-    """The voltage held from the sample before to each one."""
-    missing, findings = int(np.isnan(volts).sum()), []  # volts of shape (samples, circuits)
-    if missing:
-        findings.append(finding("held-command", missing=missing))
-    last = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))[:, None]), axis=0)
-    held = np.nan_to_num(np.take_along_axis(volts, last, axis=0))
-    before = np.concatenate([held[:1], held[:-1]])
-    before[begins] = held[begins]
-    return before, findings
 
 
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:

@@ -12,8 +12,7 @@ of a state that earlier ones are added to.
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import cached_property
-from math import isfinite
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -92,23 +91,15 @@ class FilterProcess:
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""
-        result = np.ones(len(states), dtype=np.bool_)
-        for k, low, high in self._bounds:
-            result &= (states[:, k] > low) & (states[:, k] < high)
-        return result
+        return np.asarray(((states > self.lower) & (states < self.upper)).all(axis=1))
 
     def is_plausible(self, state: list[float]) -> bool:
         """Whether one state is finite and plausible."""
-        for k, low, high in self._bounds:
-            if not low < state[k] < high:
-                return False
-        return isfinite(sum(state))
+        return all(low < value < high for value, (low, high) in zip(state, self._ranges, strict=True))
 
     @cached_property
-    def _bounds(self) -> list[tuple[int, float, float]]:
-        """The states with a range, and the ranges."""
-        bounded = np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper))
-        return [(int(k), float(self.lower[k]), float(self.upper[k])) for k in bounded]
+    def _ranges(self) -> list[list[float]]:
+        return np.stack([self.lower, self.upper], axis=1).tolist()
 
     @cached_property
     def light(self) -> bool:
@@ -122,21 +113,11 @@ class FilterProcess:
 
     def step(self, *, first: bool, slopes: bool = False) -> GraphFunction:
         """:meth:`moved`, and below it df/dx column by column where slopes are wanted."""
-
-        def make(x: SX, voltage: SX) -> SX:
-            after = self.moved(x, voltage, first=first)
-            return ca.vertcat(after, ca.vec(ca.jacobian(after, x))) if slopes else after
-
-        return self._function(("step", first, slopes), make)
+        return self._function(("step", first), partial(self.moved, first=first), slopes=slopes)
 
     def reading(self, name: str, *, slopes: bool = False) -> GraphFunction:
-        """The reading of a sensor, or its gradient."""
-
-        def make(x: SX, _: SX) -> SX:
-            value = self.read(x, name)
-            return ca.gradient(value, x) if slopes else value
-
-        return self._function((name, slopes), make)
+        """The reading of a sensor, and below it its gradient where slopes are wanted."""
+        return self._function(("reading", name), lambda x, _: self.read(x, name), slopes=slopes)
 
     def moved(self, x: SX, voltage: SX, *, first: bool = True) -> SX:
         """All states a step later."""
@@ -208,16 +189,17 @@ class FilterProcess:
 
     def gradient(self, name: str, states: FloatArray) -> FloatArray:
         """Gradients of :meth:`measure`, (N, n)."""
-        return self._values(self.reading(name, slopes=True), states)
+        return self._values(self.reading(name, slopes=True), states)[:, 1:]
 
-    def _function(self, what: Hashable, make: Callable[[SX, SX], SX]) -> GraphFunction:
+    def _function(self, what: Hashable, make: Callable[[SX, SX], SX], *, slopes: bool = False) -> GraphFunction:
         """A function of all states and the circuits' voltages, made once."""
 
         def made() -> GraphFunction:
             x, u = SX.sym("x", self.order), SX.sym("u", self.inputs)
-            return GraphFunction([x, u], make(x, u))
+            value = make(x, u)
+            return GraphFunction([x, u], ca.vertcat(value, ca.vec(ca.jacobian(value, x))) if slopes else value)
 
-        return once(self, what, made)
+        return once(self, (what, slopes), made)
 
     def _values(self, function: GraphFunction, states: FloatArray, inputs: FloatArray | None = None) -> FloatArray:
         """Values (N, entries); without inputs where the function does not depend on them."""

@@ -75,11 +75,12 @@ def suspect_settings(
 
 @dataclass(frozen=True, eq=False)
 class CheckedRecord:
-    """Where the body of a record was and rested, what its drivers gave, one entry a circuit, and what is said of it."""
+    """Where the body of a record was and rested, what its drivers gave, and what is said of it."""
 
     track: Track
     rests: Rests
-    given: tuple["Given", ...]
+    voltage_V: FloatArray  # NaN where missing; (samples, circuits)
+    unsure: BoolArray  # Where a diode stops conducting in the noise of the current, at a moment that is estimated
     findings: tuple[Finding, ...]
 
 
@@ -97,23 +98,19 @@ def check_record(model: ActuatorModel, series: TimeSeries, added: BoolArray | No
     settings = rows.reindex(columns=names).to_numpy(dtype=np.float64)
     if not model.has_winding:
         settings[:, 0] = 0.0
-    *noise_A, noise_m = (
-        float(series.declared_noise.get(name, 0.0)) or _sample_noise(values, segment, added)
-        for name, values in zip(names, settings.T, strict=True)
-    )
+    noises = [float(series.declared_noise.get(name, 0.0)) for name in names]
+    for k, values in enumerate(settings.T):  # from neighbouring samples, or else from those that were written
+        spreads = (white_noise(values[here], segment[here]) for here in (slice(None), ~added))
+        noises[k] = noises[k] or next((spread for spread in spreads if np.isfinite(spread)), np.nan)
     distance, current = (bridged(true, added) for true in true_setting_of(model, settings[:, -1], settings[:, :-1]))
-    track = Track(time, segment, distance, current, noise_m, noise_A)
+    track = Track(time, segment, distance, current, noises[-1], noises[:-1])
     rests = find_rests(model, track)
-    commands = rows.reindex(columns=voltage_columns(model.circuit_names)).to_numpy(dtype=np.float64)
-    given = tuple(given_voltage(model, track, volts, k) for k, volts in enumerate(commands.T))
-    told = (finding for drive in given for finding in drive.findings)
-    return CheckedRecord(track, rests, given, (*suspect_record(model, series), *rests.findings, *told))
-
-
-def _sample_noise(values: FloatArray, segment: IntArray, added: BoolArray) -> float:
-    """Of a channel, from neighbouring samples, or else from those that were written; NaN where neither says it."""
-    spread = white_noise(values, segment)
-    return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
+    volts = rows.reindex(columns=voltage_columns(model.circuit_names)).to_numpy(dtype=np.float64, copy=True)
+    unsure, findings = np.zeros(volts.shape, dtype=bool), [*suspect_record(model, series), *rests.findings]
+    for k, commands in enumerate(volts.T):
+        volts[:, k], unsure[:, k], told = given_voltage(model, track, commands, k)
+        findings += told
+    return CheckedRecord(track, rests, volts, unsure, tuple(findings))
 
 
 def suspect_record(model: ActuatorModel, series: TimeSeries) -> list[Finding]:
@@ -209,16 +206,9 @@ def _own_times(model: ActuatorModel) -> tuple[float, ...]:
     return tuple(time for time in times if time > 0.0 and np.isfinite(time))
 
 
-@dataclass(frozen=True, eq=False)
-class Given:
-    """The voltage that the driver gave, and what is said of it."""
-
-    voltage_V: FloatArray
-    unsure: BoolArray  # Where a diode stops conducting in the noise of the current, at a moment that is estimated
-    findings: tuple[Finding, ...]
-
-
-def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circuit: int) -> Given:
+def given_voltage(
+    model: ActuatorModel, track: Track, voltage: FloatArray, circuit: int
+) -> tuple[FloatArray, BoolArray, list[Finding]]:
     """The voltage at the winding: commands beyond the supply are clamped, as the driver does.
 
     Parameters
@@ -227,12 +217,15 @@ def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circu
         Commands in V; NaN where missing.
     circuit : int
         The place of the circuit whose voltage it is.
+
+    Returns
+    -------
+    tuple of (array, array of bool, list of Finding)
+        The voltage; where a diode stops conducting at a moment that is estimated; and what is said of it.
     """
     fed, noise_A = model.circuits[circuit], track.noise_A[circuit]
     clamped = np.clip(voltage, fed.voltage_min_V, fed.voltage_max_V)
-    with np.errstate(invalid="ignore"):
-        beyond = clamped != voltage
-    beyond &= np.isfinite(voltage)
+    beyond = (clamped != voltage) & np.isfinite(voltage)
     diode, unsure = fed.drive.diode_V, np.zeros(len(voltage), dtype=bool)
     if diode is not None:
         off, clear = voltage <= 0.0, OFF * noise_A if np.isfinite(noise_A) else 0.0
@@ -240,12 +233,12 @@ def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circu
         voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), volts) for volts in (voltage, clamped))
         beyond &= ~off
     if not beyond.any():
-        return Given(voltage, unsure, ())
+        return voltage, unsure, []
     reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
     of = f" to {fed.name}" if len(model.circuits) > 1 else ""
     commands = f"{counted(int(beyond.sum()), 'command')}{of} of {len(voltage)} ({reach})"
-    told = finding("clamped", commands=commands, limits=amount_range(fed.voltage_min_V, fed.voltage_max_V, "V"))
-    return Given(clamped, unsure, (told,))
+    limits = amount_range(fed.voltage_min_V, fed.voltage_max_V, "V")
+    return clamped, unsure, [finding("clamped", commands=commands, limits=limits)]
 
 
 def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: float) -> tuple[BoolArray, BoolArray]:

@@ -20,7 +20,7 @@ from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import first_deviations
 from femfit.estimate.process import FilterProcess
-from femfit.estimate.single_step import StepFunction
+from femfit.estimate.single_step import step_function
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.plant import Plant
@@ -118,7 +118,7 @@ def _texts(
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.start_covariance
-    source, sizes = _arithmetic(StepFunction(built, compact=True, floor=FLOOR[real]).function, process, real)
+    source, sizes = _arithmetic(step_function(built, compact=True, floor=FLOOR[real]), process, real)
     size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
