@@ -24,9 +24,8 @@ from femfit.estimate.constants import LEAST_JUDGED, NOISE_SAMPLES
 from femfit.estimate.filter import FilterOutcome
 from femfit.estimate.follow import OneFilter
 from femfit.estimate.noise import motion_rate, operating_distance
-from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import HALL, reading_of
+from femfit.model.sensors import HALL, reading_of, sensors_of
 from femfit.model.validity import ProcessNoise
 
 NOISE_PIECE, FORGOTTEN = 500, 100
@@ -65,16 +64,6 @@ class FoundNoise:
     samples: int
     force_N: float | None  # Force error that the acceleration noise amounts to
 
-    def lines(self, *, lost: bool = False) -> list[str]:
-        """In plain words; a noise that may be larger than the filter was given is not told where it is not known.
-
-        Parameters
-        ----------
-        lost : bool
-            Whether the filter was lost: then what the innovations are made of cannot be told.
-        """
-        return sentence("observe", "noise", self, lost).splitlines()
-
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         return {
@@ -91,12 +80,12 @@ def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:
     )
 
     def changed(quiet: ActuatorModel) -> ActuatorModel:
-        def own(name: str, before: float) -> float:  # what is left of the noise beside the converter's rounding
-            rounding = reading_of(quiet, name).white ** 2 - before**2
-            return float(np.sqrt(max(deviations[name] ** 2 - rounding, 0.0))) if name in deviations else before
-
-        sensors = tuple(replace(s, noise=own(s.name, s.noise)) for s in quiet.other_sensors)
-        hall = quiet.sensor and replace(quiet.sensor, noise_V=own(HALL, quiet.sensor.noise_V))
+        own = {  # what is left of the noise beside the converter's rounding
+            name: float(np.sqrt(max(deviations[name] ** 2 - reading_of(quiet, name).rounding ** 2, 0.0)))
+            for name in deviations.keys() & sensors_of(quiet)
+        }
+        sensors = tuple(replace(sensor, noise=own.get(sensor.name, sensor.noise)) for sensor in quiet.other_sensors)
+        hall = quiet.sensor and replace(quiet.sensor, noise_V=own.get(HALL, quiet.sensor.noise_V))
         return replace(quiet, other_sensors=sensors, sensor=hall, process_noise=process)
 
     held = changed(model)

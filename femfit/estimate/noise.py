@@ -38,6 +38,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.decay import responses
 from femfit.model.dynamics import eddy_currents_of, state_derivative
 from femfit.model.sensors import HALL, reading_of
+from femfit.model.validity import ProcessNoise
 
 UNKNOWN_FORCE_ERROR = 1e-3
 """Conventional: force error over the weight where the model file records no misfit, the fit's own target."""
@@ -133,13 +134,12 @@ def default_noise(model: ActuatorModel, distance: float | None = None) -> Filter
     else:  # a share of the weight is not stated where the forces are far above it
         share = model.misfit.force_rms_of_weight
         error = model.misfit.force_rms_N if share is None or not weight else share * weight
-    recorded = model.process_noise
-    density, volts = (recorded.acceleration_density, recorded.voltage_V) if recorded is not None else (None, None)
+    recorded = model.process_noise or ProcessNoise()
+    density, volts = recorded.acceleration_density, recorded.voltage_V
     errors = tuple(DRIVER_ERROR * max(abs(one.voltage_min_V), abs(one.voltage_max_V)) for one in circuits)
-    driver_error = errors[0] if len(errors) == 1 else errors
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
-        voltage_V=driver_error if volts is None else volts,
+        voltage_V=(errors[0] if len(errors) == 1 else errors) if volts is None else volts,
         hall_V=reading_of(model, HALL).white if model.sensor is not None else float("nan"),
     )
 

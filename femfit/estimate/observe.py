@@ -165,25 +165,23 @@ def _told_by_estimate(run: OneFilter) -> list[Finding]:
     """
     model, mean, deviation, findings = run.prepared.model, run.replayed.mean, run.replayed.deviation, []
     box, samples = model.validity, len(mean)
-    least = AT_STOP * (box.distance_max_m - box.distance_min_m)
-    close = np.where(deviation[:, 0] <= least, deviation[:, 0], -1.0)
     if "distance_m" not in run.prepared.recorded and run.trusted:
+        known = deviation[:, 0] <= AT_STOP * (box.distance_max_m - box.distance_min_m)
         for side, stop in zip(("near", "far"), model.require_motion().ends, strict=True):
-            resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
+            resting = (
+                known & (np.abs(mean[:, 0] - stop) <= deviation[:, 0]) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
+            )
             if resting.any():
                 share = 100.0 * float(resting.mean())
                 findings.append(finding("at-stop estimate", side=side, share=share, samples=samples))
-    with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain, and than a body lies on its stop
-        bounded = [0, *range(2, 2 + len(model.circuits))]
-        limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])[: len(bounded)]
-        bounded_states = mean[:, bounded]
-        beyond = np.maximum(limits[:, 0] - bounded_states, bounded_states - limits[:, 1])
-        beyond -= np.fmax(3.0 * deviation[:, bounded], AT_STOP * np.ptp(limits, axis=1))
-        outside = (beyond > 0.0).any(axis=1) | ~np.isfinite(bounded_states).all(axis=1)
-    if outside.any():
-        ranges = " and ".join(
-            [f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm"]
-            + [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
-        )
-        findings.append(finding("outside-domain", outside=int(outside.sum()), samples=f"{samples}", ranges=ranges))
+    bounded = [0, *range(2, 2 + len(model.circuits))]
+    limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])[: len(bounded)]
+    lowest, highest = limits.T
+    # By more than the estimate is uncertain, and than a body lies on its stop
+    slack = np.fmax(3.0 * deviation[:, bounded], AT_STOP * (highest - lowest))
+    within = (mean[:, bounded] >= lowest - slack) & (mean[:, bounded] <= highest + slack)
+    if outside := int((~within.all(axis=1)).sum()):
+        ranges = [f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm"]
+        ranges += [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
+        findings.append(finding("outside-domain", outside=outside, samples=f"{samples}", ranges=" and ".join(ranges)))
     return findings

@@ -100,8 +100,16 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     findings += [told for _, of_channel in [*read, *noises] for told in of_channel]
     # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
-    rests, noise_m = checked.rests, checked.track.noise_m
+    rests, track, noise_m = checked.rests, checked.track, checked.track.noise_m
     held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
+    # Where it begins: as recorded, in the model's domain; else at the far stop, or where the filter is tuned
+    box, far = model.validity, model.require_motion().far_stop
+    rest = operating_distance(model) if far is None else far.distance_m
+    placed = np.clip(
+        np.where(np.isfinite(track.distance_m), track.distance_m, rest), box.distance_min_m, box.distance_max_m
+    )
+    limits = box.current_limits_A[: len(commands)]
+    fed = np.clip(np.nan_to_num(track.current_A[:, : len(commands)]), *limits.T)
     return Prepared(
         model=replace(model, sample_time_s=step),
         sensors=chosen,
@@ -109,7 +117,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         inputs=inputs,
         readings=np.stack([values for values, _ in read], axis=1),
         begins=begins,
-        guesses=_guesses(model, checked.track.distance_m, checked.track.current_A[:, : len(commands)]),
+        guesses=np.column_stack([placed, np.zeros(len(time)), fed]),
         held=replace(rests, rests=held_rests).held,
         recorded={name: rows[name].to_numpy(copy=True) for name in series.given if name not in {"run", "time_s"}},
         findings=tuple(findings),
@@ -121,18 +129,15 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
 
 def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
     """The model with a sensor for each recorded current or distance that none of its own reads."""
-    drawn = sensors_of(model)
+    drawn, circuits = sensors_of(model), model.circuit_names
     read = {reading_of(model, name).column for name in drawn}
-    columns = dict(zip(circuit_currents(model.circuit_names), model.circuit_names, strict=True))
-    ammeters: dict[str, OtherSensor] = {
-        column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit) for column, circuit in columns.items()
+    own: dict[str, OtherSensor] = {
+        column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit)
+        for column, circuit in zip(circuit_currents(circuits), circuits, strict=True)
     }
-    distance = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
-    added = [
-        sensor
-        for column, sensor in {**ammeters, "distance_m": distance}.items()
-        if column in series.given and column not in read and sensor.name not in drawn
-    ]
+    own["distance_m"] = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+    wanted = {column: sensor for column, sensor in own.items() if column in series.given and column not in read}
+    added = [sensor for sensor in wanted.values() if sensor.name not in drawn]
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
 
@@ -144,32 +149,14 @@ def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence
 
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:
     """Declared with the record, else the model's, else guessed from third differences, and no less than a rounding."""
-    declared = series.declared_noise.get(str(reading.column))
-    if declared or reading.white > 0.0:
-        return float(declared or reading.white), []
+    name = str(reading.column)
+    if known := float(series.declared_noise.get(name) or reading.white):
+        return known, []
     read = np.isfinite(column)  # where a sensor is read more slowly than the record, what is between is missing
-    readings = column[read]
-    guess = white_noise(readings, series.rows["segment"].to_numpy()[read], least=1)
-    guess = float(np.fmax(guess, converter_step(readings) / 12.0**0.5))
+    spread = white_noise(column[read], series.rows["segment"].to_numpy()[read], least=1)
+    guess = float(np.fmax(spread, converter_step(column) / 12.0**0.5))
     if not guess > 0.0:
-        fault = (
-            "its readings do not vary"
-            if len(readings) > 2
-            else f"the record has {counted(len(readings), 'reading')} of it"
-        )
-        raise TableError(
-            f"The noise of {reading.column} must be known; {fault}. Give --noise {reading.column}=STANDARD DEVIATION."
-        )
-    told = finding("guessed-noise", name=reading.name, guess=amount(guess, reading.unit), column=str(reading.column))
-    return guess, [told]
-
-
-def _guesses(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> FloatArray:
-    """Recorded distance and currents, kept in the model's domain; else the far stop or the operating point."""
-    box, motion = model.validity, model.require_motion()
-    samples, circuits = currents.shape
-    result = np.zeros((samples, 2 + circuits))
-    rest = operating_distance(model) if motion.far_stop is None else motion.far_stop.distance_m
-    result[:, 0] = np.clip(np.where(np.isfinite(distance), distance, rest), box.distance_min_m, box.distance_max_m)
-    result[:, 2:] = np.clip(np.nan_to_num(currents), *box.current_limits_A[:circuits].T)
-    return result
+        few = f"the record has {counted(int(read.sum()), 'reading')} of it"
+        fault = "its readings do not vary" if read.sum() > 2 else few
+        raise TableError(f"The noise of {name} must be known; {fault}. Give --noise {name}=STANDARD DEVIATION.")
+    return guess, [finding("guessed-noise", name=reading.name, guess=amount(guess, reading.unit), column=name)]

@@ -35,19 +35,6 @@ BIN = 1e-3
 rate, and at 204.8 kS/s it would hide every plateau."""
 
 
-@dataclass(frozen=True)
-class FeedForwardIntegrator(Integrator):
-    """Integration with an offset that is the mean of some samples."""
-
-    def with_offset(self, state: IntegratorState, offset: float, samples: int, integrated: float) -> IntegratorState:
-        """The state that goes on with the mean of so many samples, which were integrated for a time in s."""
-        of_mean = float(self.noise.voltage.variance(np.array(offset))) / samples
-        across = of_mean * integrated / self.coil.area_m2
-        mean = state.mean.copy()
-        mean[1, 0] = offset
-        return replace(state, mean=mean, covariance=np.array([[state.covariance[0, 0], across], [across, of_mean]]))
-
-
 class ZeroReading(NamedTuple):
     """When it began in s, the sum of its voltages in V, and of how many samples."""
 
@@ -57,7 +44,7 @@ class ZeroReading(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ZeroReadingIntegrator(FeedForwardIntegrator):
+class ZeroReadingIntegrator(Integrator):
     """FFA1: the field is held during the zero reading, whose mean up to each sample is the offset."""
 
     zero_reading: float = 0.0  # Seconds
@@ -84,7 +71,7 @@ class Plateau(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PlateauIntegrator(FeedForwardIntegrator):
+class PlateauIntegrator(Integrator):
     """FFA2: the offset is the mean of the last window on a plateau, which the current tells, or else the voltage."""
 
     interval: float = WINDOW

@@ -123,6 +123,14 @@ class Integrator:
         """The state that goes on after a window of samples."""
         return state
 
+    def with_offset(self, state: IntegratorState, offset: float, samples: int, integrated: float) -> IntegratorState:
+        """The state that goes on with the mean of so many samples, which were integrated for a time in s."""
+        of_mean = float(self.noise.voltage.variance(np.array(offset))) / samples
+        across = of_mean * integrated / self.coil.area_m2
+        mean = state.mean.copy()
+        mean[1, 0] = offset
+        return replace(state, mean=mean, covariance=np.array([[state.covariance[0, 0], across], [across, of_mean]]))
+
     def write(self, out: FloatArray, mean: FloatArray, variance: FloatArray | float) -> None:
         """Rows of a FieldBlock from means of shape (2, 4, samples), or of one sample (2, 4), and the field's variance.
 

@@ -75,7 +75,14 @@ class OffsetFilter(Integrator):
             return state
         elapsed = np.cumsum(dt)
         tau, since = float(elapsed[-1]), float(elapsed[used].mean())
-        magnet, z, R = self._mean_reading(state, raw[used], float(time[-1]) - tau + since, tau)
+        # The reference's mean field since the last correction, and its variance
+        magnet, z = None, float(raw[used].mean())
+        R = float(self.noise.reference.variance(raw[used]).mean()) / int(used.sum())
+        if self.field_model is not None:
+            moment = np.array([time[-1] - tau + since])
+            magnet, field = self.field_model.advance(state.memory, moment, np.array([z]))
+            z, lasting = float(field[0]), max(1.0, MODEL_ERROR_TIME_S / max(tau, self.sample_time))
+            R = lasting * float(self.noise.reference.variance(field)[0])
         back = (tau - since) / self.coil.area_m2
         H = np.array([1.0, back])
         spread = float(H @ prior @ H) + R
@@ -90,14 +97,3 @@ class OffsetFilter(Integrator):
         out[3:5, -1] = innovation[0], spread
         self.write(out[:, -1], mean, covariance[0, 0])
         return replace(state, mean=mean, covariance=covariance, memory=magnet)
-
-    def _mean_reading(
-        self, state: IntegratorState, readings: FloatArray, time: float, elapsed: float
-    ) -> tuple[object, float, float]:
-        """What the magnet remembers, the reference's mean field since the last correction, and its variance."""
-        mean = float(readings.mean())
-        if self.field_model is None:
-            return None, mean, float(self.noise.reference.variance(readings).sum()) / len(readings) ** 2
-        magnet, field = self.field_model.advance(state.memory, np.array([time]), np.array([mean]))
-        lasting = max(1.0, MODEL_ERROR_TIME_S / max(elapsed, self.sample_time))
-        return magnet, float(field[0]), lasting * float(self.noise.reference.variance(field)[0])

@@ -63,7 +63,8 @@ class StillReadings:
 
     def __init__(self) -> None:
         self._open = np.empty((0, 3))  # Samples that tell the first and last time and the motion of the open stretch
-        self._rows: list[FloatArray] = []  # Of lasting stretches, the last block's open one at the end
+        # First time, duration and motion of lasting stretches, the last block's open one at the end
+        self.rows = [np.empty((0, 3))]
 
     def see(self, time: FloatArray, readings: FloatArray, path: FloatArray) -> None:
         """Take in a block: time in s, what may repeat, and something else that moves, each of shape (samples,)."""
@@ -80,12 +81,7 @@ class StillReadings:
         motion = np.maximum.reduceat(samples[:, 2], starts) - np.minimum.reduceat(samples[:, 2], starts)
         rows = np.column_stack([begin, duration, motion])
         lasting = (duration >= STUCK_TIME_S) & (ends - starts >= CLIPPED_RUN)
-        self._rows = [*self._rows[:-1], rows[:-1][lasting[:-1]], rows[-1:][lasting[-1:]]]
-
-    def contradicted(self, least: float, rate: float) -> FloatArray:
-        """First time, duration and motion of stretches in which it moved by more than ``least + rate * duration``."""
-        rows = np.concatenate([np.empty((0, 3)), *self._rows])
-        return np.asarray(rows[rows[:, 2] > least + rate * rows[:, 1]])
+        self.rows = [*self.rows[:-1], rows[:-1][lasting[:-1]], rows[-1:][lasting[-1:]]]
 
 
 @dataclass
@@ -151,8 +147,10 @@ class RecordWatch:
         counted: tuple[str, ...] = ("gap", "clock", "clipped")
         tallies = {code: self._tallies[code] for code in counted if code in self._tallies}
         # A Hall probe may stand still where the field does; a coil that saw the field move contradicts it
-        moved = STUCK_SHARE * (self._high - self._low), STUCK_OFFSET_V / self.coil.area_m2
-        if len(rows := self._still.contradicted(*moved)):
+        rows = np.concatenate(self._still.rows)
+        least = STUCK_SHARE * (self._high - self._low) + STUCK_OFFSET_V / self.coil.area_m2 * rows[:, 1]
+        rows = rows[rows[:, 2] > least]
+        if len(rows):
             tallies["stuck"] = Tally(len(rows), float(rows[0, 0]), float((rows[:, 1] + self.sample_time).sum()))
         findings = [finding(code, **asdict(tally)) for code, tally in tallies.items()]
         xx, xy, yy = self._products.tolist()

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
-from femfit.integrate.field_of_current import FieldTerms, field_columns, play_paths, precycled
-from femfit.integrate.identified_field import LabRun, identify_field
+from femfit.integrate.field_of_current import FieldTerms, LabRun, field_columns, identify_field, play_paths, precycled
 
 TERMS = FieldTerms(320.0, 3, (20.0, 80.0), (10.0,))
 TRUTH = np.array([0.6, 0.7, 0.1, 0.02, 1e-5, 4e-6, 8e-6, 3e-6, 5e-6, 2e-6, 4e-7])

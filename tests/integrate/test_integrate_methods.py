@@ -10,8 +10,7 @@ from arpaia2022.sensors import PAPER_COIL
 
 from femfit.core.errors import TableError
 from femfit.integrate.feed_forward import PlateauIntegrator, ZeroReadingIntegrator
-from femfit.integrate.field_of_current import FieldModel, FieldTerms
-from femfit.integrate.identified_field import LabRun, identify_field
+from femfit.integrate.field_of_current import FieldModel, FieldTerms, LabRun, identify_field
 from femfit.integrate.integrator import Integrator
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.uncertainty import LinearSigma, Noise, SensingCoil

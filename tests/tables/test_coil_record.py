@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.io import wavfile
 
-from femfit.integrate.record_stream import record_writer
+from femfit.integrate.integrate_coil import record_writer
 from femfit.tables.coil_record import open_coil_record
 from femfit.tables.measurement_file import read_measurement
 
