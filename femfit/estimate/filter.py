@@ -75,11 +75,6 @@ class FilterState:
         return result
 
     @property
-    def runs(self) -> int:
-        """Number of runs."""
-        return len(self.mean)
-
-    @property
     def diverged(self) -> BoolArray:
         """Which runs have an outcome other than RUNNING."""
         return np.asarray(self.outcome != 0)
@@ -91,9 +86,7 @@ class FilterState:
         In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
         samples are missing.
         """
-        ratio = self.innovation**2 / self.innovation_variance
-        if ratio.ndim == 1:
-            return np.asarray(ratio)
+        ratio = (self.innovation**2 / self.innovation_variance).reshape(len(self.mean), -1)
         read = np.isfinite(ratio)
         return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
 
@@ -174,9 +167,8 @@ class Filter(Printed, ABC):
             )
         if count < 1:
             raise FilterError(f"A filter needs at least one run to start; instead received runs={count}.")
-        runs = count
-        mean = np.array(np.broadcast_to(mean, (runs, order)), order="F")
-        matrices = np.empty((order, order, runs)).transpose(2, 0, 1)
+        mean = np.array(np.broadcast_to(mean, (count, order)), order="F")
+        matrices = np.empty((order, order, count)).transpose(2, 0, 1)  # as a step leaves them
         matrices[:] = covariance
         factor, definite = cholesky(matrices)
         if not (np.all(definite) and np.all(np.isfinite(mean))):
@@ -185,8 +177,8 @@ class Filter(Printed, ABC):
                 "uncertainty > 0."
             )
         sensors = len(self.process.outputs)
-        unknown = np.full(runs if sensors == 1 else (runs, sensors), np.nan)
-        return FilterState(mean, matrices, factor, unknown, unknown, np.zeros(runs), np.zeros(runs, dtype=np.intp))
+        unknown = np.full(count if sensors == 1 else (count, sensors), np.nan)
+        return FilterState(mean, matrices, factor, unknown, unknown, np.zeros(count), np.zeros(count, dtype=np.intp))
 
     @final
     def predict(self, state: FilterState, voltage: FloatArray | float) -> FilterState:
@@ -229,21 +221,16 @@ class Filter(Printed, ABC):
 
     def _update_one(self, state: FilterState, measurement: FloatArray, sensor: int) -> FilterState:
         before = state.mean.T[:, None], state.covariance.transpose(1, 2, 0), state.factor.transpose(1, 2, 0)
+        read, noise = ~np.isnan(measurement), self.process.outputs[sensor].variance
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
-            noise = self.process.outputs[sensor].variance
-            after = self.corrected(self._terms, sensor, before, measurement, noise)
-            mean, covariance = after[0][:, 0].T, after[1].transpose(2, 0, 1)
-            innovation, variance = after[2][0, 0], after[3][0, 0]
+            mean, covariance, (row,), (spreads,) = self.corrected(self._terms, sensor, before, measurement, noise)
+            innovation, variance = row[0], np.where(read, spreads[0], np.nan)
             outside = innovation**2 > BAND_99_9 * variance
-            fraction = state.out_of_band + (outside - state.out_of_band) / self.divergence_steps
-            if (missing := np.isnan(measurement)).any():
-                mean = np.where(missing[:, None], state.mean, mean)
-                covariance = np.where(missing[:, None, None], state.covariance, covariance)
-                innovation, variance = (np.where(missing, np.nan, values) for values in (innovation, variance))
-                fraction = np.where(missing, state.out_of_band, fraction)
-            outcome = state.outcome
-            if (out := (fraction > 0.5) & (outcome == FilterOutcome.RUNNING)).any():
-                outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
+            fraction = state.out_of_band + read * (outside - state.out_of_band) / self.divergence_steps
+            out = (fraction > 0.5) & (state.outcome == FilterOutcome.RUNNING)
+            outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, state.outcome)
+            mean = np.where(read[:, None], mean[:, 0].T, state.mean)
+            covariance = np.where(read[:, None, None], covariance.transpose(2, 0, 1), state.covariance)
             return self._next(mean, covariance, (innovation, variance, fraction), outcome)
 
     @final
@@ -322,7 +309,7 @@ def _given(state: FilterState, value: ArrayLike, width: int, what: str, whose: s
 
     A single number of each run may be given without an axis of its own.
     """
-    numbers, runs = np.asarray(value, dtype=np.float64), state.runs
+    numbers, runs = np.asarray(value, dtype=np.float64), len(state.mean)
     if numbers.shape == (runs, width) or (width == 1 and numbers.shape == (runs,)):
         return numbers.reshape(runs, width)
     if numbers.size != width:

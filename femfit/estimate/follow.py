@@ -127,16 +127,6 @@ class Beside:
     mean: float  # Recorded less estimated
 
 
-def beside(column: str, used: bool, recorded: FloatArray, estimated: FloatArray) -> Beside | None:
-    """Compare a channel with its estimate; None where it has fewer than :data:`LEAST_JUDGED` samples."""
-    difference = recorded - estimated
-    read = np.isfinite(difference)
-    if int(read.sum()) < LEAST_JUDGED:
-        return None
-    residual = difference[read]
-    return Beside(column, used, float(np.sqrt(np.mean(residual**2))), float(residual.mean()))
-
-
 @dataclass(frozen=True, eq=False)
 class OneFilter:
     """A record as one filter saw it."""
@@ -249,22 +239,26 @@ def follow(
         innovations_of(sensor.name, sensor.unit, replayed.innovation[:, k], replayed.variance[:, k])
         for k, sensor in enumerate(prepared.sensors)
     ]
-    estimates: dict[str, FloatArray] = {}  # by column, the reading of a sensor of the model in each estimated state
+    compared: dict[str | None, Beside] = {}  # of columns with enough readings
     stretches = np.split(replayed.mean[:, : model.order], prepared.begins[1:])
     for sensor_name, sensor in sensors_of(model).items():
         column = reading_of(model, sensor_name).column
-        if column in recorded and column not in estimates:
-            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
-    compared = [beside(column, column in read, recorded[column], values) for column, values in estimates.items()]
-    lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)
+        if column not in recorded or column in compared:
+            continue
+        estimated = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
+        missed = (recorded[column] - estimated)[np.isfinite(recorded[column] - estimated)]
+        if len(missed) >= LEAST_JUDGED:
+            rms = float(np.sqrt(np.mean(missed**2)))
+            compared[column] = Beside(column, column in read, rms, float(missed.mean()))
+    lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)[:1].tolist()
     return OneFilter(
         name=name,
         built=built,
         noise=noise,
         replayed=replayed,
         innovations=tuple(innovations for innovations in judged if innovations is not None),
-        beside=tuple(channel for channel in compared if channel is not None),
+        beside=tuple(compared.values()),
         prepared=prepared,
-        lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
-        outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if len(lost) else FilterOutcome.RUNNING,
+        lost_at_s=float(prepared.time_s[lost[0]]) if lost else None,
+        outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if lost else FilterOutcome.RUNNING,
     )

@@ -187,15 +187,13 @@ def _plausible_range(model: ActuatorModel, deviations: FloatArray, order: int) -
     Eddy currents, states of effects and biases are :data:`FAR_OFF` first deviations at most.
     """
     domain, first = model.validity, 2 + len(model.circuits)
-    lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
-    stroke = domain.distance_max_m - domain.distance_min_m
+    low, high = domain.distance_min_m, domain.distance_max_m
     # Beyond a face that the body passes there are distances of both signs
-    lower[0] = NEAREST * domain.distance_min_m if domain.distance_min_m > 0.0 else domain.distance_min_m - stroke
-    upper[0] = FARTHEST * domain.distance_max_m if domain.distance_min_m > 0.0 else domain.distance_max_m + stroke
-    upper[1] = (upper[0] - lower[0]) / model.sample_time_s
-    lower[1] = -upper[1]
-    for k, (low, high) in enumerate(domain.current_limits_A[: len(model.circuits)], start=2):
-        lower[k], upper[k] = low - (high - low), high + (high - low)
-    upper[first : len(deviations)] = FAR_OFF * deviations[first:]
-    lower[first:] = -upper[first:]
+    near, far = (NEAREST * low, FARTHEST * high) if low > 0.0 else (low - (high - low), high + (high - low))
+    speed = (far - near) / model.sample_time_s
+    ranges = [(near, far), (-speed, speed)]
+    ranges += [(least - (most - least), most + (most - least)) for least, most in domain.current_limits_A[: first - 2]]
+    ranges += [(-FAR_OFF * deviation, FAR_OFF * deviation) for deviation in deviations[first:]]
+    ranges += [(-np.inf, np.inf)] * (order - len(ranges))
+    lower, upper = np.array(ranges).T
     return lower, upper

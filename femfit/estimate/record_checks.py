@@ -188,22 +188,19 @@ def _polarity(
     return None
 
 
-def _own_times(model: ActuatorModel) -> tuple[float, ...]:
+def _own_times(model: ActuatorModel) -> list[float]:
     """Shortest and longest L / R of the windings, and the time in which the largest force takes the body its way."""
     distance, current = model.validity.grid(5, 3)
-    magnetic = model.magnetics.state(distance, current)
-    times: list[float] = []
+    magnetic, motion, times = model.magnetics.state(distance, current), model.motion, []
     if model.circuits:
         inductance = magnetic.inductance + model.series_inductances_H
         settling = np.diagonal(inductance, axis1=-2, axis2=-1) / model.resistances_ohm
         times += [float(settling.min()), float(settling.max())]
-    motion = model.motion
     if motion is not None:
-        box, forces = model.validity, np.abs(magnetic.force)
-        most = float(forces.max()) + motion.mass_kg * abs(motion.gravity_m_s2)
-        if most > 0.0:
-            times.append(float(np.sqrt(2.0 * motion.mass_kg * (box.distance_max_m - box.distance_min_m) / most)))
-    return tuple(time for time in times if time > 0.0 and np.isfinite(time))
+        most = float(np.abs(magnetic.force).max()) + motion.mass_kg * abs(motion.gravity_m_s2)
+        way = model.validity.distance_max_m - model.validity.distance_min_m
+        times.append(math.sqrt(2.0 * motion.mass_kg * way / most) if most > 0.0 else math.inf)
+    return [time for time in times if 0.0 < time < math.inf]
 
 
 def given_voltage(
