@@ -19,7 +19,7 @@ import numpy as np
 from femfit.core.errors import FilterError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.process import FilterProcess
 from femfit.estimate.words import sentence
@@ -98,7 +98,7 @@ def error_bound(
     if distances_m is None:
         ends = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
         distances_m = (ends[0] + np.array([0.25, 0.5, 0.75]) * (ends[1] - ends[0])).tolist()
-    process = levitation_process(without_stops(model), sensors=sensors, biases=biases, noise=noise)
+    process = kalman_filter(without_stops(model), sensors=sensors, biases=biases, noise=noise).process
     circuits = len(model.circuits)
     limits = box.current_limits_A[:circuits]
     # No current, or the nearest to it, and half of the largest

@@ -66,10 +66,7 @@ class FoundNoise:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {
-            "estimates": [vars(estimate) for estimate in self.estimates],
-            "samples": self.samples,
-        }
+        return {"estimates": [vars(estimate) for estimate in self.estimates], "samples": self.samples}
 
 
 def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:

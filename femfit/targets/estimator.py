@@ -23,8 +23,8 @@ from femfit.core.graph import GraphFunction, building
 from femfit.core.sweep_columns import voltage_columns
 from femfit.core.tape import operation
 from femfit.device.electrics import Drive
-from femfit.estimate.kalman_filter import UnscentedFilter
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.moments import UnscentedFilter
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
@@ -138,7 +138,7 @@ def export_estimator(model: ActuatorModel, directory: Path, sensors: Sequence[st
     RunDirectoryError
         If the directory holds other files than an earlier export.
     """
-    process = levitation_process(model, sensors=sensors, hall_bias=True)
+    process = kalman_filter(model, sensors=sensors).process
     words = words_of(model, process)
     texts = {FILE: rendered(f"{FILE}.jinja", words), "README.md": rendered("estimator_readme.md.jinja", words)}
     return write_directory(model, directory, texts, FILE)
