@@ -191,12 +191,8 @@ def followed(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
     """
     names, given = model.circuit_names, set(series.given)
     read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & given
-    if (
-        model.motion is None
-        or not read
-        or not set(voltage_columns(names)) <= given
-        or (model.has_winding and not names)
-    ):
+    complete = model.motion is not None and set(voltage_columns(names)) <= given
+    if not (complete and read and (names or not model.has_winding)):
         return None
     try:
         return follow(prepare(model, replace(series, rows=series.rows[:NOISE_SAMPLES]), None))

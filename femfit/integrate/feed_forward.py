@@ -90,6 +90,6 @@ class PlateauIntegrator(Integrator):
         else:  # a wander too slow for one window shows against the window before
             moves = float(np.fmax(np.ptp(means), abs(level - before.level))) > self.still_A
         state = replace(state, memory=Plateau(0.0 if moves else before.still + self.interval, level))
-        if moves or before.still < self.settling - 1e-9:  # all of the window must be
+        if moves or before.still < self.settling - 1e-9:  # the window must have begun settled
             return state
         return self.with_offset(state, mean, len(voltage), len(voltage) * self.sample_time)

@@ -124,11 +124,10 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
     dt = np.diff(time, prepend=time[0] if begin else state.time)
     di = np.diff(current, prepend=current[0] if begin else state.current)
     keep = np.exp(-dt[:, None] / times)
-    rate = np.zeros_like(dt)
-    np.divide(di, dt, out=rate, where=dt > 0.0)
-    paths, lag = np.empty((len(time), len(times))), state.lags
-    for row in range(len(time)):
-        paths[row] = lag = keep[row] * lag + (1.0 - keep[row]) * times * rate[row]
+    rate = np.divide(di, dt, out=np.zeros_like(dt), where=dt > 0.0)
+    paths, lag = (1.0 - keep) * times * rate[:, None], state.lags
+    for row, left in enumerate(keep):
+        paths[row] = lag = left * lag + paths[row]
     return paths
 
 

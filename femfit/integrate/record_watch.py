@@ -108,11 +108,7 @@ class RecordWatch:
     """
 
     def __init__(
-        self,
-        area: float,
-        sample_time: float,
-        reference: Reference | None = None,
-        scale: float | None = None,
+        self, area: float, sample_time: float, reference: Reference | None = None, scale: float | None = None
     ) -> None:
         self.coil, self.sample_time = SensingCoil(area), sample_time
         self.reference, self.scale = reference, scale
