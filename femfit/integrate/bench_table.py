@@ -224,9 +224,8 @@ def plateau_flux(
     mean = np.array([flux[a:b].mean() for a, b in spans])
     sigma = np.sqrt(_variance(time, voltage, first, last))
     change = np.diff(level, prepend=level[0])
-    turn = pd.Series(np.where(np.abs(change) > options.still_A, np.sign(change), np.nan))
-    branch = np.asarray(turn.ffill().fillna(0.0), dtype=np.float64)
-    return PlateauFlux(first, last, mean - mean[0], sigma, branch)
+    turns = pd.Series(np.sign(change)).where(np.abs(change) > options.still_A).ffill().fillna(0.0)
+    return PlateauFlux(first, last, mean - mean[0], sigma, np.asarray(turns, np.float64))
 
 
 def _variance(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
