@@ -10,7 +10,7 @@ P. Tichavsky, C. H. Muravchik and A. Nehorai, Posterior Cramer-Rao bounds for di
 Trans. Signal Processing 46 (1998) 1386, eqs. (21) and (34) to (36).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,13 +19,18 @@ import numpy as np
 from femfit.core.errors import FilterError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
-from femfit.estimate.constants import OBSERVED_SHARE, SETTLING_STEPS
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.process import FilterProcess
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+
+OBSERVED_SHARE = 0.5
+"""Conventional: a state counts as told by the sensors where its error falls below this share of the first one."""
+
+SETTLING_STEPS = 2000
+"""Conventional: samples after which the bound of a body held still is stated."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,30 +98,30 @@ def error_bound(
     if distances_m is None:
         ends = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
         distances_m = (ends[0] + np.array([0.25, 0.5, 0.75]) * (ends[1] - ends[0])).tolist()
-    process = levitation_process(without_stops(model), sensors=sensors, biases=biases, noise=noise)
+    process = kalman_filter(without_stops(model), sensors=sensors, biases=biases, noise=noise).process
     circuits = len(model.circuits)
-    if currents_A is None:  # no current, or the nearest to it, and half of the largest
-        limits = box.current_limits_A[:circuits]
-        still = np.clip(0.0, limits[:, 0], limits[:, 1])
-        currents = np.stack([still, 0.5 * limits[:, 1]]) if circuits else np.zeros((1, 0))
-        currents = currents[:, 0] if circuits == 1 else currents
-    else:
+    limits = box.current_limits_A[:circuits]
+    # No current, or the nearest to it, and half of the largest
+    currents = np.stack([np.clip(0.0, *limits.T), 0.5 * limits[:, 1]]) if circuits else np.zeros((1, 0))
+    if currents_A is not None:
         currents = np.asarray(currents_A, dtype=np.float64)
-    if currents.shape[1:] != (() if circuits == 1 else (circuits,)):
-        raise FilterError(
-            f"currents_A must hold {circuits} currents for each point, one a circuit; instead received the shape "
-            f"{currents.shape}."
-        )
-    currents = currents.reshape(len(currents), -1)
+        if currents.shape[1:] != (() if circuits == 1 else (circuits,)):
+            raise FilterError(
+                f"currents_A must hold {circuits} currents for each point, one a circuit; instead received the shape "
+                f"{currents.shape}."
+            )
+        currents = currents.reshape(len(currents), circuits)
     places = np.zeros((len(distances_m) * len(currents), process.order))
     places[:, 0] = np.repeat(distances_m, len(currents))
     places[:, 2 : 2 + circuits] = np.tile(currents, (len(distances_m), 1))
     model.validity.require(places[:, 0], places[:, 2 : 2 + circuits])
     volts = model.resistances_ohm * places[:, 2 : 2 + circuits]
-    slope, outputs = process.with_slopes(places, volts)[1], output_jacobians(process, places)
+    slope = process.with_slopes(places, volts)[1]
+    outputs = [process.gradient(output.name, places) for output in process.outputs]
     covariance = np.broadcast_to(process.start_covariance, slope.shape)
     for _ in range(SETTLING_STEPS):
-        covariance = next_covariance(process, covariance, slope, outputs)
+        covariance = slope @ covariance @ slope.swapaxes(1, 2) + process.process_covariance
+        covariance = _informed(process, covariance, outputs)
     return ErrorBound(
         names=process.names,
         sensors=tuple(output.name for output in process.outputs),
@@ -145,23 +150,17 @@ def bound_along(process: FilterProcess, states: FloatArray, inputs: FloatArray) 
             f"A trajectory needs an input for each state; instead received {len(states)} states and {len(inputs)} "
             "inputs."
         )
-    slopes, outputs = process.with_slopes(states[:-1], inputs[1:])[1], output_jacobians(process, states)
-    result = np.empty((len(states), process.order, process.order))
-    result[0] = _informed(process, process.start_covariance[None], outputs[:, :1])[0]
-    for k, slope in enumerate(slopes):
-        result[k + 1] = next_covariance(process, result[k : k + 1], slope[None], outputs[:, k + 1 : k + 2])[0]
+    slopes = process.with_slopes(states[:-1], inputs[1:])[1]
+    outputs = np.stack([process.gradient(output.name, states) for output in process.outputs])
+    result, covariance = np.empty((len(states), process.order, process.order)), process.start_covariance
+    for k in range(len(states)):
+        if k > 0:
+            covariance = slopes[k - 1] @ covariance @ slopes[k - 1].T + process.process_covariance
+        result[k] = covariance = _informed(process, covariance[None], outputs[:, k : k + 1])[0]
     return result
 
 
-def next_covariance(
-    process: FilterProcess, covariance: FloatArray, slope: FloatArray, outputs: FloatArray
-) -> FloatArray:
-    """One sample later, with its readings; batched over places."""
-    predicted = slope @ covariance @ slope.swapaxes(1, 2) + process.process_covariance
-    return _informed(process, predicted, outputs)
-
-
-def _informed(process: FilterProcess, covariance: FloatArray, outputs: FloatArray) -> FloatArray:
+def _informed(process: FilterProcess, covariance: FloatArray, outputs: Iterable[FloatArray]) -> FloatArray:
     """(P^-1 + sum H^T H / R)^-1, one sensor after the other by the matrix inversion lemma."""
     for output, slope in zip(process.outputs, outputs, strict=True):
         cross = np.einsum("rij,rj->ri", covariance, slope)
@@ -169,11 +168,6 @@ def _informed(process: FilterProcess, covariance: FloatArray, outputs: FloatArra
         variance = np.einsum("ri,ri->r", cross, slope) + output.variance * output.period
         covariance = covariance - cross[:, :, None] * cross[:, None, :] / variance[:, None, None]
     return 0.5 * (covariance + covariance.swapaxes(1, 2))
-
-
-def output_jacobians(process: FilterProcess, states: FloatArray) -> FloatArray:
-    """dh/dx of every sensor at N states, shape (sensors, N, n)."""
-    return np.stack([process.gradient(output.name, states) for output in process.outputs])
 
 
 def without_stops(model: ActuatorModel) -> ActuatorModel:

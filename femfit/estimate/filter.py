@@ -1,33 +1,98 @@
-"""The stepping interface that every filter shares.
+"""The stepping interface that every filter shares, and the state that one step hands to the next.
 
 Classes are abstract (this one) or final: a filter supplies its two moment computations; bookkeeping of outcomes and
 innovations is here, once.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
 from functools import cached_property
-from math import isnan
+from itertools import pairwise
 from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femfit.core.compiled import Compilation
 from femfit.core.errors import FilterError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Printed
+from femfit.core.tape import Caller
 from femfit.core.text import counted
-from femfit.estimate.constants import BAND_99_9, DIVERGENCE_STEPS
-from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState, cholesky
-from femfit.estimate.single_step import SingleStep, StepFunction, Terms, in_arrays
+from femfit.estimate.process import FilterProcess
+from femfit.estimate.single_step import MISSING, Terms, in_arrays, step_function
 from femfit.estimate.words import sentence
 
-VOLTAGES, READINGS = ("voltage", "circuit"), ("reading", "sensor")
+BAND_99_9 = 10.828
+"""Derived: 99.9 % quantile of chi-square with one degree of freedom."""
 
-Moments = tuple[Any, Any, Any]  # Mean, covariance and its factor
-Corrected = tuple[Any, Any, Any, Any]  # Mean, covariance, innovation and the variance of that
+DIVERGENCE_STEPS = 200
+"""Conventional: innovations of which more than half outside of that band are too many; a true filter leaves it once in
+a thousand steps."""
 
-RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
+
+class FilterOutcome(IntEnum):
+    """How a run ended; the first outcome other than RUNNING stays."""
+
+    RUNNING = 0
+    COVARIANCE_LOST = 1
+    NOT_FINITE = 2
+    LEFT_MODEL = 3
+    INNOVATIONS_OUT_OF_BAND = 4
+
+    @property
+    def sentence(self) -> str:
+        """What happened and what to do about it."""
+        return sentence("filter", "outcome", self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class FilterState:
+    """Estimates of many runs; never changed, every step returns a new one."""
+
+    mean: FloatArray  # Estimated state; NaN from the step at which a run broke down numerically; shape (runs, n)
+    # Covariance of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
+    covariance: FloatArray
+    factor: FloatArray
+    # Measurement minus its prediction at the last update, and its expected square; NaN before the first
+    # shape (runs,), and (runs, sensors) where there are several; NaN for a sample that is missing
+    innovation: FloatArray
+    innovation_variance: FloatArray
+    out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
+    outcome: IntArray  # A :class:`FilterOutcome` each; shape (runs,)
+
+    def of_runs(self, which: IntArray | BoolArray) -> "FilterState":
+        """Some of the runs."""
+        return FilterState(*(getattr(self, array.name)[which] for array in fields(self)))
+
+    def with_runs(self, which: IntArray | BoolArray, changed: "FilterState") -> "FilterState":
+        """The same with other states of some runs."""
+        result = FilterState(*(np.array(getattr(self, array.name)) for array in fields(self)))
+        for array in fields(self):
+            getattr(result, array.name)[which] = getattr(changed, array.name)
+        return result
+
+    @property
+    def diverged(self) -> BoolArray:
+        """Which runs have an outcome other than RUNNING."""
+        return np.asarray(self.outcome != 0)
+
+    @property
+    def normalised_innovation_squared(self) -> FloatArray:
+        """Innovation^2 over its variance, shape (runs,).
+
+        In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
+        samples are missing.
+        """
+        ratio = (self.innovation**2 / self.innovation_variance).reshape(len(self.mean), -1)
+        read = np.isfinite(ratio)
+        return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
+
+    def outcomes(self) -> tuple[FilterOutcome, ...]:
+        """The outcome of every run."""
+        return tuple(FilterOutcome(int(code)) for code in self.outcome)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,8 +128,13 @@ class Filter(Printed, ABC):
         """Mean and covariance one step later."""
 
     @abstractmethod
-    def corrected(self, of: Terms, sensor: int, before: Moments, reading: Any, noise: Any) -> Corrected:
-        """Mean and covariance given one sensor's reading, its innovation and the variance of that."""
+    def corrected(
+        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
+    ) -> tuple[Any, Any, Any, Any]:
+        """Mean and covariance given one sensor's reading, its innovation and the variance of that.
+
+        What is before are mean, covariance and its factor.
+        """
 
     @final
     def start(self, mean: ArrayLike, covariance: ArrayLike | None = None, runs: int = 1) -> FilterState:
@@ -97,9 +167,8 @@ class Filter(Printed, ABC):
             )
         if count < 1:
             raise FilterError(f"A filter needs at least one run to start; instead received runs={count}.")
-        runs = count
-        mean = np.array(np.broadcast_to(mean, (runs, order)), order="F")
-        matrices = np.empty((order, order, runs)).transpose(2, 0, 1)
+        mean = np.array(np.broadcast_to(mean, (count, order)), order="F")
+        matrices = np.empty((order, order, count)).transpose(2, 0, 1)  # as a step leaves them
         matrices[:] = covariance
         factor, definite = cholesky(matrices)
         if not (np.all(definite) and np.all(np.isfinite(mean))):
@@ -107,16 +176,9 @@ class Filter(Printed, ABC):
                 "The initial covariance must be positive definite and the initial mean finite; give every state an "
                 "uncertainty > 0."
             )
-        unknown = np.full(runs, np.nan)
-        return FilterState(
-            mean=mean,
-            covariance=matrices,
-            factor=factor,
-            innovation=unknown,
-            innovation_variance=unknown,
-            out_of_band=np.zeros(runs),
-            outcome=np.zeros(runs, dtype=np.intp),
-        )
+        sensors = len(self.process.outputs)
+        unknown = np.full(count if sensors == 1 else (count, sensors), np.nan)
+        return FilterState(mean, matrices, factor, unknown, unknown, np.zeros(count), np.zeros(count, dtype=np.intp))
 
     @final
     def predict(self, state: FilterState, voltage: FloatArray | float) -> FilterState:
@@ -127,13 +189,13 @@ class Filter(Printed, ABC):
         voltage : array, shape (runs,), or float
             Input u held from this sample to the next; of a process with n inputs of shape (runs, n) or (n,).
         """
-        inputs = _given(state, voltage, self.process.inputs, VOLTAGES)
+        inputs = _given(state, voltage, self.process.inputs, "voltage", "circuit")
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
             factor = state.factor.transpose(1, 2, 0)
             mean, covariance = self.predicted(self._terms, state.mean.T[:, None], factor, inputs)
-            innovations = state.innovation, state.innovation_variance, state.out_of_band
-            return self._next((mean[:, 0].T, covariance.transpose(2, 0, 1)), innovations, state.outcome)
+            judged = state.innovation, state.innovation_variance, state.out_of_band
+            return self._next(mean[:, 0].T, covariance.transpose(2, 0, 1), judged, state.outcome)
 
     @final
     def update(self, state: FilterState, measurement: ArrayLike) -> FilterState:
@@ -148,7 +210,7 @@ class Filter(Printed, ABC):
         measurement : array, shape (runs,), or float
             z; with several sensors of shape (runs, sensors) or (sensors,), in the order of ``process.outputs``.
         """
-        readings, judged = _given(state, measurement, len(self.process.outputs), READINGS), []
+        readings, judged = _given(state, measurement, len(self.process.outputs), "reading", "sensor"), []
         for sensor in range(len(self.process.outputs)):
             state = self._update_one(state, readings[:, sensor], sensor)
             judged.append((state.innovation, state.innovation_variance))
@@ -159,22 +221,17 @@ class Filter(Printed, ABC):
 
     def _update_one(self, state: FilterState, measurement: FloatArray, sensor: int) -> FilterState:
         before = state.mean.T[:, None], state.covariance.transpose(1, 2, 0), state.factor.transpose(1, 2, 0)
+        read, noise = ~np.isnan(measurement), self.process.outputs[sensor].variance
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
-            noise = self.process.outputs[sensor].variance
-            after = self.corrected(self._terms, sensor, before, measurement, noise)
-            mean, covariance = after[0][:, 0].T, after[1].transpose(2, 0, 1)
-            innovation, variance = after[2][0, 0], after[3][0, 0]
+            mean, covariance, (row,), (spreads,) = self.corrected(self._terms, sensor, before, measurement, noise)
+            innovation, variance = row[0], np.where(read, spreads[0], np.nan)
             outside = innovation**2 > BAND_99_9 * variance
-            fraction = state.out_of_band + (outside - state.out_of_band) / self.divergence_steps
-            if (missing := np.isnan(measurement)).any():
-                mean = np.where(missing[:, None], state.mean, mean)
-                covariance = np.where(missing[:, None, None], state.covariance, covariance)
-                innovation, variance = (np.where(missing, np.nan, values) for values in (innovation, variance))
-                fraction = np.where(missing, state.out_of_band, fraction)
-            outcome = state.outcome
-            if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
-                outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
-            return self._next((mean, covariance), (innovation, variance, fraction), outcome)
+            fraction = state.out_of_band + read * (outside - state.out_of_band) / self.divergence_steps
+            out = (fraction > 0.5) & (state.outcome == FilterOutcome.RUNNING)
+            outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, state.outcome)
+            mean = np.where(read[:, None], mean[:, 0].T, state.mean)
+            covariance = np.where(read[:, None, None], covariance.transpose(2, 0, 1), state.covariance)
+            return self._next(mean, covariance, (innovation, variance, fraction), outcome)
 
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
@@ -182,17 +239,19 @@ class Filter(Printed, ABC):
         process = self.process
         if len(state.mean) == 1 and not state.outcome.item() and process.light:
             plain = isinstance(voltage, float) and process.inputs == 1
-            inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
-            readings = _given(state, measurement, len(process.outputs), READINGS)[0]
-            after = self._next_alone(state, self.single(state.mean[0], state.factor[0].T, inputs, readings))
-            if after is not None:
+            inputs = voltage if plain else _given(state, voltage, process.inputs, "voltage", "circuit")[0]
+            readings = _given(state, measurement, len(process.outputs), "reading", "sensor")[0]
+            if (after := self._next_alone(state, inputs, readings)) is not None:
                 return after
         return self.update(self.predict(state, voltage), measurement)
 
     @cached_property
-    def single(self) -> StepFunction:
-        """One step of one run as one function, by the process's graph."""
-        return StepFunction(self)
+    def _single(self) -> tuple[Caller, FloatArray, list[slice]]:
+        """One step of one run as one function, the variances of its readings, and where its results stand."""
+        function, n, m = step_function(self), self.process.order, len(self.process.outputs)
+        ends = np.cumsum([0, n * n, n * n, n, n, m, m]).tolist()
+        variances = np.array([output.variance for output in self.process.outputs])
+        return Caller(function, Compilation(lambda: function)), variances, [slice(*pair) for pair in pairwise(ends)]
 
     @cached_property
     def _terms(self) -> Terms:
@@ -200,62 +259,102 @@ class Filter(Printed, ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """What is worked out again on demand is not pickled."""
-        return {name: value for name, value in vars(self).items() if name not in {"single", "_terms"}}
+        return {name: value for name, value in vars(self).items() if name not in {"_single", "_terms"}}
 
     @final
-    def _next_alone(self, state: FilterState, step: SingleStep) -> FilterState | None:
+    def _next_alone(self, state: FilterState, inputs: Any, readings: FloatArray) -> FilterState | None:
         """The state of one run that stays healthy; None where anything must be named."""
-        process, fraction = self.process, state.out_of_band.item()
-        for innovation, variance in zip(step.innovations.tolist(), step.variances.tolist(), strict=True):
-            if not isnan(innovation):  # as of a missing sample
-                fraction += ((innovation * innovation > BAND_99_9 * variance) - fraction) / self.divergence_steps
-        plausible = process.is_plausible(step.predicted.tolist()) and process.is_plausible(step.mean.tolist())
-        if fraction > 0.5 or not plausible or not step.factor[-1, -1] > 0.0:
+        process, fraction, n = self.process, state.out_of_band.item(), state.mean.shape[1]
+        step, variances, places = self._single
+        if (missing := np.isnan(readings)).any():
+            readings, variances = np.where(missing, 0.0, readings), np.where(missing, MISSING, variances)
+        values = step(state.mean[0], state.factor[0].T.ravel(), inputs, readings, variances)
+        covariance, factor, mean, predicted, innovations, spreads = (values[place] for place in places)
+        for innovation, spread, unread in zip(innovations.tolist(), spreads.tolist(), missing.tolist(), strict=True):
+            if not unread:
+                fraction += ((innovation * innovation > BAND_99_9 * spread) - fraction) / self.divergence_steps
+        plausible = process.is_plausible(predicted.tolist()) and process.is_plausible(mean.tolist())
+        if fraction > 0.5 or not plausible or not factor[-1] > 0.0:
             return None
-        single = len(process.outputs) == 1
-        return FilterState(
-            mean=step.mean[None],
-            covariance=step.covariance[None],
-            factor=step.factor[None],
-            innovation=step.innovations if single else step.innovations[None],
-            innovation_variance=step.variances if single else step.variances[None],
-            out_of_band=np.array([fraction]),
-            outcome=state.outcome,
-        )
+        if missing.any():
+            innovations, spreads = np.where(missing, np.nan, innovations), np.where(missing, np.nan, spreads)
+        judged = (innovations, spreads) if len(process.outputs) == 1 else (innovations[None], spreads[None])
+        moments = mean[None], covariance.reshape(1, n, n), factor.reshape(n, n).T[None]
+        return FilterState(*moments, *judged, np.array([fraction]), state.outcome)
 
     def _next(
         self,
-        moments: tuple[FloatArray, FloatArray],
-        innovations: tuple[FloatArray, FloatArray, FloatArray],
+        mean: FloatArray,
+        covariance: FloatArray,
+        judged: tuple[FloatArray, FloatArray, FloatArray],
         outcome: IntArray,
     ) -> FilterState:
         """Name what went wrong; the first name of a run stays."""
-        mean, covariance = moments
         factor, definite = cholesky(covariance)
         if not (definite.all() and np.isfinite(mean).all()):
             finite = np.isfinite(mean).all(axis=1)
             healthy = finite & definite
             code = np.where(finite, FilterOutcome.COVARIANCE_LOST, FilterOutcome.NOT_FINITE)
-            outcome = np.where((outcome == RUNNING) & ~healthy, code, outcome)
+            outcome = np.where((outcome == FilterOutcome.RUNNING) & ~healthy, code, outcome)
             mean = np.where(healthy[:, None], mean, np.nan)
         plausible = self.process.plausible(mean)
         if not plausible.all():
             # A run that broke down has its name already
-            outcome = np.where((outcome == RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
-        return FilterState(mean, covariance, factor, *innovations, outcome)
+            outcome = np.where((outcome == FilterOutcome.RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
+        return FilterState(mean, covariance, factor, *judged, outcome)
 
 
-def _given(state: FilterState, value: ArrayLike, width: int, what: tuple[str, str]) -> FloatArray:
+def _given(state: FilterState, value: ArrayLike, width: int, what: str, whose: str) -> FloatArray:
     """Numbers of shape (runs, width), of one row for all or one each.
 
     A single number of each run may be given without an axis of its own.
     """
-    numbers, runs = np.asarray(value, dtype=np.float64), state.runs
+    numbers, runs = np.asarray(value, dtype=np.float64), len(state.mean)
     if numbers.shape == (runs, width) or (width == 1 and numbers.shape == (runs,)):
         return numbers.reshape(runs, width)
     if numbers.size != width:
         raise FilterError(
-            f"A step takes {counted(width, what[0])} for each of {counted(runs, 'run')}, one a {what[1]}; instead "
+            f"A step takes {counted(width, what)} for each of {counted(runs, 'run')}, one a {whose}; instead "
             f"received the shape {numbers.shape}."
         )
     return np.repeat(numbers.reshape(1, width), runs, axis=0)
+
+
+def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Lower factors L with L L^T = M.
+
+    Parameters
+    ----------
+    matrices : array, shape (runs, n, n)
+        Symmetric; only the lower triangle is read.
+
+    Returns
+    -------
+    factor : array, shape (runs, n, n)
+        NaN where the matrix is not positive definite.
+
+    References
+    ----------
+    G. H. Golub and C. F. Van Loan, Matrix Computations (Johns Hopkins, 2013), section 4.2.5.
+    """
+    runs, order, _ = matrices.shape
+    if runs < order**3:
+        with suppress(np.linalg.LinAlgError):
+            return np.asarray(np.linalg.cholesky(matrices), np.float64), np.ones(runs, dtype=np.bool_)
+    factor = np.zeros((order, order, runs))  # each entry's values of all runs are neighbours
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore", under="ignore"):
+        for j in range(order):
+            pivot = matrices[:, j, j]
+            for k in range(j):
+                pivot = pivot - factor[j, k] ** 2
+            root = np.sqrt(pivot, out=factor[j, j])
+            for i in range(j + 1, order):
+                entry = matrices[:, i, j]
+                for k in range(j):
+                    entry = entry - factor[i, k] * factor[j, k]
+                np.divide(entry, root, out=factor[i, j])
+        definite = factor[-1, -1] > 0.0  # a pivot that is not positive makes all later ones NaN
+    factor = factor.transpose(2, 0, 1)
+    if not definite.all():
+        factor[~definite] = np.nan
+    return factor, definite

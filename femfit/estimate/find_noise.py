@@ -20,16 +20,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import FORGOTTEN, FORGOTTEN_SHARE, LEAST_JUDGED, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
-from femfit.estimate.filter import Filter
-from femfit.estimate.noise import FilterNoise, motion_rate, operating_distance
-from femfit.estimate.prepare import Prepared
-from femfit.estimate.process import FilterOutcome, FilterProcess
-from femfit.estimate.run_filter import Replayed
-from femfit.estimate.words import sentence
+from femfit.estimate.constants import LEAST_JUDGED, NOISE_SAMPLES
+from femfit.estimate.filter import FilterOutcome
+from femfit.estimate.follow import OneFilter
+from femfit.estimate.noise import motion_rate, operating_distance
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import HALL, reading_of
+from femfit.model.sensors import HALL, reading_of, sensors_of
 from femfit.model.validity import ProcessNoise
+
+NOISE_PIECE, FORGOTTEN = 500, 100
+"""Conventional: samples of a piece in the search for the noise, and those at its begin that do not count."""
+
+FORGOTTEN_SHARE = 1.0 / 6.0
+"""Conventional: of a record that is shorter than that, the part that does not count."""
+
+UNKNOWN = 2.0
+"""Conventional: a noise whose logarithm is uncertain by more than this is said to be at most its upper limit."""
 
 
 @dataclass(frozen=True)
@@ -58,22 +64,9 @@ class FoundNoise:
     samples: int
     force_N: float | None  # Force error that the acceleration noise amounts to
 
-    def lines(self, *, lost: bool = False) -> list[str]:
-        """In plain words; a noise that may be larger than the filter was given is not told where it is not known.
-
-        Parameters
-        ----------
-        lost : bool
-            Whether the filter was lost: then what the innovations are made of cannot be told.
-        """
-        return sentence("observe", "noise", self, lost).splitlines()
-
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {
-            "estimates": [vars(estimate) for estimate in self.estimates],
-            "samples": self.samples,
-        }
+        return {"estimates": [vars(estimate) for estimate in self.estimates], "samples": self.samples}
 
 
 def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:
@@ -84,16 +77,23 @@ def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:
     )
 
     def changed(quiet: ActuatorModel) -> ActuatorModel:
-        def own(name: str, before: float) -> float:  # what is left of the noise beside the converter's rounding
-            rounding = reading_of(quiet, name).white ** 2 - before**2
-            return float(np.sqrt(max(deviations[name] ** 2 - rounding, 0.0))) if name in deviations else before
-
-        sensors = tuple(replace(s, noise=own(s.name, s.noise)) for s in quiet.other_sensors)
-        hall = quiet.sensor and replace(quiet.sensor, noise_V=own(HALL, quiet.sensor.noise_V))
+        own = {  # what is left of the noise beside the converter's rounding
+            name: float(np.sqrt(max(deviations[name] ** 2 - reading_of(quiet, name).rounding ** 2, 0.0)))
+            for name in deviations.keys() & sensors_of(quiet)
+        }
+        sensors = tuple(replace(sensor, noise=own.get(sensor.name, sensor.noise)) for sensor in quiet.other_sensors)
+        hall = quiet.sensor and replace(quiet.sensor, noise_V=own.get(HALL, quiet.sensor.noise_V))
         return replace(quiet, other_sensors=sensors, sensor=hall, process_noise=process)
 
     held = changed(model)
     return held if model.base is None else replace(held, base=changed(model.base))
+
+
+NEWTON_STEPS = 30
+"""Conventional: it settles in about ten where the noises can be told apart."""
+
+STEP = 0.1
+"""Conventional: difference of a logarithm by which slopes and curvatures are taken."""
 
 
 class Stretches(NamedTuple):
@@ -116,46 +116,36 @@ class Source(NamedTuple):
     readings: FloatArray  # And of the sensors' variances; (sensors,)
 
 
-NEWTON_STEPS = 30
-"""Conventional: it settles in about ten where the noises can be told apart."""
-
-STEP = 0.1
-"""Conventional: difference of a logarithm by which slopes and curvatures are taken."""
-
-
-def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed, noise: FilterNoise) -> FoundNoise | None:
+def find_noise(run: OneFilter) -> FoundNoise | None:
     """Maximise the likelihood of the innovations over acceleration, voltage and the sensors' noises.
 
-    None where the filter runs through no stretch that is long enough to judge, or nowhere near the readings; ``noise``
-    is what it was given.
+    None where the filter runs through no stretch that is long enough to judge, or nowhere near the readings.
     """
-    process, model = filter_.process, prepared.model
-    windows, (sources, fixed) = _windows(process, prepared, replayed), _sources(process, noise)
-    likeliest = None if windows is None else _newton(windows, sources, fixed)
+    windows, sources = _windows(run), _sources(run)
+    likeliest = None if windows is None else _newton(windows, sources, run.built.process.process_covariance)
     if windows is None or likeliest is None:
         return None
     logs, curvature = likeliest
-    spread = np.linalg.pinv(curvature)
-    deviation = np.sqrt(np.maximum(np.diag(spread), 0.0)) + np.where(np.diag(curvature) < 1e-3, np.inf, 0.0)
+    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(curvature)), 0.0))
+    deviation = np.where(np.diag(curvature) < 1e-3, np.inf, deviation)
     estimates = []
     for source, log, uncertain in zip(sources, logs, deviation.tolist(), strict=True):
         value, known = float(source.assumed * np.exp(log)), uncertain < UNKNOWN
         low = value * float(np.exp(-1.96 * uncertain)) if known else 0.0
         high = value * float(np.exp(1.96 * min(uncertain, 3.0)))
         estimates.append(NoiseEstimate(source.name, source.unit, value, source.assumed, low, high, known))
+    model, (steps, pieces, _) = run.prepared.model, windows.innovation.shape
     rate = motion_rate(model, operating_distance(model))
-    return FoundNoise(
-        estimates=tuple(estimates),
-        samples=(windows.innovation.shape[0] - windows.forgotten) * windows.innovation.shape[1],
-        force_N=model.require_motion().mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate)),
-    )
+    force = model.require_motion().mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate))
+    return FoundNoise(tuple(estimates), (steps - windows.forgotten) * pieces, force)
 
 
-def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> Stretches | None:
+def _windows(run: OneFilter) -> Stretches | None:
+    process, prepared, replayed = run.built.process, run.prepared, run.replayed
     # Innovations out of their band are what a wrong noise makes, and do not speak against a stretch
     runs = np.isin(replayed.outcome, (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND))
-    runs &= np.isfinite(replayed.mean).all(axis=1) & ~prepared.log.held
-    number = np.cumsum(np.diff(runs, prepend=runs[:1]) | np.isin(np.arange(len(runs)), prepared.log.begins))
+    runs &= np.isfinite(replayed.mean).all(axis=1) & ~prepared.held
+    number = np.cumsum(np.diff(runs, prepend=runs[:1]) | np.isin(np.arange(len(runs)), prepared.begins))
     stretches = [np.flatnonzero((number == k) & runs) for k in np.unique(number[runs])]
     longest = max(map(len, stretches), default=0)
     if longest < LEAST_JUDGED:
@@ -168,57 +158,46 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
         for start in range(rows[0] + forgotten, rows[-1] - piece + 2, piece - forgotten)
     ]
     chosen = np.stack(healthy[: max(1, NOISE_SAMPLES // piece)], axis=1)
-    flat = chosen.ravel()
-    order = process.order
-    following = np.minimum(flat + 1, len(prepared.time_s) - 1)
-    slope = process.with_slopes(replayed.mean[flat], prepared.log.inputs[following])[1]
-    outputs = np.stack([process.gradient(output.name, replayed.predicted[flat]) for output in process.outputs], axis=1)
-    shift = replayed.mean[flat] - replayed.predicted[flat]
+    flat, names = chosen.ravel(), prepared.names
+    mean, predicted = replayed.mean[flat], replayed.predicted[flat]
+    slope = process.with_slopes(mean, prepared.inputs[np.minimum(flat + 1, len(runs) - 1)])[1]
     # Of all sensors against the prediction; the filter takes one after the other, each about what the last improved
-    expected = np.stack([process.measure(output.name, replayed.predicted[flat]) for output in process.outputs], axis=1)
-    innovation = np.where(np.isfinite(replayed.innovation[flat]), prepared.log.readings[flat] - expected, np.nan)
-    size = chosen.shape
-    return Stretches(
-        innovation.reshape(*size, -1),
-        slope.reshape(*size, order, order),
-        outputs.reshape(*size, -1, order),
-        shift.reshape(*size, order),
-        forgotten,
-    )
+    expected = np.stack([process.measure(name, predicted) for name in names], axis=1)
+    outputs = np.stack([process.gradient(name, predicted) for name in names], axis=1)
+    innovation = np.where(np.isfinite(replayed.innovation[flat]), prepared.readings[flat] - expected, np.nan)
+    parts = (innovation, slope, outputs, mean - predicted)
+    innovation, slope, outputs, shift = (part.reshape(*chosen.shape, *part.shape[1:]) for part in parts)
+    return Stretches(innovation, slope, outputs, shift, forgotten)
 
 
-def _sources(process: FilterProcess, noise: FilterNoise) -> tuple[list[Source], FloatArray]:
-    """Acceleration, voltage and the sensors' noises as the filter was given them, and Q of what is not searched for."""
-    covariance = process.process_covariance
-    acceleration, voltage = np.zeros_like(covariance), np.zeros_like(covariance)
-    acceleration[:2, :2] = covariance[:2, :2]
-    electrical = [k for k in range(2, process.base) if "_bias_" not in process.names[k]]
-    voltage[np.ix_(electrical, electrical)] = covariance[np.ix_(electrical, electrical)]
-    silent, still = np.zeros(len(process.outputs)), np.zeros_like(covariance)
-    density = float(np.sqrt(noise.acceleration_density))
-    sources = [Source("acceleration", "m/s^1.5", density, acceleration, silent)]
+def _sources(run: OneFilter) -> list[Source]:
+    """Acceleration, voltage and the sensors' noises as the filter was given them."""
+    process, density = run.built.process, float(np.sqrt(run.noise.acceleration_density))
+    electrical = np.array(["_bias_" not in name for name in process.names]) & (np.arange(process.order) < process.base)
+    electrical[:2] = False
+    motion, silent = np.zeros((3, process.order, process.order)), np.zeros(len(process.outputs))
+    motion[0, :2, :2] = process.process_covariance[:2, :2]
+    motion[1] = np.where(np.outer(electrical, electrical), process.process_covariance, 0.0)
+    sources = [Source("acceleration", "m/s^1.5", density, motion[0], silent)]
     if process.inputs:
-        volts = float(np.sqrt(np.mean(np.square(noise.voltage_V))))  # rms over several drivers
-        sources.append(Source("voltage", "V", volts, voltage, silent))
-    for k, output in enumerate(process.outputs):
-        readings = np.where(np.arange(len(silent)) == k, output.variance, 0.0)
+        volts = float(np.sqrt(np.mean(np.square(run.noise.voltage_V))))  # rms over several drivers
+        sources.append(Source("voltage", "V", volts, motion[1], silent))
+    for output, own in zip(process.outputs, np.eye(len(silent)), strict=True):
         name = output.name if output.name not in {"acceleration", "voltage"} else f"sensor {output.name}"
-        sources.append(Source(name, output.unit, output.variance**0.5, still, readings))
-    return sources, covariance - acceleration - voltage
+        sources.append(Source(name, output.unit, output.variance**0.5, motion[2], own * output.variance))
+    return sources
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _likelihood(windows: Stretches, sources: Sequence[Source], fixed: FloatArray, logs: FloatArray) -> FloatArray:
+def _likelihood(windows: Stretches, sources: Sequence[Source], q: FloatArray, logs: FloatArray) -> FloatArray:
     """Minus the logarithm of the likelihood for each row of logarithms of the noises' factors; shape (rows,)."""
-    factor = np.exp(2.0 * logs)
-    q = fixed + np.tensordot(factor, np.stack([source.motion for source in sources]), 1)
+    factor, motion = np.exp(2.0 * logs), np.stack([source.motion for source in sources])
+    q = q - motion.sum(axis=0) + np.tensordot(factor, motion, 1)
     readings = np.stack([source.readings for source in sources])
     noise, r = readings.sum(axis=0), factor @ readings
     steps, pieces, sensors = windows.innovation.shape
-    order = len(fixed)
-    error = np.zeros((len(logs), pieces, order))
-    first = q * steps
-    covariance = np.broadcast_to(first[:, None], (len(logs), pieces, order, order)).copy()
+    error = np.zeros((len(logs), pieces, q.shape[-1]))
+    covariance = np.repeat((q * steps)[:, None], pieces, axis=1)
     total = np.zeros(len(logs))
     for k in range(steps):
         for s in range(sensors):
@@ -238,7 +217,7 @@ def _likelihood(windows: Stretches, sources: Sequence[Source], fixed: FloatArray
     return total
 
 
-def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+def _newton(windows: Stretches, sources: Sequence[Source], q: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """The most likely logarithms, and the curvature there; None where a likelihood is beyond all numbers."""
     count = len(sources)
     logs, unit = np.zeros(count), STEP * np.eye(count)
@@ -246,7 +225,7 @@ def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) ->
     curvature = np.zeros((count, count))
     for _ in range(NEWTON_STEPS):
         probes = np.concatenate([[logs], logs + unit, logs - unit, *([logs + unit[a] + unit[b]] for a, b in pairs)])
-        values = _likelihood(windows, sources, fixed, probes)
+        values = _likelihood(windows, sources, q, probes)
         if not np.isfinite(values).all():
             return None
         here, up, down, both = np.split(values, [1, 1 + count, 1 + 2 * count])
@@ -258,7 +237,7 @@ def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) ->
         step = -axes @ ((axes.T @ slope) / np.maximum(np.abs(sizes), 1.0))
         step *= min(1.0, 1.5 / max(float(np.abs(step).max()), 1e-12))
         tries = logs + np.array([1.0, 0.5, 0.25, 0.1, 0.0])[:, None] * step
-        best = int(np.argmin(_likelihood(windows, sources, fixed, tries)))
+        best = int(np.argmin(_likelihood(windows, sources, q, tries)))
         logs = np.clip(tries[best], -12.0, 12.0)
         if np.abs(step).max() < 1e-3 or best == len(tries) - 1:
             break

@@ -1,6 +1,16 @@
-"""A record through a filter of its model: how the filter is made, what it saw, and whether it can be relied on."""
+"""A record through a filter of its model: how the filter is made, what it saw, and whether it can be relied on.
 
-from collections.abc import Mapping, Sequence
+Innovations of a filter that can be are as large as it says, and white.
+
+References
+----------
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 5.4 (normalised innovations squared, whiteness).
+R. K. Mehra, On the identification of variances and adaptive Kalman filtering, IEEE Trans. Automatic Control 15 (1970)
+175 (correlation of the innovations of a gain that is too high or too low).
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,13 +19,11 @@ import numpy as np
 from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.estimate.consistency import Beside, Innovations, beside, innovations_of
-from femfit.estimate.constants import AT_STOP, NOISE_SAMPLES
-from femfit.estimate.filter import Filter
+from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
+from femfit.estimate.filter import Filter, FilterOutcome
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
-from femfit.estimate.noise import FilterNoise, default_noise
+from femfit.estimate.noise import ConsistencyBand, FilterNoise, consistency_band, default_noise
 from femfit.estimate.prepare import Prepared, prepare
-from femfit.estimate.process import FilterOutcome
 from femfit.estimate.run_filter import Replayed, replay
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -31,16 +39,104 @@ FILTERS: dict[str, tuple[FilterKind, bool]] = {
 """Name -> kind, and whether a bias is a further state."""
 
 
+LAGS = 20
+"""Conventional: lags of the innovations' autocorrelation, in samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """Of one sensor: mean square of the normalised innovations, which should be 1, and their autocorrelation."""
+
+    sensor: str
+    unit: str
+    count: int
+    mean_square: float
+    band: ConsistencyBand
+    autocorrelation: FloatArray  # At lags 1, 2, ...; of white innovations within +- the band's half-width in 95 %
+    correlation_band: float
+    rms: float  # Of the innovations themselves, in the sensor's unit
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mean square lies in its 95 % band."""
+        return self.band.contains(self.mean_square)
+
+    @property
+    def white(self) -> bool:
+        """Whether the autocorrelation leaves its band no oftener than one lag in five, and nowhere by twice its width.
+
+        At 20 lags a white sequence leaves the 95 % band at more than four lags in 0.3 % of cases.
+        """
+        return self._within(np.abs(self.autocorrelation))
+
+    @property
+    def bold(self) -> bool:
+        """Whether they are larger than the filter says, or a reading's error comes back in the next ones.
+
+        A filter that allows for more than there is follows each reading too far and takes it back in the next: its
+        innovations are smaller than it says, or correlated with a negative sign, and its error is less than it claims.
+        """
+        return self.mean_square > self.band.upper or not self._within(self.autocorrelation)
+
+    def _within(self, correlation: FloatArray) -> bool:
+        outside = int((correlation > self.correlation_band).sum())
+        return outside <= len(correlation) // 5 and not (correlation > 2.0 * self.correlation_band).any()
+
+    @property
+    def worst_lag(self) -> int:
+        """Of the largest autocorrelation in magnitude, in samples."""
+        return 1 + int(np.argmax(np.abs(self.autocorrelation)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        names = ("sensor", "unit", "count", "rms", "mean_square", "correlation_band", "consistent", "white")
+        return {name: getattr(self, name) for name in names} | {
+            "band": [self.band.lower, self.band.upper],
+            "autocorrelation": self.autocorrelation.tolist(),
+        }
+
+
+def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: FloatArray) -> Innovations | None:
+    """Judge the innovations of one sensor; None where it has fewer than :data:`LEAST_JUDGED`."""
+    read = np.isfinite(innovation) & np.isfinite(variance)
+    count = int(read.sum())
+    if count < LEAST_JUDGED:
+        return None
+    normalised = np.where(read, innovation / np.sqrt(np.where(read, variance, 1.0)), 0.0)
+    power = float((normalised**2).sum())
+    lags = np.array([float((normalised[:-k] * normalised[k:]).sum()) for k in range(1, LAGS + 1)]) / power
+    return Innovations(
+        sensor=sensor,
+        unit=unit,
+        count=count,
+        mean_square=power / count,
+        band=consistency_band(count),
+        autocorrelation=lags,
+        correlation_band=1.96 / count**0.5,
+        rms=float(np.sqrt(np.mean(innovation[read] ** 2))),
+    )
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A recorded channel beside what the estimate says of it."""
+
+    column: str
+    used: bool  # Whether the filter read it
+    rms: float
+    mean: float  # Recorded less estimated
+
+
 @dataclass(frozen=True, eq=False)
 class OneFilter:
     """A record as one filter saw it."""
 
     name: str
     built: Filter
+    noise: FilterNoise  # That it was given
     replayed: Replayed
     innovations: tuple[Innovations, ...]
     beside: tuple[Beside, ...]
-    estimates: Mapping[str, FloatArray]  # What the estimate says of each recorded channel
     prepared: Prepared
     lost_at_s: float | None  # When it no longer ran, for whatever reason
     outcome: FilterOutcome
@@ -88,90 +184,77 @@ class OneFilter:
         }
 
 
-def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
-    """Whether a record has what a filter of this model needs: a command, and a current, distance or Hall voltage."""
-    names = model.circuit_names
-    complete = model.motion is not None and set(voltage_columns(names)) <= set(series.given)
-    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & set(series.given)
-    return complete and (bool(names) or not model.has_winding) and bool(read)
-
-
 def followed(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
-    """The first samples of a record through the model's unscented filter; None where it has no filter for it."""
-    if not can_be_filtered(model, series):
+    """The first samples of a record through the model's unscented filter; None where it has no filter for it.
+
+    It needs a command, and a current, distance or Hall voltage.
+    """
+    names, given = model.circuit_names, set(series.given)
+    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & given
+    complete = model.motion is not None and set(voltage_columns(names)) <= given
+    if not (complete and read and (names or not model.has_winding)):
         return None
-    short = replace(series, rows=series.rows[:NOISE_SAMPLES])
     try:
-        prepared = prepare(model, short, None)
-        return follow(prepared, "ukf", None, noise_of(prepared, None))
+        return follow(prepare(model, replace(series, rows=series.rows[:NOISE_SAMPLES]), None))
     except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
         return None
 
 
-def follow(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
-    """The record through one filter."""
-    built = filter_of(prepared, name, biases, noise)
-    resting = None
+def follow(
+    prepared: Prepared, name: str = "ukf", biases: Sequence[str] | None = None, noise: FilterNoise | None = None
+) -> OneFilter:
+    """The record through one filter, with noises as given, or of the model and the record.
+
+    A filter that does not read the recorded distance starts from it where every stretch begins with one.
+    """
+    kind, biased = FILTERS[name]
+    chosen: Sequence[str] = ()
+    if biased:
+        chosen = biases or [sensor.name for sensor in prepared.sensors if sensor.unit != "A"][:1] or prepared.names[:1]
+    noise = default_noise(prepared.model) if noise is None else noise
+    hall = prepared.noise.get(HALL, noise.hall_V)
+    noise = replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
+    model, box, recorded = prepared.model, prepared.model.validity, prepared.recorded
+    read, distance = {sensor.column for sensor in prepared.sensors}, recorded.get("distance_m")
+    known = "distance_m" not in read and distance is not None and np.isfinite(distance[prepared.begins]).all()
+    built = kalman_filter(
+        model,
+        kind,
+        sensors=prepared.names,
+        biases=chosen,
+        noise=noise,
+        first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
+    )
+    resting = built
     if prepared.resting is not None:  # of a body that stands still: the current flows as in a body that nothing moves
         covariance = built.process.process_covariance.copy()
         covariance[:2, :2] = np.diag(np.square(prepared.resting))
         resting = replace(built, process=replace(built.process, held=True, process_covariance=covariance))
-    replayed = replay(built, prepared.log, resting)
+    replayed = replay(built, prepared, resting)
     judged = [
-        innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
-        for k, reading in enumerate(prepared.readings)
+        innovations_of(sensor.name, sensor.unit, replayed.innovation[:, k], replayed.variance[:, k])
+        for k, sensor in enumerate(prepared.sensors)
     ]
-    estimates = _estimates(prepared, replayed)
-    compared = [
-        beside(column, column in prepared.columns, prepared.recorded[column], values)
-        for column, values in estimates.items()
-    ]
-    lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)
+    compared: dict[str | None, Beside] = {}  # of columns with enough readings
+    stretches = np.split(replayed.mean[:, : model.order], prepared.begins[1:])
+    for sensor_name, sensor in sensors_of(model).items():
+        column = reading_of(model, sensor_name).column
+        if column not in recorded or column in compared:
+            continue
+        estimated = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
+        missed = (recorded[column] - estimated)[np.isfinite(recorded[column] - estimated)]
+        if len(missed) >= LEAST_JUDGED:
+            rms = float(np.sqrt(np.mean(missed**2)))
+            compared[column] = Beside(column, column in read, rms, float(missed.mean()))
+    lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)[:1].tolist()
     return OneFilter(
         name=name,
         built=built,
+        noise=noise,
         replayed=replayed,
         innovations=tuple(innovations for innovations in judged if innovations is not None),
-        beside=tuple(channel for channel in compared if channel is not None),
-        estimates=estimates,
+        beside=tuple(compared.values()),
         prepared=prepared,
-        lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
-        outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if len(lost) else FilterOutcome.RUNNING,
-    )
-
-
-def _estimates(prepared: Prepared, replayed: Replayed) -> dict[str, FloatArray]:
-    """By column, the reading of a sensor of the model in each estimated state, shape (samples,)."""
-    model, estimates = prepared.model, {}
-    for name, sensor in sensors_of(model).items():
-        column = reading_of(model, name).column
-        if column in prepared.recorded and column not in estimates:
-            stretches = np.split(replayed.mean[:, : model.order], prepared.log.begins[1:])
-            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
-    return estimates
-
-
-def noise_of(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
-    """Noises as given, or of the model and the record."""
-    noise = default_noise(prepared.model) if noise is None else noise
-    hall = prepared.noise.get(HALL, noise.hall_V)
-    return replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
-
-
-def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:
-    """The filter; one that does not read the recorded distance starts from it where every stretch begins with one."""
-    kind, biased = FILTERS[name]
-    chosen: Sequence[str] = ()
-    if biased:
-        chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
-    model, box, distance = prepared.model, prepared.model.validity, prepared.recorded.get("distance_m")
-    begins_there = distance is not None and np.isfinite(distance[prepared.log.begins]).all()
-    known = begins_there and "distance_m" not in prepared.columns
-    return kalman_filter(
-        model,
-        kind,
-        sensors=prepared.sensors,
-        biases=chosen,
-        noise=noise,
-        first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
+        lost_at_s=float(prepared.time_s[lost[0]]) if lost else None,
+        outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if lost else FilterOutcome.RUNNING,
     )

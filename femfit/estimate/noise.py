@@ -33,23 +33,42 @@ import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import (
-    BIAS_DENSITY,
-    DRIVER_ERROR,
-    FIRST_CURRENT_A,
-    FIRST_DEVIATION_M,
-    FIRST_VELOCITY_M_S,
-    LEAST_EDDY_SHARE,
-    OWN_SHARE,
-    OWN_VARIANCE,
-    UNKNOWN_EDDY_ERROR,
-    UNKNOWN_FORCE_ERROR,
-)
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.decay import responses
 from femfit.model.dynamics import eddy_currents_of, state_derivative
 from femfit.model.sensors import HALL, reading_of
+from femfit.model.validity import ProcessNoise
+
+UNKNOWN_FORCE_ERROR = 1e-3
+"""Conventional: force error over the weight where the model file records no misfit, the fit's own target."""
+
+DRIVER_ERROR = 1e-3
+"""Derived: error of the winding's voltage over the driver's largest, one step of a pulse-width modulator of 10 bits."""
+
+BIAS_DENSITY = 1e-3
+"""Conventional: random walk of the Hall element's quiescent voltage in V / sqrt(s), 8 mV in a minute; a ratiometric
+linear element drifts by some 10 mV over its temperature range (Allegro A1321 data sheet) within minutes of warming."""
+
+OWN_VARIANCE = 1e-12
+"""Conventional: what an effect's state gains in a step on its own, small beside its size of one: Q is definite."""
+
+OWN_SHARE = 0.01
+"""Conventional: part of the variance of an effect's state that does not follow the current, so that Q is definite."""
+
+UNKNOWN_EDDY_ERROR = 0.01
+"""Conventional: part by which eddy currents are off where their model does not say it, the error that a reduction is
+asked for."""
+
+LEAST_EDDY_SHARE = 1e-6
+"""Numerical: deviation of a pattern's current over the largest of them, so that a covariance is definite."""
+
+FIRST_DEVIATION_M = 1e-3
+"""Conventional: first standard deviation of the distance of a body that is put on a support by hand; at most that of a
+body that lies anywhere on its way with the same probability, the way over the root of twelve (derived)."""
+
+FIRST_VELOCITY_M_S, FIRST_CURRENT_A = 0.05, 0.1
+"""Conventional: first standard deviations of velocity and current of a body near rest."""
 
 
 def unstable_pole(model: ActuatorModel, distance: float) -> float:
@@ -115,13 +134,12 @@ def default_noise(model: ActuatorModel, distance: float | None = None) -> Filter
     else:  # a share of the weight is not stated where the forces are far above it
         share = model.misfit.force_rms_of_weight
         error = model.misfit.force_rms_N if share is None or not weight else share * weight
-    recorded = model.process_noise
-    density, volts = (recorded.acceleration_density, recorded.voltage_V) if recorded is not None else (None, None)
+    recorded = model.process_noise or ProcessNoise()
+    density, volts = recorded.acceleration_density, recorded.voltage_V
     errors = tuple(DRIVER_ERROR * max(abs(one.voltage_min_V), abs(one.voltage_max_V)) for one in circuits)
-    driver_error = errors[0] if len(errors) == 1 else errors
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
-        voltage_V=driver_error if volts is None else volts,
+        voltage_V=(errors[0] if len(errors) == 1 else errors) if volts is None else volts,
         hall_V=reading_of(model, HALL).white if model.sensor is not None else float("nan"),
     )
 

@@ -13,9 +13,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Plotted
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED
 from femfit.estimate.find_noise import FoundNoise, find_noise
-from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
+from femfit.estimate.follow import FILTERS, OneFilter, follow
 from femfit.estimate.noise import FilterNoise
-from femfit.estimate.prepare import Prepared, prepare
+from femfit.estimate.prepare import prepare
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -136,22 +136,21 @@ def observe(
     if unknown or not names:
         raise FilterError(f"A filter must be one of {', '.join(FILTERS)}; instead received {filter!r}.")
     prepared = prepare(model, series, sensors)
-    noise = noise_of(prepared, noise)
     runs = [follow(prepared, name, biases, noise) for name in names]
-    shown = find_noise(runs[0].built, prepared, runs[0].replayed, noise) if find else None
+    shown = find_noise(runs[0]) if find else None
     error = prepared.model.sample_step.error  # of steps that do not follow what happens within a sample
     share = f"{100.0 * error:.2g} %" if np.isfinite(error) else "all"
     coarse = [finding("coarse-sample", share=share, size=error)] if not error <= COARSE else []
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
         source=series.source,
-        sensors=prepared.sensors,
+        sensors=prepared.names,
         time_s=prepared.time_s,
         recorded=prepared.recorded,
         filters=tuple(runs),
         findings=(
             *prepared.findings,
-            *_told_by_estimate(prepared, runs[0]),
+            *_told_by_estimate(runs[0]),
             *coarse,
             *([NO_NOISE_FOUND] if find and shown is None else []),
         ),
@@ -159,34 +158,30 @@ def observe(
     )
 
 
-def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
+def _told_by_estimate(run: OneFilter) -> list[Finding]:
     """Rests on a stop where no recorded distance tells them, and where the model leaves its validity domain.
 
     An estimate that is not consistent with the readings, or does not claim to know the distance, tells no rest.
     """
-    model, mean, findings = prepared.model, run.replayed.mean, []
-    near, far = model.require_motion().ends
-    samples = len(mean)
-    box, deviation = model.validity, run.replayed.deviation
-    least = AT_STOP * (box.distance_max_m - box.distance_min_m)
-    close = np.where(deviation[:, 0] <= least, deviation[:, 0], -1.0)
-    if "distance_m" not in prepared.recorded and run.trusted:
-        for side, stop in (("near", near), ("far", far)):
-            resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
+    model, mean, deviation, findings = run.prepared.model, run.replayed.mean, run.replayed.deviation, []
+    box, samples = model.validity, len(mean)
+    if "distance_m" not in run.prepared.recorded and run.trusted:
+        known = deviation[:, 0] <= AT_STOP * (box.distance_max_m - box.distance_min_m)
+        for side, stop in zip(("near", "far"), model.require_motion().ends, strict=True):
+            resting = (
+                known & (np.abs(mean[:, 0] - stop) <= deviation[:, 0]) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
+            )
             if resting.any():
                 share = 100.0 * float(resting.mean())
                 findings.append(finding("at-stop estimate", side=side, share=share, samples=samples))
-    with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain, and than a body lies on its stop
-        bounded = [0, *range(2, 2 + len(model.circuits))]
-        limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])[: len(bounded)]
-        bounded_states = mean[:, bounded]
-        beyond = np.maximum(limits[:, 0] - bounded_states, bounded_states - limits[:, 1])
-        beyond -= np.fmax(3.0 * deviation[:, bounded], AT_STOP * np.ptp(limits, axis=1))
-        outside = (beyond > 0.0).any(axis=1) | ~np.isfinite(bounded_states).all(axis=1)
-    if outside.any():
-        ranges = " and ".join(
-            [f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm"]
-            + [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
-        )
-        findings.append(finding("outside-domain", outside=int(outside.sum()), samples=f"{samples}", ranges=ranges))
+    bounded = [0, *range(2, 2 + len(model.circuits))]
+    limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])[: len(bounded)]
+    lowest, highest = limits.T
+    # By more than the estimate is uncertain, and than a body lies on its stop
+    slack = np.fmax(3.0 * deviation[:, bounded], AT_STOP * (highest - lowest))
+    within = (mean[:, bounded] >= lowest - slack) & (mean[:, bounded] <= highest + slack)
+    if outside := int((~within.all(axis=1)).sum()):
+        ranges = [f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm"]
+        ranges += [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
+        findings.append(finding("outside-domain", outside=outside, samples=f"{samples}", ranges=" and ".join(ranges)))
     return findings

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.core.text import amount, counted
 from femfit.device.electrics import CurrentSensor, PositionSensor
-from femfit.estimate.constants import BLOCK, STANDS_STILL, STILL
+from femfit.estimate.constants import BLOCK, STILL
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.record import (
     converter_step,
@@ -23,12 +23,14 @@ from femfit.estimate.record import (
     with_distance,
 )
 from femfit.estimate.record_checks import check_record, require_possible_step
-from femfit.estimate.run_filter import Log
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import OtherSensor
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
+
+STANDS_STILL = 1e-3
+"""Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +38,13 @@ class Prepared:
     """A record as a filter takes it."""
 
     model: ActuatorModel  # With the record's step as its sample time, and the record's sensors
-    sensors: tuple[str, ...]
-    readings: tuple[Reading, ...]
+    sensors: tuple[Reading, ...]  # That the filter reads
     time_s: FloatArray
-    log: Log
+    inputs: FloatArray  # Held from the sample before; (samples, circuits)
+    readings: FloatArray  # NaN where missing; (samples, sensors)
+    begins: IntArray  # Indices of the first samples of stretches without a gap, ascending from 0
+    guesses: FloatArray  # First estimate of every sample, of which pieces take theirs; (samples, n)
+    held: BoolArray  # Whether the body stands still, whatever the forces say; (samples,)
     recorded: dict[str, FloatArray]  # Every channel of the record, one entry a sample
     findings: tuple[Finding, ...]
     noise: dict[str, float]  # White noise of each sensor
@@ -47,72 +52,92 @@ class Prepared:
     resting: tuple[float, float] | None
 
     @property
-    def columns(self) -> set[str | None]:
-        """Of the record that the filter reads."""
-        return {reading.column for reading in self.readings}
+    def names(self) -> tuple[str, ...]:
+        """Of the sensors."""
+        return tuple(sensor.name for sensor in self.sensors)
 
 
 def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
     """Choose sensors, take the record's step, and set aside what no filter should believe."""
     commands = voltage_columns(model.circuit_names)
     model.require_circuits()
+    # What was left out of the record, which may be what is missing
+    left_out = " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
     lacking = [name for name in commands if name not in series.given]
     if lacking:
-        left_out = _left_out(series)
         remedy = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
         raise TableError(
             f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
             f"{', '.join(series.given)}. Record {' and '.join(lacking)}{remedy}. {left_out}".rstrip()
         )
     series, added = on_grid(series)
-    rows = series.rows
-    drawn, findings = tuple(sensors_of(model)), list(series.findings)
+    drawn, rows = tuple(sensors_of(model)), series.rows
     model = with_recorded_sensors(model, series)
-    names = _chosen(model, series, sensors, drawn)
-    readings = tuple(reading_of(model, name) for name in names)
-    time, channels = rows["time_s"].to_numpy(), [name for name in series.given if name not in {"run", "time_s"}]
-    recorded = {name: rows[name].to_numpy(copy=True) for name in channels}
+    usable = recorded_sensors(model, series)
+    # As asked for; else those of the drawing that were recorded, or what was where none of them is
+    names = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
+    chosen = tuple(reading_of(model, name) for name in names)
+    unread = [name for name in names if name not in usable]
+    if unread or not names:
+        raise TableError(
+            f"A filter needs the readings of its sensors ({', '.join(unread) or 'one at least'}); {series.source} "
+            f"holds {', '.join(series.given)}, of which the model's sensors read "
+            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column. "
+            f"{left_out}".rstrip()
+        )
+    time = rows["time_s"].to_numpy()
     begins, step = stretches_and_step(time, rows["segment"].to_numpy(), model.sample_time_s)
     require_possible_step(model, step, series.source)
     checked = check_record(model, with_distance(model, series), added)
-    rests, noise_m = checked.rests, checked.track.noise_m
-    volts = np.array([drive.voltage_V for drive in checked.given]).reshape(len(commands), len(time)).T
-    inputs, held_findings = _inputs(volts, begins)
-    findings += [*checked.findings, *held_findings]
-    read = [sensor_readings(series, reading, begins, step) for reading in readings]
-    noises = [_noise(series, values, reading) for (values, _), reading in zip(read, readings, strict=True)]
+    findings = [*series.findings, *checked.findings]
+    if missing := int(np.isnan(checked.voltage_V).sum()):
+        findings.append(finding("held-command", missing=missing))
+    held = pd.DataFrame(checked.voltage_V).ffill().fillna(0.0).to_numpy()
+    inputs = np.concatenate([held[:1], held[:-1]])
+    inputs[begins] = held[begins]
+    read = [sensor_readings(series, reading, begins, step) for reading in chosen]
+    noises = [_noise(series, values, reading) for (values, _), reading in zip(read, chosen, strict=True)]
     findings += [told for _, of_channel in [*read, *noises] for told in of_channel]
     # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
+    rests, track, noise_m = checked.rests, checked.track, checked.track.noise_m
     held_rests = tuple(rest for rest in rests.rests if placed_by_sensor or rest.place == "held")
-    log = Log(
+    # Where it begins: as recorded, in the model's domain; else at the far stop, or where the filter is tuned
+    box, far = model.validity, model.require_motion().far_stop
+    rest = operating_distance(model) if far is None else far.distance_m
+    placed = np.clip(
+        np.where(np.isfinite(track.distance_m), track.distance_m, rest), box.distance_min_m, box.distance_max_m
+    )
+    limits = box.current_limits_A[: len(commands)]
+    fed = np.clip(np.nan_to_num(track.current_A[:, : len(commands)]), *limits.T)
+    return Prepared(
+        model=replace(model, sample_time_s=step),
+        sensors=chosen,
+        time_s=time,
         inputs=inputs,
         readings=np.stack([values for values, _ in read], axis=1),
         begins=begins,
-        guesses=_guesses(model, checked.track.distance_m, checked.track.current_A[:, : len(commands)]),
+        guesses=np.column_stack([placed, np.zeros(len(time)), fed]),
         held=replace(rests, rests=held_rests).held,
+        recorded={name: rows[name].to_numpy(copy=True) for name in series.given if name not in {"run", "time_s"}},
+        findings=tuple(findings),
+        noise={name: value for name, (value, _) in zip(names, noises, strict=True)},
+        # A held body stays where it is; it may have become so fast before its leaving is seen
+        resting=(STANDS_STILL * noise_m, STILL * noise_m / (BLOCK * step)) if rests.rests else None,
     )
-    noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
-    model = replace(model, sample_time_s=step)
-    # A held body stays where it is; it may have become so fast before its leaving is seen
-    resting = (STANDS_STILL * noise_m, STILL * noise_m / (BLOCK * step)) if rests.rests else None
-    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting)
 
 
 def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
     """The model with a sensor for each recorded current or distance that none of its own reads."""
-    drawn = sensors_of(model)
+    drawn, circuits = sensors_of(model), model.circuit_names
     read = {reading_of(model, name).column for name in drawn}
-    columns = dict(zip(circuit_currents(model.circuit_names), model.circuit_names, strict=True))
-    ammeters: dict[str, OtherSensor] = {
-        column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit) for column, circuit in columns.items()
+    own: dict[str, OtherSensor] = {
+        column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit)
+        for column, circuit in zip(circuit_currents(circuits), circuits, strict=True)
     }
-    distance = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
-    added = [
-        sensor
-        for column, sensor in {**ammeters, "distance_m": distance}.items()
-        if column in series.given and column not in read and sensor.name not in drawn
-    ]
+    own["distance_m"] = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+    wanted = {column: sensor for column, sensor in own.items() if column in series.given and column not in read}
+    added = [sensor for sensor in wanted.values() if sensor.name not in drawn]
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
 
@@ -122,69 +147,16 @@ def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence
     return tuple(name for name, column in columns.items() if column in series.given and column not in without)
 
 
-def _left_out(series: TimeSeries) -> str:
-    return " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
-
-
-def _chosen(
-    model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None, drawn: Sequence[str]
-) -> tuple[str, ...]:
-    """As asked for; else those of the drawing that were recorded, or what was where none of them is."""
-    usable = recorded_sensors(model, series)
-    wanted = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
-    for name in wanted:
-        sensor_named(model, name)
-    lacking = [name for name in wanted if name not in usable]
-    if lacking or not wanted:
-        raise TableError(
-            f"A filter needs the readings of its sensors ({', '.join(lacking) or 'one at least'}); {series.source} "
-            f"holds {', '.join(series.given)}, of which the model's sensors read "
-            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column. "
-            f"{_left_out(series)}".rstrip()
-        )
-    return wanted
-
-
-def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:
-    """The voltage held from the sample before to each one."""
-    missing, findings = int(np.isnan(volts).sum()), []  # volts of shape (samples, circuits)
-    if missing:
-        findings.append(finding("held-command", missing=missing))
-    last = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))[:, None]), axis=0)
-    held = np.nan_to_num(np.take_along_axis(volts, last, axis=0))
-    before = np.concatenate([held[:1], held[:-1]])
-    before[begins] = held[begins]
-    return before, findings
-
-
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:
     """Declared with the record, else the model's, else guessed from third differences, and no less than a rounding."""
-    declared = series.declared_noise.get(str(reading.column))
-    if declared or reading.white > 0.0:
-        return float(declared or reading.white), []
+    name = str(reading.column)
+    if known := float(series.declared_noise.get(name) or reading.white):
+        return known, []
     read = np.isfinite(column)  # where a sensor is read more slowly than the record, what is between is missing
-    readings = column[read]
-    guess = white_noise(readings, series.rows["segment"].to_numpy()[read], least=1)
-    guess = float(np.fmax(guess, converter_step(readings) / 12.0**0.5))
+    spread = white_noise(column[read], series.rows["segment"].to_numpy()[read], least=1)
+    guess = float(np.fmax(spread, converter_step(column) / 12.0**0.5))
     if not guess > 0.0:
-        fault = (
-            "its readings do not vary"
-            if len(readings) > 2
-            else f"the record has {counted(len(readings), 'reading')} of it"
-        )
-        raise TableError(
-            f"The noise of {reading.column} must be known; {fault}. Give --noise {reading.column}=STANDARD DEVIATION."
-        )
-    told = finding("guessed-noise", name=reading.name, guess=amount(guess, reading.unit), column=str(reading.column))
-    return guess, [told]
-
-
-def _guesses(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> FloatArray:
-    """Recorded distance and currents, kept in the model's domain; else the far stop or the operating point."""
-    box, motion = model.validity, model.require_motion()
-    samples, circuits = currents.shape
-    result = np.zeros((samples, 2 + circuits))
-    rest = operating_distance(model) if motion.far_stop is None else motion.far_stop.distance_m
-    result[:, 0] = np.clip(np.where(np.isfinite(distance), distance, rest), box.distance_min_m, box.distance_max_m)
-    result[:, 2:] = np.clip(np.nan_to_num(currents), *box.current_limits_A[:circuits].T)
-    return result
+        few = f"the record has {counted(int(read.sum()), 'reading')} of it"
+        fault = "its readings do not vary" if read.sum() > 2 else few
+        raise TableError(f"The noise of {name} must be known; {fault}. Give --noise {name}=STANDARD DEVIATION.")
+    return guess, [finding("guessed-noise", name=reading.name, guess=amount(guess, reading.unit), column=name)]

@@ -19,29 +19,33 @@ from math import comb, floor
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
+from scipy.interpolate import make_interp_spline
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import PositionSensor
-from femfit.estimate.constants import (
-    DIFFERENCE_ORDER,
-    FINEST_PART,
-    LEAST_DIFFERENCES,
-    MOST_OFF_GRID,
-    NORMAL_MEDIAN,
-    OFF_GRID,
-    SAME_STEP,
-    SPIKE,
-)
+from femfit.estimate.constants import DIFFERENCE_ORDER, LEAST_DIFFERENCES, NORMAL_MEDIAN, SPIKE
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensing import piece_of
 from femfit.model.sensors import WHOLE, Reading, reading_of
 from femfit.tables.findings import finding
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import TimeSeries
+
+OFF_GRID = 1.0 / 3.0
+"""Conventional: part of the usual step by which a step may miss a multiple of it and still be that multiple."""
+
+MOST_OFF_GRID = 0.05
+"""Conventional: part of the steps that may miss by more; of steps of arbitrary length one third does."""
+
+FINEST_PART = 4
+"""Conventional: the median step is at most so many grid steps; a record of which more is missing is not resampled."""
+
+SAME_STEP = 1e-3
+"""Numerical: steps of a converter are equal to this part of one."""
 
 
 class OnGrid(NamedTuple):
@@ -62,29 +66,24 @@ def on_grid(series: TimeSeries) -> OnGrid:
     time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
     inside = np.flatnonzero(np.diff(segment) == 0) + 1
     steps = time[inside] - time[inside - 1]
+    if not len(steps) or (np.abs(steps - np.median(steps)) <= OFF_GRID * np.median(steps)).all():
+        return OnGrid(series, np.zeros(len(time), dtype=bool))
     count = np.ones(len(time), dtype=np.intp)
-    findings = []
-    if len(steps) and (np.abs(steps - np.median(steps)) > OFF_GRID * np.median(steps)).any():
-        count[inside], off = _multiples(steps, series.source)
-        missing, uneven = int((count - 1).sum()), int(off.sum())
-        if missing:
-            samples = f"{len(time) + missing}"
-            findings.append(
-                finding("missing-rows", missing=missing, size=float(missing), samples=samples, column="time_s")
-            )
-        if uneven:
-            findings.append(finding("uneven-steps", uneven=uneven, size=float(uneven), column="time_s"))
+    count[inside], off = _multiples(steps, series.source)
     place = np.cumsum(count) - 1
     added = np.ones(int(place[-1]) + 1, dtype=bool)
     added[place] = False
-    if not added.any():
-        return OnGrid(replace(series, findings=(*series.findings, *findings)), added)
+    findings, missing, uneven = [*series.findings], int(added.sum()), int(off.sum())
+    if missing:
+        facts = {"missing": missing, "size": float(missing), "samples": f"{len(added)}"}
+        findings.append(finding("missing-rows", column="time_s", **facts))
+    if uneven:
+        findings.append(finding("uneven-steps", uneven=uneven, size=float(uneven), column="time_s"))
     rows = series.rows.set_axis(place, axis=0).reindex(range(len(added)))
-    rows = rows.assign(**{name: rows[name].ffill() for name in ("run", "segment")})
-    rows["segment"] = rows["segment"].astype(np.intp)
+    rows = rows.assign(**{name: rows[name].ffill().astype(series.rows[name].dtype) for name in ("run", "segment")})
     for name in ("time_s", *(name for name in rows if parts_of(str(name))[0] == "voltage_V")):
         rows[name] = bridged(rows[name].to_numpy(copy=True), added)
-    return OnGrid(replace(series, rows=rows, findings=(*series.findings, *findings)), added)
+    return OnGrid(replace(series, rows=rows, findings=tuple(findings)), added)
 
 
 def stretches_and_step(time: FloatArray, segment: IntArray, usual_step_s: float = 1.0) -> tuple[IntArray, float]:
@@ -135,7 +134,7 @@ def _multiples(steps: FloatArray, source: str) -> tuple[IntArray, BoolArray]:
     )
 
 
-def repeated(values: FloatArray, begins: NDArray[np.intp], period: int) -> BoolArray:
+def repeated(values: FloatArray, begins: IntArray, period: int) -> BoolArray:
     """Which samples a recorder filled with the last reading.
 
     Parameters
@@ -163,7 +162,7 @@ def repeated(values: FloatArray, begins: NDArray[np.intp], period: int) -> BoolA
 
 
 def sensor_readings(
-    series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step_s: float
+    series: TimeSeries, reading: Reading, begins: IntArray, step_s: float
 ) -> tuple[FloatArray, list[Finding]]:
     """Readings of a sensor, NaN where they tell nothing, and what is said of those.
 
@@ -187,26 +186,27 @@ def sensor_readings(
 
 def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
     """The record with ``distance_m`` where it has none and a position sensor of the model tells it; its noise too."""
-    if "distance_m" in series.given:
+    told = [
+        (sensor, reading)
+        for sensor in model.other_sensors
+        if isinstance(sensor, PositionSensor) and (reading := reading_of(model, sensor.name)).column in series.given
+    ]
+    if "distance_m" in series.given or not told:
         return series
-    for sensor in model.other_sensors:
-        column = reading_of(model, sensor.name).column
-        if not isinstance(sensor, PositionSensor) or column not in series.given:
-            continue
-        distance, passed = _known_distance(sensor, series, reading_of(model, sensor.name))
-        slope = np.abs(piece_of(sensor, distance[np.isfinite(distance)])[2])
-        declared, noise = series.declared_noise.get(str(column)), dict(series.declared_noise)
-        if declared and len(slope):
-            noise["distance_m"] = declared / float(np.median(slope))
-        placed = finding("distance position", source=column, name=sensor.name, column="distance_m")
-        return replace(
-            series,
-            rows=series.rows.assign(distance_m=distance),
-            given=(*series.given, "distance_m"),
-            declared_noise=noise,
-            findings=(*series.findings, placed, *passed),
-        )
-    return series
+    sensor, reading = told[0]
+    distance, passed = _known_distance(sensor, series, reading)
+    slope = np.abs(piece_of(sensor, distance[np.isfinite(distance)])[2])
+    declared, noise = series.declared_noise.get(str(reading.column)), dict(series.declared_noise)
+    if declared and len(slope):
+        noise["distance_m"] = declared / float(np.median(slope))
+    placed = finding("distance position", source=reading.column, name=sensor.name, column="distance_m")
+    return replace(
+        series,
+        rows=series.rows.assign(distance_m=distance),
+        given=(*series.given, "distance_m"),
+        declared_noise=noise,
+        findings=(*series.findings, placed, *passed),
+    )
 
 
 def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading) -> tuple[FloatArray, list[Finding]]:
@@ -218,34 +218,20 @@ def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading
     time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
     begins, step = stretches_and_step(time, segment)
     readings, passed = sensor_readings(series, reading, begins, step)
-    distance, late = distance_of(sensor, readings), reading.delay_s / step
+    distance, late = pd.Series(distance_of(sensor, readings)).groupby(segment), reading.delay_s / step
     slow = reading.sample_time_s is not None and reading.sample_time_s > 1.5 * step
     if slow or abs(late - round(late)) < WHOLE:
-        return _later(distance, segment, round(late)), passed
+        return np.asarray(distance.shift(-round(late))), passed
     fraction, samples = late - floor(late), floor(late)
-    early, later = (_later(distance, segment, shift) for shift in (samples, samples + 1))
+    early, later = (np.asarray(distance.shift(-shift)) for shift in (samples, samples + 1))
     return (1.0 - fraction) * early + fraction * later, passed
-
-
-def _later(values: FloatArray, segment: IntArray, samples: int) -> FloatArray:
-    """The values so many samples later within their segments, NaN beyond the last."""
-    result = np.full(len(values), np.nan)
-    here = np.arange(max(0, len(values) - samples))
-    same = segment[here] == segment[here + samples]
-    result[here[same]] = values[here + samples][same]
-    return result
 
 
 def distance_of(sensor: PositionSensor, readings: FloatArray) -> FloatArray:
     """Distances in m that give these readings; beyond the characteristic its last pieces go on."""
-    places, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
+    read, places = np.asarray(sensor.readings), np.asarray(sensor.distances_m)
     order = np.argsort(read)
-    result = np.interp(readings, read[order], places[order])
-    for end in (0, -1):  # np.interp stays at the ends
-        beyond = (readings - read[end]) * np.sign(read[-1] - read[0]) * (1 if end else -1) > 0.0
-        slope = float(piece_of(sensor, places[end : end + 1 or None])[2][0])
-        result = np.where(beyond, places[end] + (readings - read[end]) / slope, result)
-    return np.asarray(result)
+    return np.asarray(make_interp_spline(read[order], places[order], 1)(readings))
 
 
 def white_noise(misfit: FloatArray, segment: IntArray, least: int = LEAST_DIFFERENCES) -> float:

@@ -21,17 +21,7 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, current_columns, voltage_columns
 from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import (
-    AGAINST,
-    FALLING,
-    FASTEST_STEP,
-    FLOWS,
-    LEAST_DIFFERENCES,
-    LOUD,
-    OFF,
-    SLOWEST_STEP,
-    SWAPPED,
-)
+from femfit.estimate.constants import LEAST_DIFFERENCES
 from femfit.estimate.record import bridged, converter_step, white_noise
 from femfit.estimate.rests import Rests, Track, find_rests
 from femfit.model.actuator_model import ActuatorModel
@@ -39,6 +29,28 @@ from femfit.model.with_effects import true_setting_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import LEAST_READINGS, column_unit, suspected_by_range
+
+FLOWS, AGAINST = 0.1, 0.5
+"""Conventional: parts of the largest command or current from which one flows, and of the heat in the winding that the
+mean power must be negative by before its polarity is suspected, or less by before it is taken for the current: a body
+that is driven from outside gives less back."""
+
+SWAPPED = 3.0
+"""Assumed: heat of the drawn resistance over the mean power from which columns are swapped; less is a resistance."""
+
+LOUD = 1.5
+"""Derived: times the standard deviation of all readings above which a declared noise is not theirs: that of a hundred
+readings of white noise alone is uncertain by 7 %, and a slow noise may last as long as the record."""
+
+SLOWEST_STEP, FASTEST_STEP = 100.0, 1e-6
+"""Conventional: times of the model's slowest own time above which a step cannot be filtered, and of its fastest below
+which rounding is all that a step changes."""
+
+OFF = 3.0
+"""Conventional: a current within so many standard deviations of zero has stopped."""
+
+FALLING = 12
+"""Conventional: samples before a current is lost in its noise, by whose slope it goes on to zero, so many at most."""
 
 
 def suspect_settings(
@@ -63,11 +75,12 @@ def suspect_settings(
 
 @dataclass(frozen=True, eq=False)
 class CheckedRecord:
-    """Where the body of a record was and rested, what its drivers gave, one entry a circuit, and what is said of it."""
+    """Where the body of a record was and rested, what its drivers gave, and what is said of it."""
 
     track: Track
     rests: Rests
-    given: tuple["Given", ...]
+    voltage_V: FloatArray  # NaN where missing; (samples, circuits)
+    unsure: BoolArray  # Where a diode stops conducting in the noise of the current, at a moment that is estimated
     findings: tuple[Finding, ...]
 
 
@@ -85,23 +98,19 @@ def check_record(model: ActuatorModel, series: TimeSeries, added: BoolArray | No
     settings = rows.reindex(columns=names).to_numpy(dtype=np.float64)
     if not model.has_winding:
         settings[:, 0] = 0.0
-    *noise_A, noise_m = (
-        float(series.declared_noise.get(name, 0.0)) or _sample_noise(values, segment, added)
-        for name, values in zip(names, settings.T, strict=True)
-    )
+    noises = [float(series.declared_noise.get(name, 0.0)) for name in names]
+    for k, values in enumerate(settings.T):  # from neighbouring samples, or else from those that were written
+        spreads = (white_noise(values[here], segment[here]) for here in (slice(None), ~added))
+        noises[k] = noises[k] or next((spread for spread in spreads if np.isfinite(spread)), np.nan)
     distance, current = (bridged(true, added) for true in true_setting_of(model, settings[:, -1], settings[:, :-1]))
-    track = Track(time, segment, distance, current, noise_m, noise_A)
+    track = Track(time, segment, distance, current, noises[-1], noises[:-1])
     rests = find_rests(model, track)
-    commands = rows.reindex(columns=voltage_columns(model.circuit_names)).to_numpy(dtype=np.float64)
-    given = tuple(given_voltage(model, track, volts, k) for k, volts in enumerate(commands.T))
-    told = (finding for drive in given for finding in drive.findings)
-    return CheckedRecord(track, rests, given, (*suspect_record(model, series), *rests.findings, *told))
-
-
-def _sample_noise(values: FloatArray, segment: IntArray, added: BoolArray) -> float:
-    """Of a channel, from neighbouring samples, or else from those that were written; NaN where neither says it."""
-    spread = white_noise(values, segment)
-    return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
+    volts = rows.reindex(columns=voltage_columns(model.circuit_names)).to_numpy(dtype=np.float64, copy=True)
+    unsure, findings = np.zeros(volts.shape, dtype=bool), [*suspect_record(model, series), *rests.findings]
+    for k, commands in enumerate(volts.T):
+        volts[:, k], unsure[:, k], told = given_voltage(model, track, commands, k)
+        findings += told
+    return CheckedRecord(track, rests, volts, unsure, tuple(findings))
 
 
 def suspect_record(model: ActuatorModel, series: TimeSeries) -> list[Finding]:
@@ -179,34 +188,24 @@ def _polarity(
     return None
 
 
-def _own_times(model: ActuatorModel) -> tuple[float, ...]:
+def _own_times(model: ActuatorModel) -> list[float]:
     """Shortest and longest L / R of the windings, and the time in which the largest force takes the body its way."""
     distance, current = model.validity.grid(5, 3)
-    magnetic = model.magnetics.state(distance, current)
-    times: list[float] = []
+    magnetic, motion, times = model.magnetics.state(distance, current), model.motion, []
     if model.circuits:
         inductance = magnetic.inductance + model.series_inductances_H
         settling = np.diagonal(inductance, axis1=-2, axis2=-1) / model.resistances_ohm
         times += [float(settling.min()), float(settling.max())]
-    motion = model.motion
     if motion is not None:
-        box, forces = model.validity, np.abs(magnetic.force)
-        most = float(forces.max()) + motion.mass_kg * abs(motion.gravity_m_s2)
-        if most > 0.0:
-            times.append(float(np.sqrt(2.0 * motion.mass_kg * (box.distance_max_m - box.distance_min_m) / most)))
-    return tuple(time for time in times if time > 0.0 and np.isfinite(time))
+        most = float(np.abs(magnetic.force).max()) + motion.mass_kg * abs(motion.gravity_m_s2)
+        way = model.validity.distance_max_m - model.validity.distance_min_m
+        times.append(math.sqrt(2.0 * motion.mass_kg * way / most) if most > 0.0 else math.inf)
+    return [time for time in times if 0.0 < time < math.inf]
 
 
-@dataclass(frozen=True, eq=False)
-class Given:
-    """The voltage that the driver gave, and what is said of it."""
-
-    voltage_V: FloatArray
-    unsure: BoolArray  # Where a diode stops conducting in the noise of the current, at a moment that is estimated
-    findings: tuple[Finding, ...]
-
-
-def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circuit: int) -> Given:
+def given_voltage(
+    model: ActuatorModel, track: Track, voltage: FloatArray, circuit: int
+) -> tuple[FloatArray, BoolArray, list[Finding]]:
     """The voltage at the winding: commands beyond the supply are clamped, as the driver does.
 
     Parameters
@@ -215,12 +214,15 @@ def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circu
         Commands in V; NaN where missing.
     circuit : int
         The place of the circuit whose voltage it is.
+
+    Returns
+    -------
+    tuple of (array, array of bool, list of Finding)
+        The voltage; where a diode stops conducting at a moment that is estimated; and what is said of it.
     """
     fed, noise_A = model.circuits[circuit], track.noise_A[circuit]
     clamped = np.clip(voltage, fed.voltage_min_V, fed.voltage_max_V)
-    with np.errstate(invalid="ignore"):
-        beyond = clamped != voltage
-    beyond &= np.isfinite(voltage)
+    beyond = (clamped != voltage) & np.isfinite(voltage)
     diode, unsure = fed.drive.diode_V, np.zeros(len(voltage), dtype=bool)
     if diode is not None:
         off, clear = voltage <= 0.0, OFF * noise_A if np.isfinite(noise_A) else 0.0
@@ -228,12 +230,12 @@ def given_voltage(model: ActuatorModel, track: Track, voltage: FloatArray, circu
         voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), volts) for volts in (voltage, clamped))
         beyond &= ~off
     if not beyond.any():
-        return Given(voltage, unsure, ())
+        return voltage, unsure, []
     reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
     of = f" to {fed.name}" if len(model.circuits) > 1 else ""
     commands = f"{counted(int(beyond.sum()), 'command')}{of} of {len(voltage)} ({reach})"
-    told = finding("clamped", commands=commands, limits=amount_range(fed.voltage_min_V, fed.voltage_max_V, "V"))
-    return Given(clamped, unsure, (told,))
+    limits = amount_range(fed.voltage_min_V, fed.voltage_max_V, "V")
+    return clamped, unsure, [finding("clamped", commands=commands, limits=limits)]
 
 
 def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: float) -> tuple[BoolArray, BoolArray]:

@@ -14,18 +14,27 @@ M. Shinbrot, Transactions of the ASME 79 (1957) 579: method of modulating functi
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, FINEST, LEAST_BLOCKS, STILL, WRONG_FACTOR
+from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, STILL
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.findings import finding
 
-Place = Literal["near", "far", "held"]
+LEAST_BLOCKS = 4
+"""Conventional: blocks of a rest; fewer are a turning point."""
+
+WRONG_FACTOR = 2.0
+"""Conventional: a model is taken to be wrong by less than this factor in its force. A body that stands still where no
+such error balances the forces is held; one that could be balanced is taken as free."""
+
+FINEST = 1e-7
+"""Numerical: part of the validity domain below which a simulated distance is rounding, not noise."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +44,7 @@ class Rest:
     first: int
     last: int
     distance_m: float
-    place: Place  # On a stop of the drawing, or held by what the model does not know
+    place: str  # On a stop of the drawing, "near" or "far", or "held" by what the model does not know
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +82,14 @@ def find_rests(model: ActuatorModel, track: Track) -> Rests:
     contact = np.zeros(len(distance), dtype=bool)
     if model.motion is None or not track.noise_m >= 0.0:
         return Rests((), contact, ())
-    box = model.validity
-    noise_m = max(track.noise_m, FINEST * (box.distance_max_m - box.distance_min_m))
-    rests = []
-    for first, last, level in still_stretches(segment, distance, noise_m):
-        rows = slice(first, last + 1)
-        place = _place(model, level, noise_m)
-        if place == "held" and not _unbalanced(model, track, rows, noise_m):
+    travel = model.validity.distance_max_m - model.validity.distance_min_m
+    noise_m, places = max(track.noise_m, FINEST * travel), ("near", "far")
+    rests: list[Rest] = []
+    for first, last, level in _still_stretches(segment, distance, noise_m):
+        rows, misses = slice(first, last + 1), np.abs(level - np.array(model.motion.ends))
+        close = max(STILL * noise_m, AT_STOP * travel)
+        on_stop = [name for name, miss in zip(places, misses, strict=True) if miss <= close]
+        if not on_stop and not _unbalanced(model, track, rows, noise_m):
             continue
         away = np.abs(np.nan_to_num(distance[rows] - level))
         arrives = first > 0 and segment[first - 1] == segment[first]
@@ -87,21 +97,20 @@ def find_rests(model: ActuatorModel, track: Track) -> Rests:
         early = first + (_moving(away, noise_m) if arrives else 0)
         late = last - (_moving(away[::-1], noise_m) if leaves else 0)
         if late - early >= BLOCK:
-            rests.append(Rest(early, late, level, place))
+            rests.append(Rest(early, late, level, on_stop[0] if on_stop else "held"))
         contact[rows] = True
     contact |= _touching(model, distance, rests, noise_m)
     return Rests(tuple(rests), contact, tuple(_remarks(track, rests)))
 
 
-def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
+def _still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
     """First and last row, and mean, of every stretch of a channel whose blocks agree."""
     stretches = []
-    edges = np.flatnonzero(np.diff(segment)) + 1
-    for begin, end in zip(np.r_[0, edges], np.r_[edges, len(segment)], strict=True):
+    edges = np.flatnonzero(np.diff(segment, prepend=segment[:1] - 1, append=segment[-1:] + 1))
+    for begin, end in pairwise(edges.tolist()):
         count = (end - begin) // BLOCK
-        blocks = distance[begin : begin + count * BLOCK].reshape(count, BLOCK)
-        finite = np.isfinite(blocks)
-        means = np.where(finite.any(axis=1), np.nansum(blocks, axis=1) / np.maximum(finite.sum(axis=1), 1), np.nan)
+        blocks = pd.DataFrame(distance[begin : begin + count * BLOCK].reshape(count, BLOCK))
+        means = blocks.mean(axis=1).to_numpy()  # of the readings that there are
         start = 0
         while start < count:
             stop, low, high = start, means[start], means[start]
@@ -110,7 +119,7 @@ def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> li
                 stop += 1
             if stop - start >= LEAST_BLOCKS:
                 last = end if stop == count else begin + stop * BLOCK
-                stretches.append((int(begin + start * BLOCK), int(last) - 1, float(means[start:stop].mean())))
+                stretches.append((begin + start * BLOCK, last - 1, float(means[start:stop].mean())))
             start = max(stop, start + 1)
     return stretches
 
@@ -121,15 +130,6 @@ def _moving(away: FloatArray, noise: float) -> int:
     # The mean magnitude of noise alone is 0.8 of its deviation, and of a block's mean 0.6 / sqrt(8) uncertain
     there = np.flatnonzero(means <= noise)
     return BLOCK + int(there[0] if len(there) else len(away))
-
-
-def _place(model: ActuatorModel, level: float, noise: float) -> Place:
-    near, far = model.require_motion().ends
-    box = model.validity
-    close = max(STILL * noise, AT_STOP * (box.distance_max_m - box.distance_min_m))
-    if abs(level - near) <= close:
-        return "near"
-    return "far" if abs(level - far) <= close else "held"
 
 
 def _unbalanced(model: ActuatorModel, track: Track, rows: slice, noise: float) -> bool:
@@ -148,18 +148,15 @@ def _unbalanced(model: ActuatorModel, track: Track, rows: slice, noise: float) -
     most = against - np.minimum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) + motion.coulomb_N
     size = 2 * BLOCK
     while size <= len(time):
-        count = len(time) // size
-        cut = (count, size)
-        length = np.median(np.diff(time)) * size
+        cut, length = (len(time) // size, size), np.median(np.diff(time)) * size
         s = (2.0 * np.arange(size) + 1.0) / size - 1.0
         bump = (1.0 - s**2) ** 2
         mean = bump / bump.sum()
         curved = 12.0 * (s**2 - np.mean(s**2))  # an even function's best line is its mean
         curved /= 0.5 * (curved @ s**2) * (0.5 * length) ** 2  # exactly 1 for t^2 / 2
-        accelerations = distance[: count * size].reshape(cut) @ curved
-        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(accelerations))))
-        low = least[: count * size].reshape(cut) @ mean / motion.mass_kg
-        high = most[: count * size].reshape(cut) @ mean / motion.mass_kg
+        whole, least_cut, most_cut = (values[: cut[0] * size].reshape(cut) for values in (distance, least, most))
+        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(whole @ curved))))
+        low, high = least_cut @ mean / motion.mass_kg, most_cut @ mean / motion.mass_kg
         if np.any((low > DECISIVE * spread) | (high < -DECISIVE * spread)):
             return True
         size *= 2
@@ -172,24 +169,17 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
     An end of the path at which the body was held counts as a stop. A rebound lasts less than a sample; a stop gives way
     under an impact, so that samples a little beyond it touch it too.
     """
-    box = model.validity
-    stops = model.require_motion().ends
-    ends = [stop for stop in stops if np.isfinite(stop)]
+    box, stops = model.validity, np.array(model.require_motion().ends)
     means = np.convolve(distance, np.full(BLOCK, 1.0 / BLOCK))[BLOCK - 1 : len(distance)]
-    means = means[np.isfinite(means)]
-    if len(means):
-        low, high = means.min() + STILL * noise, means.max() - STILL * noise
-        ends += [rest.distance_m for rest in rests if not low < rest.distance_m < high]
-    near = np.zeros(len(distance))
+    low = np.min(means, initial=np.inf, where=np.isfinite(means)) + STILL * noise
+    high = np.max(means, initial=-np.inf, where=np.isfinite(means)) - STILL * noise
+    held = [rest.distance_m for rest in rests if np.isfinite(low) and not low < rest.distance_m < high]
+    ends = np.array([*stops[np.isfinite(stops)], *held])
     moved = np.abs(np.diff(distance))
-    with np.errstate(invalid="ignore"):
-        reach = np.fmax(np.r_[moved, 0.0], np.r_[0.0, moved]) + STILL * noise
-        for end in ends:
-            near[np.abs(distance - end) <= reach] = 1.0
-        give = AT_STOP * (box.distance_max_m - box.distance_min_m)
-        for stop, side in zip(stops, (1.0, -1.0), strict=True):
-            depth = side * (stop - distance)
-            near[(depth >= 0.0) & (depth <= give)] = 1.0
+    reach = np.fmax(np.r_[moved, 0.0], np.r_[0.0, moved]) + STILL * noise
+    near = (np.abs(distance - ends[:, None]) <= reach).any(axis=0)
+    depth = np.array([[1.0], [-1.0]]) * (stops[:, None] - distance)
+    near |= ((depth >= 0.0) & (depth <= AT_STOP * (box.distance_max_m - box.distance_min_m))).any(axis=0)
     return np.asarray(np.convolve(near, np.ones(BLOCK + 1))[BLOCK // 2 :][: len(near)] > 0.5)
 
 

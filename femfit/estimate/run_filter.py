@@ -8,24 +8,22 @@ forget, as of a bias that nothing tells, the pieces run one after the other in t
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.estimate.constants import JOINED, LONGEST_PIECE, ROUNDING, SHORTEST_PIECE, TURNS
-from femfit.estimate.filter import Filter
-from femfit.estimate.process import FilterState
+from femfit.estimate.filter import Filter, FilterState
+from femfit.estimate.prepare import Prepared
 
+SHORTEST_PIECE, LONGEST_PIECE = 250, 2000
+"""Conventional: samples of a piece of a record; pieces run side by side, and a filter forgets its start within one."""
 
-class Log(NamedTuple):
-    """What a filter is fed with: inputs held from the sample before, readings, and where stretches begin."""
+JOINED, ROUNDING = 1e-12, 1e-15
+"""Numerical: a piece begins where the one before ended if no state differs by more than this of its deviation or this
+of itself, and no variance by more than the first of itself: the record is then followed sample by sample."""
 
-    inputs: FloatArray  # (samples, circuits)
-    readings: FloatArray  # (samples, sensors); NaN where missing
-    begins: IntArray  # Indices of the first samples of stretches without a gap, ascending from 0
-    guesses: FloatArray  # First estimate of every sample, of which pieces take theirs; (samples, n)
-    held: BoolArray  # Whether the body stands still, whatever the forces say; (samples,)
+TURNS = 25
+"""Conventional: a filter that has not forgotten its starts after so many turns runs one piece after the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +45,22 @@ class Replayed:
             return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
-def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed:
+def replay(filter_: Filter, record: Prepared, resting: Filter) -> Replayed:
     """Run a filter over all stretches of a record; where the body is held, ``resting`` predicts in its place."""
-    pieces = _cut(log)
-    order, sensors, samples = filter_.process.order, log.readings.shape[1], len(log.inputs)
-    states = [np.full((samples, *shape), np.nan) for shape in ((order,), (order,), (order, order))]
-    innovations = [np.full((samples, sensors), np.nan) for _ in range(2)]
-    result = Replayed(states[0], states[1], states[2], innovations[0], innovations[1], np.zeros(samples, np.intp), 0)
-    start = filter_.start(log.guesses[pieces.first])
-    used, ends, todo, turns = start, start, np.arange(len(pieces.first)), 0
+    samples, order, sensors = len(record.inputs), filter_.process.order, record.readings.shape[1]
+    size = int(np.clip(np.sqrt(samples), SHORTEST_PIECE, LONGEST_PIECE))
+    stretches = zip(record.begins, np.append(record.begins[1:], samples), strict=True)
+    first = np.concatenate([np.arange(a, b, size) for a, b in stretches])
+    follows = np.flatnonzero(~np.isin(first, record.begins))
+    shapes = (order,), (order,), (order, order), (sensors,), (sensors,)
+    predicted, mean, covariance, innovation, variance = (np.full((samples, *shape), np.nan) for shape in shapes)
+    result = Replayed(predicted, mean, covariance, innovation, variance, np.zeros(samples, np.intp), 0)
+    used = ends = filter_.start(record.guesses[first])
+    todo, turns = np.arange(len(first)), 0
     while len(todo):
-        ends = ends.with_runs(todo, _run((filter_, resting), log, pieces, todo, used.of_runs(todo), result))
+        ends = ends.with_runs(todo, _run(filter_, resting, record, first, todo, used.of_runs(todo), result))
         turns += 1
-        wanted = used.with_runs(pieces.follows, ends.of_runs(pieces.follows - 1))
+        wanted = used.with_runs(follows, ends.of_runs(follows - 1))
         todo = np.flatnonzero(~_joined(used, wanted))
         if turns > TURNS:
             todo = todo[~np.isin(todo - 1, todo)]
@@ -67,54 +68,33 @@ def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed
     return replace(result, turns=turns)
 
 
-class _Pieces(NamedTuple):
-    first: IntArray
-    length: IntArray
-    opens: BoolArray  # Whether it begins a stretch
-    follows: IntArray  # Numbers of those that do not
-
-
-def _cut(log: Log) -> _Pieces:
-    samples = len(log.inputs)
-    size = int(np.clip(np.sqrt(samples), SHORTEST_PIECE, LONGEST_PIECE))
-    ends = np.append(log.begins[1:], samples)
-    first = np.concatenate([np.arange(a, b, size) for a, b in zip(log.begins, ends, strict=True)])
-    length = np.diff(np.append(first, samples))
-    opens = np.isin(first, log.begins)
-    return _Pieces(first, length, opens, np.flatnonzero(~opens))
-
-
 def _run(
-    filters: tuple[Filter, Filter | None],
-    log: Log,
-    pieces: _Pieces,
+    filter_: Filter,
+    resting: Filter,
+    record: Prepared,
+    firsts: IntArray,
     which: IntArray,
     state: FilterState,
     result: Replayed,
 ) -> FilterState:
-    """Run some pieces side by side and write down what they saw; returns their last states."""
-    filter_, resting = filters
-    first, length, opens = pieces.first[which], pieces.length[which], pieces.opens[which]
-    last = state
+    """Run some of the pieces that begin at ``firsts`` side by side, and write down what they saw; their last states."""
+    samples = len(record.inputs)
+    first, length = firsts[which], np.diff(np.append(firsts, samples))[which]
+    opens, last = np.isin(first, record.begins), state
     for j in range(int(length.max())):
-        alive = length > j
-        row = np.minimum(first + j, len(log.inputs) - 1)
-        held = log.held[row] if resting is not None else np.zeros(len(row), dtype=bool)
+        alive, row = length > j, np.minimum(first + j, samples - 1)
         moved = state
-        for predicting, here in ((filter_, np.flatnonzero(~held)), (resting, np.flatnonzero(held))):
-            if predicting is not None and len(here):
-                moved = moved.with_runs(here, predicting.predict(state.of_runs(here), log.inputs[row[here]]))
-        if j == 0 and opens.any():  # nothing moves before the first sample
-            moved = moved.with_runs(np.flatnonzero(opens), state.of_runs(np.flatnonzero(opens)))
-        readings = np.where(alive[:, None], log.readings[row], np.nan)
-        state = filter_.update(moved, readings)
-        here = row[alive]
+        for predicting, here in ((filter_, ~record.held[row]), (resting, record.held[row])):
+            if here.any():
+                moved = moved.with_runs(here, predicting.predict(state.of_runs(here), record.inputs[row[here]]))
+        if j == 0:  # nothing moves before a stretch's first sample
+            moved = moved.with_runs(opens, state.of_runs(opens))
+        state = filter_.update(moved, np.where(alive[:, None], record.readings[row], np.nan))
+        here, shape = row[alive], (len(which), record.readings.shape[1])
         result.predicted[here], result.mean[here] = moved.mean[alive], state.mean[alive]
-        result.covariance[here] = state.covariance[alive]
-        shape = (len(which), readings.shape[1])
+        result.covariance[here], result.outcome[here] = state.covariance[alive], state.outcome[alive]
         result.innovation[here] = state.innovation.reshape(shape)[alive]
         result.variance[here] = state.innovation_variance.reshape(shape)[alive]
-        result.outcome[here] = state.outcome[alive]
         ended = np.flatnonzero(length == j + 1)
         last = last.with_runs(ended, state.of_runs(ended)) if len(ended) else last
     return last

@@ -4,18 +4,15 @@ A control loop calls the one function. A reading that is missing has an infinite
 nothing.
 """
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from femfit.core.compiled import Compilation
 from femfit.core.graph import GraphFunction
 from femfit.core.numerics import FloatArray
-from femfit.core.tape import Caller
-from femfit.estimate.process import FilterProcess, Output
+from femfit.estimate.process import FilterProcess
 
 if TYPE_CHECKING:
     from femfit.estimate.filter import Filter
@@ -41,8 +38,8 @@ class Terms(NamedTuple):
     noise: Any  # Q
     moved: Callable[[Any, Any], Any]  # (points, inputs) -> points one sample later
     moved_with_slope: Callable[[Any, Any], tuple[Any, Any]]  # Of one state, and df/dx
-    read: Sequence[Callable[[Any], Any]]  # Of each sensor: points -> a row of readings
-    read_slope: Sequence[Callable[[Any], Any]]  # dh/dx of one state, a row
+    read: Callable[[int, Any], Any]  # (number of a sensor, points) -> a row of readings
+    read_slope: Callable[[int, Any], Any]  # dh/dx of one state, a row
 
 
 def in_arrays(process: FilterProcess) -> Terms:
@@ -53,20 +50,15 @@ def in_arrays(process: FilterProcess) -> Terms:
         return np.ascontiguousarray(values.T).reshape(-1, *points.shape[1:])
 
     def moved(points: FloatArray, inputs: FloatArray) -> FloatArray:
-        every = np.empty((points.shape[1], *inputs.shape))
-        every[:] = inputs
-        states = points.reshape(len(points), -1).T
-        return as_points(process.transition(states, every.reshape(len(states), *inputs.shape[1:])), points)
+        every = np.tile(inputs, (points.shape[1], 1))
+        return as_points(process.transition(points.reshape(len(points), -1).T, every), points)
 
     def moved_with_slope(state: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
         after, slope = process.with_slopes(state[:, 0].T, inputs)
         return as_points(after, state), slope.transpose(1, 2, 0)
 
-    def reading(output: Output, points: FloatArray) -> FloatArray:
-        return as_points(process.measure(output.name, points.reshape(len(points), -1).T), points)
-
-    def reading_slope(output: Output, points: FloatArray) -> FloatArray:
-        return process.gradient(output.name, points[:, 0].T).T[None]
+    def read(sensor: int, points: FloatArray) -> FloatArray:
+        return as_points(process.measure(process.outputs[sensor].name, points.reshape(len(points), -1).T), points)
 
     return Terms(
         product=lambda a, b: np.einsum("ijr,jkr->ikr", a, b),
@@ -77,119 +69,76 @@ def in_arrays(process: FilterProcess) -> Terms:
         noise=process.process_covariance[:, :, None],
         moved=moved,
         moved_with_slope=moved_with_slope,
-        read=[partial(reading, output) for output in process.outputs],
-        read_slope=[partial(reading_slope, output) for output in process.outputs],
+        read=read,
+        read_slope=lambda sensor, state: process.gradient(process.outputs[sensor].name, state[:, 0].T).T[None],
     )
 
 
-class SingleStep(NamedTuple):
-    """What one step came to."""
+def step_function(filter_: "Filter", *, compact: bool = False, floor: float = 0.0) -> ca.Function:
+    """(mean, factor, voltages, readings, their variances) -> one step of one run.
 
-    covariance: FloatArray  # (n, n)
-    factor: FloatArray
-    mean: FloatArray  # (n,)
-    predicted: FloatArray  # The mean before the readings
-    innovations: FloatArray  # Of each sensor
-    variances: FloatArray
-
-
-class StepFunction:
-    """(mean, factor, voltages, readings, their variances) -> :class:`SingleStep`.
-
-    ``function`` is that of CasADi, whose output has the parts one below the other, matrices column by column. Where it
-    is to be compact, sigma points call one function that looks its tables up: a third of the code in C.
+    The output has covariance, factor, mean, mean before the readings, innovations and their variances one below the
+    other, matrices column by column. Where it is to be compact, sigma points call one function that looks its tables
+    up: a third of the code in C.
 
     Parameters
     ----------
     floor : float
         Least square of a factor's pivot over the variance, where rounding may leave none.
     """
+    process, unscented = filter_.process, filter_.is_unscented
+    n, m = process.order, len(process.outputs)
 
-    def __init__(self, filter_: "Filter", *, compact: bool = False, floor: float = 0.0) -> None:
-        graph = filter_.process
-        outputs, n = filter_.process.outputs, graph.order
-        m = len(outputs)
-        points = 2 * n + 1 if filter_.is_unscented else 1
-        compact = compact and points > 1
+    def made(function: GraphFunction) -> ca.Function:
+        return function.by_tables if compact and unscented else function.at_a_point
 
-        def made(function: GraphFunction) -> ca.Function:
-            return function.by_tables if compact else function.at_a_point
+    moves = [made(process.step(first=first)) for first in process.steps]
+    looks = [made(process.reading(output.name)) for output in process.outputs]
+    count = sum(function.n_instructions() for function in (*moves, *looks)) * (2 * n + 1 if unscented else 1)
+    plain = all(function.is_a("SXFunction") for function in (*moves, *looks))  # then slopes are, of the same rows
+    symbol: Any = ca.SX if plain and count < MOST_WRITTEN and not (compact and unscented) else ca.MX
+    shapes = (("x", n), ("L", n, n), ("u", process.inputs), ("y", m), ("R", m))
+    x, factor, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
 
-        moves = [made(step) for step, _ in graph.steps]
-        looks = [made(graph.reading(output.name)) for output in outputs]
-        count = points * sum(function.n_instructions() for function in (*moves, *looks))
-        written = count < MOST_WRITTEN and not compact
-        plain = all(function.is_a("SXFunction") for function in (*moves, *looks))  # then slopes are, of the same rows
-        symbol: Any = ca.SX if written and plain else ca.MX
-        shapes = (("x", n), ("L", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
-        x, factor, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
+    def moved(points: Any, u: Any) -> Any:
+        columns = ca.horzsplit(points)
+        for move in moves:
+            columns = [move(point, u) for point in columns]
+        return ca.horzcat(*columns)
 
-        def of_each(function: ca.Function, points: Any) -> Any:
-            return ca.horzcat(*(function(point, u) for point in ca.horzsplit(points)))
+    def moved_with_slope(x: Any, u: Any) -> tuple[Any, Any]:
+        slope = symbol.eye(n)
+        for first in process.steps:
+            x, columns = ca.vertsplit(made(process.step(first=first, slopes=True))(x, u), [0, n, n + n * n])
+            slope = ca.reshape(columns, n, n) @ slope
+        return x, slope
 
-        def moved(x: Any) -> Any:
-            for move in moves:
-                x = move(x, u)
-            return x
+    def read_slope(sensor: int, x: Any) -> Any:
+        return made(process.reading(process.outputs[sensor].name, slopes=True))(x, u)[1:].T
 
-        def moved_with_slope(x: Any, _: Any) -> tuple[Any, Any]:
-            result = symbol.eye(n)
-            for _, make in graph.steps:
-                x, columns = ca.vertsplit(made(make())(x, u), [0, n, n + n * n])
-                result = ca.reshape(columns, n, n) @ result
-            return x, result
-
-        def read_slope(name: str, x: Any) -> Any:
-            return ca.reshape(made(graph.reading_slope(name))(x, u), -1, n)
-
-        terms = Terms(
-            product=ca.mtimes,
-            turned=lambda a: a.T,
-            beside=ca.horzcat,
-            total=ca.sum2,
-            unit=symbol.eye(n),
-            noise=ca.DM(filter_.process.process_covariance),
-            moved=lambda points, _: ca.horzcat(*map(moved, ca.horzsplit(points))),
-            moved_with_slope=moved_with_slope,
-            read=[partial(of_each, look) for look in looks],
-            read_slope=[partial(read_slope, output.name) for output in outputs],
-        )
-        mean, covariance = filter_.predicted(terms, x, ca.tril(factor) if symbol is ca.SX else factor, u)
-        predicted, seen = mean, []
-        for k in range(m):
-            factor = _factor(covariance, floor)
-            mean, covariance, *judged = filter_.corrected(terms, k, (mean, covariance, factor), y[k], r[k])
-            seen.append(judged)
-        whole = ca.tril2symm(ca.tril(covariance)) if symbol is ca.SX else covariance
-        parts = [whole, _factor(covariance, floor), mean, predicted, *(a for a, _ in seen), *(b for _, b in seen)]
-        output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
-        function = ca.Function("f", given, [ca.cse(output) if symbol is ca.SX else output])
-        self.function = function
-        self._call, self._order, self._sensors = Caller(function, Compilation(lambda: function)), n, m
-        self._variances = np.array([output.variance for output in outputs])
-
-    def __call__(self, mean: FloatArray, factor: FloatArray, voltage: Any, readings: FloatArray) -> SingleStep:
-        """One step; ``factor`` is its transpose."""
-        n, m = self._order, self._sensors
-        missing = np.isnan(readings)
-        y, r = (
-            (np.where(missing, 0.0, readings), np.where(missing, MISSING, self._variances))
-            if missing.any()
-            else (readings, self._variances)
-        )
-        values = self._call(mean, factor.ravel(), voltage, y, r)
-        square, ends = n * n, 2 * n * n + 2 * n
-        innovations, variances = values[ends : ends + m], values[ends + m :]
-        if missing.any():
-            innovations, variances = np.where(missing, np.nan, innovations), np.where(missing, np.nan, variances)
-        return SingleStep(
-            values[:square].reshape(n, n),
-            values[square : 2 * square].reshape(n, n).T,
-            values[2 * square : ends - n],
-            values[ends - n : ends],
-            innovations,
-            variances,
-        )
+    terms = Terms(
+        product=ca.mtimes,
+        turned=lambda a: a.T,
+        beside=ca.horzcat,
+        total=ca.sum2,
+        unit=symbol.eye(n),
+        noise=ca.DM(process.process_covariance),
+        moved=moved,
+        moved_with_slope=moved_with_slope,
+        read=lambda sensor, points: ca.horzcat(*(looks[sensor](point, u) for point in ca.horzsplit(points))),
+        read_slope=read_slope,
+    )
+    mean, covariance = filter_.predicted(terms, x, ca.tril(factor) if symbol is ca.SX else factor, u)
+    predicted, innovations, variances = mean, [], []
+    for k in range(m):
+        before = mean, covariance, _factor(covariance, floor)
+        mean, covariance, innovation, variance = filter_.corrected(terms, k, before, y[k], r[k])
+        innovations.append(innovation)
+        variances.append(variance)
+    whole = ca.tril2symm(ca.tril(covariance)) if symbol is ca.SX else covariance
+    parts = [whole, _factor(covariance, floor), mean, predicted, *innovations, *variances]
+    output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
+    return ca.Function("f", given, [ca.cse(output) if symbol is ca.SX else output])
 
 
 def _factor(covariance: Any, floor: float) -> Any:

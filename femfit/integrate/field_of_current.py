@@ -6,15 +6,45 @@ with x = I / I_max, Chebyshev polynomials T_n, and the play operators P_j = max(
 behind the current by at most r_j and carry the hysteresis with its wiping-out; their strengths at zero, medium and full
 current are apart because saturation narrows the loop; and the eddy lags e_l' = -e_l / tau_l + dI/dt.
 
+The coefficients are fitted to lab runs. Strengths of plays and lags are bounded below by zero: a loop runs in one
+direction, and an eddy current delays.
+
 I. Mayergoyz, Mathematical Models of Hysteresis and their Applications (Elsevier, 2003), 1.3 (wiping-out); A. Visintin,
 Differential Models of Hysteresis (Springer, 1994), III.1 (play); G. Moritz, arXiv:1103.1800 (eddy currents).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray
+from femfit.fit.bounded_qp import BoundedQP
+
+PATH_INTERVAL = 0.01
+"""Seconds of a lab run that are averaged to one step of the current's path."""
+
+ROW_STEPS = 10
+"""Steps of the path that are averaged, field and columns alike, to one row of the fit."""
+
+ROW_SIGMA = 1e-5
+"""Believed error of a row, relative to the largest field."""
+
+STRENGTH_SIGMA = 1e-2
+"""Believed size of a play's or a lag's strength, relative to largest field over largest current: it decides between
+columns that the runs do not tell apart."""
+
+LEAST_SHARE = 0.01
+"""Conventional: a current below zero by more than this part of the largest one is a second polarity, and no offset."""
+
+FOLDS = 6
+"""Stretches that are left out in turn to find the model's error."""
+
+# Radii as fractions of the largest current: small ones for the loop's tips, large ones for its width.
+_RADII = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2)
+_LAG_TIMES_S = (3.0, 10.0, 30.0)
 
 
 @dataclass(frozen=True)
@@ -94,9 +124,72 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
     dt = np.diff(time, prepend=time[0] if begin else state.time)
     di = np.diff(current, prepend=current[0] if begin else state.current)
     keep = np.exp(-dt[:, None] / times)
-    rate = np.zeros_like(dt)
-    np.divide(di, dt, out=rate, where=dt > 0.0)
-    paths, lag = np.empty((len(time), len(times))), state.lags
-    for row in range(len(time)):
-        paths[row] = lag = keep[row] * lag + (1.0 - keep[row]) * times * rate[row]
+    rate = np.divide(di, dt, out=np.zeros_like(dt), where=dt > 0.0)
+    paths, lag = (1.0 - keep) * times * rate[:, None], state.lags
+    for row, left in enumerate(keep):
+        paths[row] = lag = left * lag + paths[row]
     return paths
+
+
+class LabRun(NamedTuple):
+    """Time in s, current in A and field in T, shape (n,), of a magnet that was cycled to its largest current before."""
+
+    time: FloatArray
+    current: FloatArray
+    field: FloatArray
+
+
+def field_of_ratio(ratio: float, rms_T: float) -> FieldModel:
+    """B = I / g with the ratio g in A/T, without hysteresis and eddy currents."""
+    return FieldModel(FieldTerms(1.0, degree=1), np.array([0.5, 0.5]) / ratio, rms_T)
+
+
+def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> FieldModel:
+    """Fit the field to the current over lab runs; without ``terms`` by those for the runs' largest current."""
+    sizes = [max(1, round(PATH_INTERVAL / float(np.median(np.diff(run.time))))) for run in runs]
+    paths = [LabRun(*(stepped_means(column, size) for column in run)) for run, size in zip(runs, sizes, strict=True)]
+    top = max(float(run.current.max()) for run in paths)
+    if terms is None:
+        if top <= 0.0:
+            raise FitError(f"A lab run must reach a current > 0 A; instead the largest is {top:g} A.")
+        terms = FieldTerms(top, 7, tuple(top * fraction for fraction in _RADII), _LAG_TIMES_S)
+    low = min(float(run.current.min()) for run in paths)
+    if low < -LEAST_SHARE * top:
+        raise FitError(
+            f"A lab run must stay between 0 A and its largest current, {top:g} A, to which the magnet was cycled; "
+            f"instead it goes down to {low:g} A. Record and integrate one polarity at a time."
+        )
+    columns = [field_columns(terms, precycled(terms), run.time, run.current)[1] for run in paths]
+    matrix, field, current = (
+        np.concatenate([stepped_means(column, ROW_STEPS) for column in of_runs])
+        for of_runs in (columns, [run.field for run in paths], [run.current for run in paths])
+    )
+    used = np.flatnonzero(np.any(matrix != 0.0, axis=0))
+    lower = np.where(used <= terms.degree, -np.inf, 0.0)
+    prior = np.eye(len(used))[np.isfinite(lower)]  # A row for each strength, of which little is believed without runs
+    largest = float(np.abs(field).max())
+    sigma = np.repeat([ROW_SIGMA * largest, STRENGTH_SIGMA * largest / top], [len(field), len(prior)])
+    rows, target = np.concatenate([matrix[:, used], prior]), np.concatenate([field, np.zeros(len(prior))])
+    names = [f"coefficient {k}" for k in used]
+    coefficients = np.zeros(matrix.shape[1])
+    coefficients[used] = BoundedQP(rows, target, sigma, lower, names=names).solve().x
+    return FieldModel(terms, coefficients, _left_out_rms(rows, target, sigma, lower, current))
+
+
+def stepped_means(values: FloatArray, size: int) -> FloatArray:
+    """Means of so many consecutive rows; the incomplete last ones are dropped."""
+    rows = len(values) // size
+    return np.asarray(values[: rows * size].reshape(rows, size, *values.shape[1:]).mean(axis=1))
+
+
+def _left_out_rms(
+    rows: FloatArray, target: FloatArray, sigma: FloatArray, lower: FloatArray, current: FloatArray
+) -> float:
+    """Rms error on each stretch of the runs when fitted to the others, at currents that the others reach."""
+    squares = []
+    for stretch in np.array_split(np.arange(len(current)), FOLDS):
+        others, remaining = np.delete(current, stretch), np.delete(np.arange(len(rows)), stretch)
+        reached = stretch[(current[stretch] <= others.max()) & (current[stretch] >= others.min())]
+        x = BoundedQP(rows[remaining], target[remaining], sigma[remaining], lower).solve_unproven()
+        squares.append(np.square(rows[reached] @ x - target[reached]))
+    return float(np.sqrt(np.mean(np.concatenate(squares))))

@@ -1,21 +1,46 @@
 """From a coil's record to its field or flux linkage: what a method needs, and how sure the result is."""
 
+import itertools
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from femfit.core.errors import TableError
-from femfit.core.files import INTEGRATED, require_outputs
-from femfit.integrate.identified_field import field_of_lab_record, field_of_ratio
-from femfit.integrate.methods import FILTERS, CoilIntegral, IntegrationOptions, Method
-from femfit.integrate.record_stream import stream_record
-from femfit.integrate.uncertainty import OFFSET_SIGMA_V, SETTLING_S, STILL_A, LinearSigma, SensingCoil, Systematics
-from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
+from femfit.core.files import INTEGRATED, replacing, require_outputs
+from femfit.integrate.feed_forward import SETTLING_S, STILL_A
+from femfit.integrate.field_of_current import (
+    PATH_INTERVAL,
+    FieldModel,
+    LabRun,
+    field_of_ratio,
+    identify_field,
+    stepped_means,
+)
+from femfit.integrate.methods import (
+    FEED_FORWARD,
+    FILTERS,
+    CoilIntegral,
+    IntegrationOptions,
+    Method,
+    integrate_blocks,
+    make_integrator,
+)
+from femfit.integrate.record_watch import RecordWatch, Reference, finding
+from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
+from femfit.tables.coil_record import COIL, RAW_SUFFIXES, CoilRecord, open_coil_record
+from femfit.tables.columns import UsedColumn
+
+OFFSET_SIGMA_V = {"trapezoid": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6, **dict.fromkeys(FILTERS, 0.0)}
+"""Standard uncertainty of the offset voltage that a method leaves. Chosen: 20 uV for an amplifier's own offset, 5 uV
+for what wanders after it was measured; the filters estimate it."""
 
 _OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "coil_area_m2": ("--coil-area", ()),
@@ -103,13 +128,15 @@ def integrate_coil(
     arguments, begin = locals(), time.perf_counter()
     output = None if output is None else Path(output)
     if isinstance(record, pd.DataFrame):
-        source: CoilRecord | pd.DataFrame = record
+        source = table_record(record)
     else:
         source = open_coil_record(record, columns=columns, units=units, table=table)
-    recorded = tuple(name for name in COLUMNS if name in source.columns)
-    chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
+    chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in source.columns else "ffa2")
     _require_fitting(chosen, arguments)
-    _require_free([record, lab], output)
+    inputs = [Path(path) for path in (record, lab) if isinstance(path, str | Path)]
+    raw = [path for path in inputs if path.suffix in RAW_SUFFIXES]
+    sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
+    require_outputs([*inputs, *sidecars], (output, INTEGRATED))
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
     field_model, offset_sigma, reference_sigma = None, reference_offset_sigma_T or 0.0, None
     if current_to_field_A_per_T is not None:
@@ -118,43 +145,26 @@ def integrate_coil(
     elif lab is not None:
         field_model = field_of_lab_record(lab, coil)
         offset_sigma = max(offset_sigma, field_model.rms_T)
-    settling, still = SETTLING_S if settling_s is None else settling_s, STILL_A if still_A is None else still_A
     options = IntegrationOptions(
-        chosen, coil, initial_field_T, zero_reading_s, settling, still, field_model, reference_sigma
+        chosen,
+        coil,
+        initial_field_T,
+        zero_reading_s,
+        SETTLING_S if settling_s is None else settling_s,
+        STILL_A if still_A is None else still_A,
+        field_model,
+        reference_sigma,
     )
-    systematics = Systematics(
-        (coil_area_sigma_m2 or 0.0) / coil.area_m2,
-        reference_gain_sigma or 0.0,
-        offset_sigma,
-        OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V,
-    )
-    before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
-    if chosen == "ffa2" and offset_sigma_V is None:
-        before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
+    gains = (coil_area_sigma_m2 or 0.0) / coil.area_m2, reference_gain_sigma or 0.0
+    # Until ffa2 takes an offset off, all of the amplifier's is left
+    offsets = OFFSET_SIGMA_V["trapezoid" if chosen == "ffa2" else chosen], OFFSET_SIGMA_V[chosen]
+    offsets = offsets if offset_sigma_V is None else (offset_sigma_V, offset_sigma_V)
+    before, after = (Systematics(*gains, offset_sigma, offset) for offset in offsets)
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
-    claimed = before, systematics
-    streamed = stream_record(
-        source, recorded, options, current_to_field_A_per_T, claimed, quantity, output=output, progress=progress
+    result = stream_record(
+        source, options, current_to_field_A_per_T, (before, after), quantity, coverage, output, progress
     )
-    end = streamed.last
-    parts = {name: float(values[-1]) for name, values in end.responses.parts(streamed.systematics).items()}
-    return CoilIntegral(
-        record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
-        method=chosen,
-        quantity=quantity,
-        coverage=coverage,
-        output=output,
-        samples=streamed.samples,
-        sample_time_s=streamed.sample_time,
-        end_s=float(end.time[-1]),
-        value=float(end.field[-1]),
-        standard_uncertainty=float(end.sigma(streamed.systematics)[-1]),
-        parts={"noise": float(np.sqrt(end.variance[-1])), **parts},
-        offset_V=float(end.offset[-1]),
-        findings=streamed.findings,
-        rows=streamed.rows,
-        seconds=time.perf_counter() - begin,
-    )
+    return replace(result, seconds=time.perf_counter() - begin)
 
 
 def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
@@ -180,9 +190,109 @@ def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
         )
 
 
-def _require_free(read: list[Any], output: Path | None) -> None:
-    """Refuse rows that would replace what is read, or a file of another kind."""
-    inputs = [Path(path) for path in read if isinstance(path, str | Path)]
-    raw = [path for path in inputs if path.suffix in RAW_SUFFIXES]
-    sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
-    require_outputs([*inputs, *sidecars], (output, INTEGRATED))
+def field_of_lab_record(lab: str | Path, coil: SensingCoil) -> FieldModel:
+    """Identify the field of a magnet that was cycled before, from a record of coil, Hall probe and current."""
+    record = open_coil_record(Path(lab))
+    if not {"hall_T", "current_A"} <= set(record.columns):
+        raise TableError(f"A lab record needs hall_T and current_A; {record.path} has {', '.join(record.columns)}.")
+    blocks = record.blocks()
+    first = next(blocks)
+    integrator = make_integrator(IntegrationOptions("cs1-offset", coil), first)
+    step = max(1, round(PATH_INTERVAL / integrator.sample_time))
+    parts = [
+        np.stack(
+            [stepped_means(column, step) for column in (block.time, block.current, out.field) if column is not None]
+        )
+        for block, out in integrate_blocks(integrator, itertools.chain([first], blocks))
+    ]
+    return identify_field([LabRun(*np.concatenate(parts, axis=1))])
+
+
+@contextmanager
+def record_writer(path: Path, columns: Sequence[str]) -> Iterator[Callable[[pd.DataFrame], None]]:
+    """What writes tables block by block to a .csv or .parquet file, which appears when all is written."""
+    if path.suffix not in {".csv", ".parquet"}:
+        raise TableError(f"An integrated record is written as .csv or .parquet; instead received {path.name}.")
+    with replacing(path) as partial:
+        if path.suffix == ".parquet":
+            schema = pa.schema([(name, pa.float64()) for name in columns])
+            with pq.ParquetWriter(partial, schema) as parquet:
+                yield lambda table: parquet.write_table(pa.Table.from_pandas(table, schema, preserve_index=False))
+        else:
+            with partial.open("wb") as file:
+                yield lambda table: table.to_csv(file, index=False, header=file.tell() == 0, float_format="%.10g")
+
+
+def table_record(rows: pd.DataFrame) -> CoilRecord:
+    """A table in memory as a record; its columns have the names and units of one."""
+    used = tuple(UsedColumn(name, name, 1.0, "") for name in COIL.names if name in rows)
+    COIL.require([column.name for column in used], map(str, rows), "the table", used)
+    return CoilRecord(Path("a table"), used, len(rows), lambda _: iter([rows]))
+
+
+def stream_record(
+    source: CoilRecord,
+    options: IntegrationOptions,
+    ratio: float | None,
+    systematics: tuple[Systematics, Systematics],
+    quantity: str,
+    coverage: float,
+    output: Path | None,
+    progress: Callable[[int, int], None] | None,
+) -> CoilIntegral:
+    """Integrate a record block by block; its columns stand beside the result.
+
+    The ratio in A/T is that of a current to its field, where it is given; systematics are those before and those after
+    an offset voltage was taken off.
+    """
+    blocks, total, columns = source.blocks(), source.samples or 0, source.columns
+    show = progress if progress is not None and total else lambda _done, _total: None
+    first = next(blocks)
+    integrator = make_integrator(options, first)
+    # The coil is compared with the reference that the method uses, or with one that the record has besides
+    of_hall = options.method == "cs1-offset" or (options.method in FEED_FORWARD and "hall_T" in columns)
+    reference: Reference | None = "hall_T" if of_hall else "current_A" if "current_A" in columns else None
+    scale = None if ratio is None else 1.0 / ratio
+    scale = 1.0 if of_hall and quantity == "field_T" else scale
+    watch = RecordWatch(options.coil.area_m2, integrator.sample_time, reference, scale)
+    show(0, total)
+    samples, corrected = 0, False
+    value, unit = quantity.rsplit("_", 1)
+    sigma_name = f"{value}_sigma_{unit}"
+    tables: list[pd.DataFrame] = []
+    written = ["time_s", *columns, quantity, sigma_name, "offset_V"]
+    with nullcontext(tables.append) if output is None else record_writer(output, written) as write:
+        for block, out in integrate_blocks(integrator, itertools.chain([first], blocks)):
+            read = {"coil_voltage_V": block.voltage, "hall_T": block.hall, "current_A": block.current}
+            taken_off = np.logical_or.accumulate(out.offset != 0.0) | corrected
+            sigma = np.where(taken_off, out.sigma(systematics[1]), out.sigma(systematics[0]))
+            rows = {"time_s": block.time, **{name: read[name] for name in columns}, quantity: out.field}
+            write(pd.DataFrame(rows | {sigma_name: sigma, "offset_V": out.offset}))
+            watch.see(block, out)
+            samples, corrected = samples + len(block), bool(taken_off[-1])
+            show(samples, total)
+        length = float(out.time[-1] - first.time[0])
+        if options.zero_reading is not None and length <= options.zero_reading:
+            raise TableError(
+                f"The zero reading must end before the record does; instead it lasts {options.zero_reading:g} s, and "
+                f"the record {length:.3g} s. Give a smaller --zero-reading-s."
+            )
+    lacking = (finding("plateau", still_A=options.still_A),) if options.method == "ffa2" and not corrected else ()
+    at_the_end = systematics[corrected]
+    parts = {name: float(values[-1]) for name, values in out.responses.parts(at_the_end).items()}
+    return CoilIntegral(
+        record=str(source.path),
+        method=options.method,
+        quantity=quantity,
+        coverage=coverage,
+        output=output,
+        samples=samples,
+        sample_time_s=integrator.sample_time,
+        end_s=float(out.time[-1]),
+        value=float(out.field[-1]),
+        standard_uncertainty=float(out.sigma(at_the_end)[-1]),
+        parts={"noise": float(np.sqrt(out.variance[-1])), **parts},
+        offset_V=float(out.offset[-1]),
+        findings=(*watch.findings(), *lacking),
+        rows=pd.concat(tables, ignore_index=True) if tables else None,
+    )

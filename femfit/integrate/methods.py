@@ -4,34 +4,29 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.results import Finding, Printed
-from femfit.integrate.feed_forward import FeedForwardIntegrator
+from femfit.integrate.feed_forward import SETTLING_S, STILL_A, PlateauIntegrator, ZeroReadingIntegrator
 from femfit.integrate.field_of_current import FieldModel, precycled
+from femfit.integrate.integrator import Integrator
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.record_watch import sentence
-from femfit.integrate.uncertainty import (
-    FIRST_FIELD_SIGMA_T,
-    SETTLING_S,
-    STILL_A,
-    FieldBlock,
-    LinearSigma,
-    Noise,
-    SensingCoil,
-    white_sigma,
-)
+from femfit.integrate.uncertainty import FieldBlock, LinearSigma, Noise, SensingCoil, white_sigma
 from femfit.tables.coil_record import CoilBlock
 
 Method = Literal["trapezoid", "ffa1", "ffa2", "cs1-offset", "cs2", "cs2-identified"]
-AnyIntegrator: TypeAlias = FeedForwardIntegrator | OffsetFilter
 
 FEED_FORWARD = ("trapezoid", "ffa1", "ffa2")
 FILTERS = ("cs1-offset", "cs2", "cs2-identified")
+
+FIRST_FIELD_SIGMA_T = 3e-3
+"""Uncertainty of the first field where a current is the reference. Chosen: the remanence of a core that was switched
+off."""
 
 
 @dataclass(frozen=True)
@@ -54,36 +49,24 @@ class IntegrationOptions:
     noise: Noise | None = None
 
 
-def make_integrator(options: IntegrationOptions, first: CoilBlock) -> AnyIntegrator:
+def make_integrator(options: IntegrationOptions, first: CoilBlock) -> Integrator:
     """The integrator of a method, for a record that begins with a block."""
-    dt = sample_time(first)
-    noise = options.noise or record_noise(options, first)
+    if len(first) < 3:
+        raise TableError(f"A record needs at least 3 samples; instead received {len(first)}.")
+    record = options.coil, options.noise or record_noise(options, first), float(np.median(np.diff(first.time)))
+    initial = options.initial_field
     if options.method in FILTERS:
-        initial = math.nan if options.initial_field is None else options.initial_field
-        model = None if options.method == "cs1-offset" else options.field_model
-        return OffsetFilter(options.coil, noise, dt, model, initial)
-    if options.method == "ffa1" and options.zero_reading is None:
+        return OffsetFilter(*record, math.nan if initial is None else initial, field_model=options.field_model)
+    if options.method == "ffa2":
+        return PlateauIntegrator(*record, initial or 0.0, settling=options.settling, still_A=options.still_A)
+    if options.method == "trapezoid":
+        return Integrator(*record, initial or 0.0)
+    if options.zero_reading is None:
         raise TableError(
             "ffa1 takes the offset voltage from the record's begin, while nothing moves: give its length with "
             "--zero-reading-s."
         )
-    return FeedForwardIntegrator(
-        options.coil,
-        noise,
-        dt,
-        options.initial_field or 0.0,
-        zero_reading=(options.zero_reading or 0.0) if options.method == "ffa1" else 0.0,
-        on_plateaus=options.method == "ffa2",
-        settling=options.settling,
-        still_A=options.still_A,
-    )
-
-
-def sample_time(block: CoilBlock) -> float:
-    """Nominal sample time, the median difference."""
-    if len(block) < 3:
-        raise TableError(f"A record needs at least 3 samples; instead received {len(block)}.")
-    return float(np.median(np.diff(block.time)))
+    return ZeroReadingIntegrator(*record, initial or 0.0, zero_reading=options.zero_reading)
 
 
 def record_noise(options: IntegrationOptions, first: CoilBlock) -> Noise:
@@ -105,9 +88,9 @@ def record_noise(options: IntegrationOptions, first: CoilBlock) -> Noise:
     return Noise(voltage, error, max(FIRST_FIELD_SIGMA_T, 3.0 * error.floor))
 
 
-def integrate_blocks(integrator: AnyIntegrator, blocks: Iterable[CoilBlock]) -> Iterator[tuple[CoilBlock, FieldBlock]]:
+def integrate_blocks(integrator: Integrator, blocks: Iterable[CoilBlock]) -> Iterator[tuple[CoilBlock, FieldBlock]]:
     """Stream a record through an integrator."""
-    state: Any = integrator.start()
+    state = integrator.start()
     for block in blocks:
         state, out = integrator.advance(state, block)
         yield block, out

@@ -12,21 +12,8 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Words, listing
-from femfit.integrate.uncertainty import (
-    AGREEMENT,
-    CLIPPED_LEVELS,
-    CLIPPED_RUN,
-    COMPARED_S,
-    GAIN_TOLERANCE,
-    GAP,
-    INNOVATION_BAND,
-    INNOVATIONS_AVERAGED,
-    STUCK_OFFSET_V,
-    STUCK_SHARE,
-    STUCK_TIME_S,
-    FieldBlock,
-    white_sigma,
-)
+from femfit.integrate.integrator import GAP, LastSample, increments
+from femfit.integrate.uncertainty import FieldBlock, LinearSigma, Noise, SensingCoil, white_sigma
 from femfit.tables.coil_record import CoilBlock
 
 _WORDS = Words("femfit.integrate", listing, names={})
@@ -35,13 +22,49 @@ finding, sentence = _WORDS.finding, _WORDS.sentence
 
 Reference = Literal["hall_T", "current_A"]
 
+NOISELESS = Noise(LinearSigma(0.0), LinearSigma(0.0), 0.0)
+
+CLIPPED_RUN = 4
+"""So many equal samples in a row at the largest |voltage| are clipped where noise above a converter's steps, or a rise
+of two samples before, leads beyond it. Chosen: two neighbours are equal by chance, four at the very top hardly ever."""
+
+CLIPPED_LEVELS = 16
+"""A record of fewer different voltages is quiet, or computed. Chosen."""
+
+STUCK_TIME_S = 0.05
+"""For so long a living instrument never repeats a reading exactly. Chosen: its noise is above its resolution."""
+
+STUCK_SHARE = 0.01
+"""A reading is stuck if coil and probe meanwhile saw the field move differently by this share of all that they saw in
+the record. Chosen: far above a probe's noise, far below a ramp."""
+
+STUCK_OFFSET_V = 60e-6
+"""What a coil makes of so much is no motion of the field. Derived: three standard deviations of an offset voltage that
+nothing took off, an amplifier's own."""
+
+GAIN_TOLERANCE = 0.05
+"""Relative disagreement of coil and reference over the ramps that is put down to a wrong area or gain. Chosen: areas
+are known to a per cent, wrong turns or wrong units are off by more."""
+
+AGREEMENT = 0.8
+"""Squared correlation from which the changes that coil and reference see are the same thing. Chosen."""
+
+COMPARED_S = 0.1
+"""Time over which changes of coil and reference are compared: long enough that white noise is small beside a ramp.
+Chosen."""
+
+INNOVATIONS_AVERAGED, INNOVATION_BAND = 50, 9.0
+"""Mean square of 50 normalised innovations (1 in a true filter) beyond which they have left their band. Derived: its
+standard deviation is sqrt(2 / 50) = 0.2, so this is 40 of them; a reference that is wrong by 3 sigma reaches it."""
+
 
 class StillReadings:
     """Stretches of equal readings of a column, and how far something else moved meanwhile, block by block."""
 
     def __init__(self) -> None:
         self._open = np.empty((0, 3))  # Samples that tell the first and last time and the motion of the open stretch
-        self._rows: list[FloatArray] = []  # Of lasting stretches, the last block's open one at the end
+        # First time, duration and motion of lasting stretches, the last block's open one at the end
+        self.rows = [np.empty((0, 3))]
 
     def see(self, time: FloatArray, readings: FloatArray, path: FloatArray) -> None:
         """Take in a block: time in s, what may repeat, and something else that moves, each of shape (samples,)."""
@@ -58,12 +81,7 @@ class StillReadings:
         motion = np.maximum.reduceat(samples[:, 2], starts) - np.minimum.reduceat(samples[:, 2], starts)
         rows = np.column_stack([begin, duration, motion])
         lasting = (duration >= STUCK_TIME_S) & (ends - starts >= CLIPPED_RUN)
-        self._rows = [*self._rows[:-1], rows[:-1][lasting[:-1]], rows[-1:][lasting[-1:]]]
-
-    def contradicted(self, least: float, rate: float) -> FloatArray:
-        """First time, duration and motion of stretches in which it moved by more than ``least + rate * duration``."""
-        rows = np.concatenate([np.empty((0, 3)), *self._rows])
-        return np.asarray(rows[rows[:, 2] > least + rate * rows[:, 1]])
+        self.rows = [*self.rows[:-1], rows[:-1][lasting[:-1]], rows[-1:][lasting[-1:]]]
 
 
 @dataclass
@@ -90,17 +108,12 @@ class RecordWatch:
     """
 
     def __init__(
-        self,
-        area: float,
-        sample_time: float,
-        reference: Reference | None = None,
-        scale: float | None = None,
+        self, area: float, sample_time: float, reference: Reference | None = None, scale: float | None = None
     ) -> None:
-        self.area, self.sample_time = area, sample_time
+        self.coil, self.sample_time = SensingCoil(area), sample_time
         self.reference, self.scale = reference, scale
         self._tallies: dict[str, Tally] = {}
-        self._time = self._voltage = float("nan")
-        self._still, self._highest = StillReadings(), 0.0
+        self._last, self._still = LastSample(), StillReadings()
         # What the coil saw the field move by since the record began, and between which values that went, T
         self._path, self._low, self._high = 0.0, 0.0, 0.0
         self._waiting = np.empty((2, 0))  # times and normalised squares of the latest innovations
@@ -108,20 +121,17 @@ class RecordWatch:
 
     def see(self, block: CoilBlock, out: FieldBlock | None = None) -> None:
         """Watch a block, and the field block that a filter made of it."""
-        first = np.isnan(self._time)
-        dt = np.diff(block.time, prepend=block.time[0] if first else self._time)
-        before = np.concatenate([[block.voltage[0] if first else self._voltage], block.voltage[:-1]])
-        rise = dt * (block.voltage + before) / (2.0 * self.area)
+        last, (dt, rise, _) = increments(self._last, block, self.coil, NOISELESS, self.sample_time)
         gap, late = dt > GAP * self.sample_time, (dt < 0.5 * self.sample_time) & (dt > 0.0)
         self._add("gap", block.time[gap], float(np.sum(dt[gap])) - self.sample_time * int(np.sum(gap)))
         self._add("clock", block.time[late])
-        self._time, self._voltage = float(block.time[-1]), float(block.voltage[-1])
         if out is not None:
             self._watch_innovations(out)
         path = self._path + np.cumsum(rise)
         self._path = float(path[-1])
         self._low, self._high = min(self._low, float(path.min())), max(self._high, float(path.max()))
         self._watch_limit(block)
+        self._last = last
         if block.hall is not None:
             self._still.see(block.time, block.hall, path)
         reading = {"hall_T": block.hall, "current_A": block.current, None: None}[self.reference]
@@ -130,18 +140,31 @@ class RecordWatch:
 
     def findings(self) -> tuple[Finding, ...]:
         """What was seen."""
-        tallies = self._tallies | self._stuck()
-        findings = [finding(code, **asdict(tallies[code])) for code in _TALLIED if code in tallies]
-        if self._slope() < 0.0:
-            findings.append(finding("sign", of_hall=self.reference == "hall_T"))
-        slope = self._slope() * (self.scale or math.nan)  # the reference's changes over the coil's
-        if abs(slope - 1.0) > GAIN_TOLERANCE and not {remark.code for remark in findings} & _NO_GAIN:
-            numbers: dict[str, Any] = {"slope": slope, "area_m2": self.area / slope, "ratio_A_per_T": self._slope()}
-            findings.append(finding("gain", size=slope - 1.0, of_hall=self.reference == "hall_T", **numbers))
-        if "innovations" in tallies:
-            codes = {remark.code for remark in findings}
+        counted: tuple[str, ...] = ("gap", "clock", "clipped")
+        tallies = {code: self._tallies[code] for code in counted if code in self._tallies}
+        # A Hall probe may stand still where the field does; a coil that saw the field move contradicts it
+        rows = np.concatenate(self._still.rows)
+        least = STUCK_SHARE * (self._high - self._low) + STUCK_OFFSET_V / self.coil.area_m2 * rows[:, 1]
+        rows = rows[rows[:, 2] > least]
+        if len(rows):
+            tallies["stuck"] = Tally(len(rows), float(rows[0, 0]), float((rows[:, 1] + self.sample_time).sum()))
+        findings = [finding(code, **asdict(tally)) for code, tally in tallies.items()]
+        xx, xy, yy = self._products.tolist()
+        # The reference's changes over the coil's; NaN where the two are not the same thing, or one saw no change at all
+        slope = xy / xx if xy**2 > AGREEMENT * xx * yy else math.nan
+        of_hall = self.reference == "hall_T"
+        if slope < 0.0:
+            findings.append(finding("sign", of_hall=of_hall))
+        times = slope * (self.scale or math.nan)
+        codes = {remark.code for remark in findings}
+        if abs(times - 1.0) > GAIN_TOLERANCE and not codes & _NO_GAIN:
+            area = self.coil.area_m2 / times
+            facts: dict[str, Any] = {"of_hall": of_hall, "slope": times, "area_m2": area, "ratio_A_per_T": slope}
+            findings.append(finding("gain", "", times - 1.0, **facts))
+            codes.add("gain")
+        if "innovations" in self._tallies:
             suspect = next((code for code in _SUSPECTS if code in codes), self.reference)
-            findings.append(finding("innovations", suspect=suspect, **asdict(tallies["innovations"])))
+            findings.append(finding("innovations", suspect=suspect, **asdict(self._tallies["innovations"])))
         return tuple(findings)
 
     def _add(self, code: str, times: FloatArray, amount: float = 0.0) -> None:
@@ -167,26 +190,17 @@ class RecordWatch:
 
     def _watch_limit(self, block: CoilBlock) -> None:
         """Runs of readings at the largest |voltage| so far that noise, or a change, leads beyond it."""
-        size = np.abs(block.voltage)
+        size, before = np.abs(block.voltage), self._last.highest
         levels = np.unique(size)
-        if len(levels) < CLIPPED_LEVELS or levels[-1] < self._highest:
-            return
-        if levels[-1] > self._highest:
+        if levels[-1] > before:
             self._tallies.pop("clipped", None)
-            self._highest = float(levels[-1])
+        if len(levels) < CLIPPED_LEVELS or levels[-1] < before:
+            return
         noisy = white_sigma(block.voltage) > levels[-1] - levels[-2]
         edges = np.flatnonzero(np.diff(size == levels[-1], prepend=False, append=False)).reshape(-1, 2)
         for begin, end in edges[np.ptp(edges, axis=1) >= CLIPPED_RUN]:
             if noisy or (begin > 1 and size[begin - 2] < size[begin - 1]):
                 self._add("clipped", block.time[begin:end])
-
-    def _stuck(self) -> dict[str, Tally]:
-        """A Hall probe may stand still where the field does; a coil that saw the field move contradicts it."""
-        rows = self._still.contradicted(STUCK_SHARE * (self._high - self._low), STUCK_OFFSET_V / self.area)
-        if not len(rows):
-            return {}
-        lasted = float((rows[:, 1] + self.sample_time).sum())
-        return {"stuck": Tally(len(rows), float(rows[0, 0]), lasted)}
 
     def _compare(self, rise: FloatArray, reading: FloatArray) -> None:
         """Sum up what coil and reference saw of the same changes."""
@@ -200,14 +214,6 @@ class RecordWatch:
         x, y = x[used], y[used]
         self._products += x @ x, x @ y, y @ y
 
-    def _slope(self) -> float:
-        """The reference's changes over the coil's, in its unit per T; NaN where the two are not the same thing."""
-        xx, xy, yy = self._products.tolist()
-        return xy / xx if xy**2 > AGREEMENT * xx * yy else math.nan  # also where one of them saw no change at all
-
-
-_TALLIED = ("gap", "clock", "clipped", "stuck")
-"""Codes of what is counted, in the order in which it is told."""
 
 _NO_GAIN = {"sign", "stuck", "clipped"}
 """Codes of findings that make coil and reference differ as a wrong gain does."""

@@ -2,9 +2,6 @@
 
 White noise is weighed by the filters; gains and offsets, which are one unknown number for a whole record, are carried
 through them as sensitivities. JCGM 100:2008 (GUM), 4.2 and 4.3 (type A and B), 5.1 (combination).
-
-Last stand the constants that decide something in this room. Each has its kind: derived (from what), conventional,
-calibrated (on what), or chosen (a judgement, with what it means).
 """
 
 import math
@@ -120,74 +117,3 @@ def white_sigma(values: FloatArray) -> float:
     # The median of coarsely quantised readings may be 0; their mean is not.
     centre = float(np.median(bends)) or 0.845 * float(np.mean(bends))
     return max(centre * _MEDIAN_TO_SIGMA, 1e-9 * float(np.abs(finite).max()), 1e-15)
-
-
-# ---- constants
-
-GAP = 1.5
-"""Two samples further apart than this many sample times have a gap between them. Derived: 2 is one lost sample, and
-half a sample time is left for jitter."""
-
-# ---- what may be wrong with a record
-
-CLIPPED_RUN = 4
-"""So many equal samples in a row at the largest |voltage| are clipped where noise above a converter's steps, or a rise
-of two samples before, leads beyond it. Chosen: two neighbours are equal by chance, four at the very top hardly ever."""
-
-CLIPPED_LEVELS = 16
-"""A record of fewer different voltages is quiet, or computed. Chosen."""
-
-STUCK_TIME_S = 0.05
-"""For so long a living instrument never repeats a reading exactly. Chosen: its noise is above its resolution."""
-
-STUCK_SHARE = 0.01
-"""A reading is stuck if coil and probe meanwhile saw the field move differently by this share of all that they saw in
-the record. Chosen: far above a probe's noise, far below a ramp."""
-
-STUCK_OFFSET_V = 60e-6
-"""What a coil makes of so much is no motion of the field. Derived: three standard deviations of an offset voltage that
-nothing took off, as in :data:`FIRST_OFFSET_SIGMA_V`."""
-
-GAIN_TOLERANCE = 0.05
-"""Relative disagreement of coil and reference over the ramps that is put down to a wrong area or gain. Chosen: areas
-are known to a per cent, wrong turns or wrong units are off by more."""
-
-AGREEMENT = 0.8
-"""Squared correlation from which the changes that coil and reference see are the same thing. Chosen."""
-
-COMPARED_S = 0.1
-"""Time over which changes of coil and reference are compared: long enough that white noise is small beside a ramp.
-Chosen."""
-
-INNOVATIONS_AVERAGED = 50
-INNOVATION_BAND = 9.0
-"""Mean square of 50 normalised innovations (1 in a true filter) beyond which they have left their band. Derived: its
-standard deviation is sqrt(2 / 50) = 0.2, so this is 40 of them; a reference that is wrong by 3 sigma reaches it."""
-
-# ---- what is assumed where the user says nothing
-
-OFFSET_SIGMA_V = {"trapezoid": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6}
-"""Standard uncertainty of the offset voltage that a method leaves. Chosen: 20 uV for an amplifier's own offset, 5 uV
-for what wanders after it was measured; the filters estimate it."""
-
-FIRST_OFFSET_SIGMA_V = 20e-6
-"""Standard deviation of the offset voltage when a record begins. Chosen: an amplifier's own offset."""
-
-OFFSET_WANDER_V = 1e-6
-"""How far the offset voltage walks in a second, V/sqrt(s), for the filters that estimate it. Chosen: a few microvolts
-in ten seconds, as instrumentation amplifiers do."""
-
-FIRST_FIELD_SIGMA_T = 3e-3
-"""Uncertainty of the first field where a current is the reference. Chosen: the remanence of a core that was switched
-off."""
-
-MODEL_ERROR_TIME_S = 1.0
-"""For so long an error of the current's field counts as noise; weighed as lasting longer, the offset would drift after
-it. Chosen: the scale of a ramp."""
-
-SETTLING_S = 1.0
-"""After each ramp, before ffa2 takes the mean voltage for the offset. Chosen: eddy currents of a small actuator decay
-in milliseconds; a magnet with a solid yoke needs tens of seconds."""
-
-STILL_A, STILL_V = 0.1, 1e-4
-"""A current, or where there is none a mean voltage, that moves by less in a second is on a plateau. Chosen."""

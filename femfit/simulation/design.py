@@ -9,11 +9,9 @@ import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import FIRST_DEVIATION_M
 from femfit.estimate.filter import Filter
-from femfit.estimate.kalman_filter import FilterKind, kalman_filter
-from femfit.estimate.levitation import chosen_sensors
-from femfit.estimate.noise import FilterNoise, default_noise
+from femfit.estimate.kalman_filter import FilterKind, chosen_sensors, kalman_filter
+from femfit.estimate.noise import FIRST_DEVIATION_M, FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
 from femfit.simulation.constants import COMMAND_ERRORS, DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S, NEARLY

@@ -19,8 +19,8 @@ from femfit.core.text import amount
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import first_deviations
-from femfit.estimate.process_graph import ProcessGraph
-from femfit.estimate.single_step import StepFunction
+from femfit.estimate.process import FilterProcess
+from femfit.estimate.single_step import step_function
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.plant import Plant
@@ -118,7 +118,7 @@ def _texts(
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.start_covariance
-    source, sizes = _arithmetic(StepFunction(built, compact=True, floor=FLOOR[real]).function, process, real)
+    source, sizes = _arithmetic(step_function(built, compact=True, floor=FLOOR[real]), process, real)
     size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
@@ -137,12 +137,12 @@ def _texts(
     return texts | {ARITHMETIC: source, "README.md": rendered("c_readme.md.jinja", words)}
 
 
-def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple[str, dict[str, int]]:
+def _arithmetic(function: ca.Function, process: FilterProcess, real: Real) -> tuple[str, dict[str, int]]:
     """The generated source, and how much room it wants."""
     symbols = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     with building():
-        first = ca.SX.sym("first", 2 + len(graph.model.circuits))
-        begun = GraphFunction([first], graph.begun(first)).at_a_point
+        first = ca.SX.sym("first", 2 + process.inputs)
+        begun = GraphFunction([first], process.begun(first)).at_a_point
     at_rest = begun.sx_in() if begun.is_a("SXFunction") else begun.mx_in()
     functions = [
         ca.Function("femfit_begun", at_rest, [begun(*at_rest)]),

@@ -23,8 +23,8 @@ from femfit.core.graph import GraphFunction, building
 from femfit.core.sweep_columns import voltage_columns
 from femfit.core.tape import operation
 from femfit.device.electrics import Drive
-from femfit.estimate.kalman_filter import UnscentedFilter
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.moments import UnscentedFilter
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
@@ -138,7 +138,7 @@ def export_estimator(model: ActuatorModel, directory: Path, sensors: Sequence[st
     RunDirectoryError
         If the directory holds other files than an earlier export.
     """
-    process = levitation_process(model, sensors=sensors, hall_bias=True)
+    process = kalman_filter(model, sensors=sensors).process
     words = words_of(model, process)
     texts = {FILE: rendered(f"{FILE}.jinja", words), "README.md": rendered("estimator_readme.md.jinja", words)}
     return write_directory(model, directory, texts, FILE)
@@ -167,7 +167,7 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
     first = [operating_distance(model), 0.0, *[0.0] * len(model.circuits)]
     functions = [python_source(name, function, arguments) for name, function, arguments in _functions(model, process)]
     listed = ", ".join(f"read_{k}" for k in range(len(names)))
-    if process.samples:
+    if process.order > process.base:
         functions.append("MOVED_ON = moved_on, moved_on_slope")
     else:
         functions.append("MOVED_ON = moved, moved_slope")
@@ -201,18 +201,18 @@ def words_of(model: ActuatorModel, process: FilterProcess) -> dict[str, Any]:
 
 def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, GraphFunction, tuple[str, ...]]]:
     """Names, functions and arguments of what is written from the graph."""
-    graph, made = process, []
+    made = []
     with building():
-        x, u = SX.sym("x", graph.order), SX.sym("u", len(model.circuits))
-        for name, moved in (("moved", graph.moved(x, u)), ("moved_on", graph.moved_on(x, u))):
-            if name == "moved" or graph.samples:
-                made += [(name, moved), (f"{name}_slope", ca.vec(ca.jacobian(moved, x).T))]
+        x, u = SX.sym("x", process.order), SX.sym("u", len(model.circuits))
+        for first_step in dict.fromkeys([True, process.order == process.base]):
+            name, moved = "moved" if first_step else "moved_on", process.moved(x, u, first=first_step)
+            made += [(name, moved), (f"{name}_slope", ca.vec(ca.jacobian(moved, x).T))]
         for k, output in enumerate(process.outputs):
-            reading = graph.read(x, output.name)
+            reading = process.read(x, output.name)
             made += [(f"read_{k}", reading), (f"read_slope_{k}", ca.gradient(reading, x))]
         first = SX.sym("first", 2 + len(model.circuits))
         found: list[tuple[str, GraphFunction, tuple[str, ...]]]
-        found = [("begun", GraphFunction([first], graph.begun(first)), ("first",))]
+        found = [("begun", GraphFunction([first], process.begun(first)), ("first",))]
         found += [(name, GraphFunction([x, u], value), ("x", "u")) for name, value in made]
     # The simulator takes the voltages that amplifiers give
     circuits = [replace(one, drive=Drive()) if one.drive.kind == "current" else one for one in model.circuits]

@@ -17,7 +17,7 @@ import numpy as np
 from arpaia2022.parallel_prefix import Folding, affine_recursion, riccati_recursion
 from femfit.core.numerics import FloatArray
 from femfit.core.errors import TableError
-from femfit.integrate.feed_forward import Increments, LastSample, increments
+from femfit.integrate.integrator import Increments, LastSample, increments
 from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
 from femfit.tables.coil_record import CoilBlock
 

@@ -32,7 +32,7 @@ from arpaia2022.study import (
     table_text,
 )
 from femfit.integrate.field_of_current import FieldModel
-from femfit.integrate.identified_field import LabRun, identify_field
+from femfit.integrate.field_of_current import LabRun, identify_field
 from femfit.integrate.methods import IntegrationOptions, make_integrator
 
 WHAT = ("table-1", "table-2", "table-3", "figure-5", "figure-6", "figure-7", "figure-8")

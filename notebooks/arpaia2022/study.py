@@ -21,10 +21,9 @@ from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.printed import PAPER
 from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD, paper_noise
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.field_of_current import FieldModel
+from femfit.integrate.integrator import Integrator
 from femfit.integrate.methods import IntegrationOptions, make_integrator
-from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.uncertainty import FieldBlock
 
 SETTLING = 30.0
@@ -33,7 +32,7 @@ SETTLING = 30.0
 EDDY_SETTLING = ((3.2, 32.0, 100.0), (20.0, 25.0, 30.0))
 """Ramp rates in A/s, and the seconds that FFA2 waits after each; section 3."""
 
-AnyIntegrator: TypeAlias = FeedForwardIntegrator | KalmanIntegrator | OffsetFilter
+AnyIntegrator: TypeAlias = Integrator | KalmanIntegrator
 
 PAPER_METHODS: tuple[str, ...] = ("trapezoid", "ffa1", "ffa2", "cs1", "cs2")
 

@@ -23,8 +23,8 @@ from femfit.device.drawn_numbers import read_numbers
 from femfit.device.load import read_actuator
 from femfit.effects.catalogue import effect_by_name
 from femfit.estimate.holding import holding_current
-from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from femfit.field.point_rows import swept_currents
 from femfit.field.sweep_task import mesh_groups, problem_of
 from femfit.field.tolerance import settings_for
@@ -93,7 +93,7 @@ def a_filterpy_step(order):
 def a_femfit_step(model, order, runs, kind=UnscentedFilter):
     """One step of our filter with the model's co-energy and Hall field."""
     current = holding_current(model, 0.022)
-    filter_ = kind(levitation_process(model, hall_bias=order == 4))
+    filter_ = kind(kalman_filter(model, hall_bias=order == 4).process)
     states = [filter_.start(np.array([0.022, 0.0, current]), runs=runs)]
     reading = np.full(runs, float(model.sensor.voltage(np.asarray(0.022), np.asarray(current))))
     voltage = model.circuit.resistance_ohm * current

@@ -11,8 +11,8 @@ from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.estimate.error_bound import bound_along, error_bound, without_stops
 from femfit.estimate.holding import holding_currents
-from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.moments import UnscentedFilter
 from femfit.estimate.noise import FilterNoise
 from femfit.model.sensors import predict_sensor, sampled_readings, sensor_named
 from support.eddies import with_eddies
@@ -206,7 +206,7 @@ def test_sigma_points_lie_as_far_out_as_without_eddy_currents(levitation_model, 
     solid = with_eddies(model, tuple(np.geomspace(1e-5, 1e-2, patterns)))
     reached = []
     for one in (model, solid):
-        process = levitation_process(one, sensors=("hall", "shunt"))
+        process = kalman_filter(one, sensors=("hall", "shunt"), hall_bias=False).process
         asked = []
 
         def transition(states, volts, move=process.transition, asked=asked):
@@ -259,7 +259,7 @@ def test_filters_that_are_told_commands_follow_the_driver(levitation_model, driv
     low = 0.0 if drive.kind == "voltage" else -3.0
     circuit = replace(levitation_model.circuit, voltage_min_V=low, voltage_max_V=30.0, drive=drive)
     model = with_eddies(replace(levitation_model, circuits=(circuit,)))
-    process = levitation_process(model, commanded=True)
+    process = kalman_filter(model, hall_bias=False, commanded=True).process
     states = np.tile(resting(model), (2, 1))
     states[1, 2:] = [0.0, 0.4, -0.2, 0.1]
     moved = process.transition(states, np.array([0.0, 0.0]) if drive.kind == "voltage" else np.array([0.5, 0.05]))

@@ -11,11 +11,12 @@ from scipy.stats import chi2
 from femfit.core.errors import DomainError
 from femfit.core.numerics import central_differences
 from femfit.device.mechanics import Mechanics, Spring
+from femfit.estimate.filter import cholesky
 from femfit.estimate.holding import holding_current
-from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from femfit.estimate.noise import FilterNoise, consistency_band, default_noise, process_covariance, unstable_pole
-from femfit.estimate.process import Output, cholesky
+from femfit.estimate.process import Output
 from femfit.simulation.observers import distance_inverse
 from support.added_effects import under_effects
 from support.eddies import with_eddies
@@ -144,7 +145,7 @@ def test_errors_and_innovations_lie_in_their_bands_while_a_current_is_switched(l
     noise = FilterNoise(acceleration_density=2e-4, voltage_V=0.01, hall_V=0.003)
     sigmas = np.linalg.cholesky(process_covariance(model, noise, 0.022))
     runs, steps, random = 40, 40, np.random.default_rng(4)
-    filter_ = make(levitation_process(model, noise=noise))
+    filter_ = make(kalman_filter(model, hall_bias=False, noise=noise).process)
     rest = np.array([0.022, 0.0, holding_current(model, 0.022)])
     truth = rest + random.normal(size=(runs, 3)) * (1e-4, 1e-3, 1e-3)
     state = filter_.start(np.tile(rest, (runs, 1)), initial_covariance(1e-4, 1e-3, 1e-3))

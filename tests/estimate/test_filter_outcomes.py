@@ -8,10 +8,9 @@ import pytest
 from femfit.core.errors import FilterError, MissingPartError
 from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along
-from femfit.estimate.filter import Filter
-from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalman_filter
-from femfit.estimate.levitation import levitation_process
-from femfit.estimate.process import FilterOutcome
+from femfit.estimate.filter import Filter, FilterOutcome
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from femfit.model.json_file import write_model
 from support.compiling import compile_at_once, needs_compiler
 from support.one_current import within
@@ -24,7 +23,7 @@ START = np.array([0.022, 0.0, 0.32])
 
 @pytest.fixture(scope="module")
 def process(levitation_model):
-    return levitation_process(levitation_model)
+    return kalman_filter(levitation_model, hall_bias=False).process
 
 
 @pytest.mark.parametrize("filter_class", ALL)
@@ -69,7 +68,7 @@ def test_what_goes_wrong_is_named_alike_in_one_run_in_many_and_by_the_general_pa
 def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_window(levitation_model, filter_class):
     """The filter is told of 0.1 mV; the sensor jumps by +-10 mV from sample to sample."""
     rng = np.random.default_rng(4)
-    process = levitation_process(levitation_model)
+    process = kalman_filter(levitation_model, hall_bias=False).process
     process = replace(process, outputs=(replace(process.outputs[0], variance=(1e-4) ** 2),))
     filter_ = filter_class(process, divergence_steps=50)
     state = filter_.start(START, initial_covariance(1e-5, 1e-3, 1e-3), runs=2)
@@ -100,7 +99,7 @@ def test_states_are_never_changed_in_place_and_the_first_outcome_stays(process, 
     state = filter_.predict(filter_.start(far, initial_covariance()), 0.86)
     state = filter_.update(state, np.nan)
     assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
-    after, slopes = process.transition_with_slopes(np.zeros((0, process.order)), np.zeros(0))  # of no body at all
+    after, slopes = process.with_slopes(np.zeros((0, process.order)), np.zeros(0))  # of no body at all
     assert (after.shape, slopes.shape) == ((0, process.order), (0, process.order, process.order))
 
 
@@ -149,16 +148,16 @@ def of_sensors(given=(SHUNT, LASER), **options):
 
 
 def started(mean, covariance):
-    return lambda rig: UnscentedFilter(levitation_process(rig)).start(mean, covariance)
+    return lambda rig: kalman_filter(rig, hall_bias=False).start(mean, covariance)
 
 
 REFUSALS = {
     "start of another order": (started(np.zeros(2), np.eye(3)), r"shapes \(3,\) and \(3, 3\).*instead received \(2,\)"),
     "start without spread": (started(START, np.diag([1.0, 1.0, 0.0])), "positive definite"),
     "start that is no number": (started(np.array([np.nan, 0.0, 0.0]), np.eye(3)), "finite"),
-    "no circuit": (lambda rig: levitation_process(replace(rig, circuits=())), "circuit"),
-    "no motion": (lambda rig: levitation_process(replace(rig, motion=None)), "motion"),
-    "no sensor": (lambda rig: levitation_process(replace(rig, sensor=None)), "sensor"),
+    "no circuit": (lambda rig: kalman_filter(replace(rig, circuits=())), "circuit"),
+    "no motion": (lambda rig: kalman_filter(replace(rig, motion=None)), "motion"),
+    "no sensor": (lambda rig: kalman_filter(replace(rig, sensor=None)), "sensor"),
     "no such filter": (lambda rig: kalman_filter(rig, "kf"), "ukf, ekf"),
     "no such sensor": (of_sensors(sensors=("radar",)), "radar"),
     "a name in place of names": (of_sensors(sensors="laser"), "sequence"),

@@ -8,8 +8,8 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 
 from femfit.core.numerics import central_differences
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
-from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalman_filter
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from support.added_effects import under_effects
 from support.eddies import with_eddies
 from support.halves import cut_in_two
@@ -164,7 +164,7 @@ def assert_as_the_oracle(filter_, oracle, step, record, run):
 
 @pytest.fixture(params=[False, True], ids=["3-states", "4-states"])
 def process(request, levitation_model):
-    return levitation_process(levitation_model, hall_bias=request.param)
+    return kalman_filter(levitation_model, hall_bias=request.param).process
 
 
 def test_ukf_equals_filterpy(process, record):

@@ -11,9 +11,8 @@ from femfit.core.text import amount
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate import run_filter
+from femfit.estimate.filter import FilterOutcome
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
-from femfit.estimate.follow import noise_of
-from femfit.estimate.process import FilterOutcome
 from femfit.model.sensors import reading_of
 from femfit.model.with_effects import with_effects
 from support.one_current import within
@@ -239,6 +238,5 @@ def test_a_sensor_with_an_error_is_followed_once_the_model_has_its_effect(log, n
 
 def test_a_filter_that_is_nowhere_near_the_readings_finds_no_noise():
     seen = ff.observe(damped(), logs(600, 1, seed=3)[1][0], find=False).filters[0]
-    log = seen.prepared.log
-    away = replace(seen.prepared, log=log._replace(readings=1e200 * log.readings))
-    assert find_noise(seen.built, away, seen.replayed, noise_of(away, None)) is None
+    away = replace(seen.prepared, readings=1e200 * seen.prepared.readings)
+    assert find_noise(replace(seen, prepared=away)) is None

@@ -152,7 +152,7 @@ def test_the_diodes_drop_lasts_until_a_falling_current_has_come_to_its_end():
     current[current > 0.0] += np.random.default_rng(1).normal(0.0, noise_A, int((current > 0.0).sum()))
     distance = np.full(400, model.validity.distance_max_m)
     track = Track(time, np.zeros(400, dtype=int), distance, current[:, None], 1e-6, [noise_A])
-    given = given_voltage(model, track, np.zeros(400), 0).voltage_V
+    given, _, _ = given_voltage(model, track, np.zeros(400), 0)
     conducts = int((given == -0.7).sum())
     assert set(given) == {-0.7, 0.0}
     assert abs(conducts - 125) <= 3  # it would end 11 samples before, three standard deviations from zero

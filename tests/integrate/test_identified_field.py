@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
-from femfit.integrate.field_of_current import FieldTerms, field_columns, play_paths, precycled
-from femfit.integrate.identified_field import LabRun, identify_field
+from femfit.integrate.field_of_current import FieldTerms, LabRun, field_columns, identify_field, play_paths, precycled
 
 TERMS = FieldTerms(320.0, 3, (20.0, 80.0), (10.0,))
 TRUTH = np.array([0.6, 0.7, 0.1, 0.02, 1e-5, 4e-6, 8e-6, 3e-6, 5e-6, 2e-6, 4e-7])
@@ -69,7 +68,7 @@ def test_few_cycles_are_fitted_where_they_leave_strengths_open(peaks):
 def test_the_error_is_that_on_stretches_left_out():
     rng = np.random.default_rng(2)
     runs = [lab_run(peaks, rng) for peaks in ([320.0, 240.0], [320.0, 120.0], [320.0, 60.0])]
-    moved = LabRun(runs[2].time, runs[2].current, runs[2].field + 1e-3)
+    moved = runs[2]._replace(field=runs[2].field + 1e-3)
     assert identify_field([*runs[:2], moved], TERMS).rms_T > 3e-4
     assert identify_field(runs, TERMS).rms_T < 1e-6
 

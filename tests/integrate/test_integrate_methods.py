@@ -9,9 +9,9 @@ from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.sensors import PAPER_COIL
 
 from femfit.core.errors import TableError
-from femfit.integrate.feed_forward import FeedForwardIntegrator
-from femfit.integrate.field_of_current import FieldModel, FieldTerms
-from femfit.integrate.identified_field import LabRun, identify_field
+from femfit.integrate.feed_forward import PlateauIntegrator, ZeroReadingIntegrator
+from femfit.integrate.field_of_current import FieldModel, FieldTerms, LabRun, identify_field
+from femfit.integrate.integrator import Integrator
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.uncertainty import LinearSigma, Noise, SensingCoil
 from femfit.tables.coil_record import CoilBlock
@@ -36,9 +36,9 @@ MAGNET = FieldModel(FieldTerms(320.0, 1, (20.0,), (10.0,)), np.array([0.5, 0.5, 
 
 QUIET = Noise(LinearSigma(1e-6), LinearSigma(1e-5), 1e-3)
 INTEGRATORS = {
-    "trapezoid": FeedForwardIntegrator(PAPER_COIL, QUIET, DT),
-    "ffa1": FeedForwardIntegrator(PAPER_COIL, QUIET, DT, zero_reading=0.2, window=0.05),
-    "ffa2": FeedForwardIntegrator(PAPER_COIL, QUIET, DT, on_plateaus=True, settling=0.1, window=0.05),
+    "trapezoid": Integrator(PAPER_COIL, QUIET, DT),
+    "ffa1": ZeroReadingIntegrator(PAPER_COIL, QUIET, DT, zero_reading=0.2),
+    "ffa2": PlateauIntegrator(PAPER_COIL, QUIET, DT, settling=0.1, interval=0.05),
     "cs1": KalmanIntegrator(PAPER_COIL, QUIET, DT),
     "cs2": KalmanIntegrator(PAPER_COIL, QUIET, DT, current_to_field=316.0, initial_field=0.0),
     "offset": HALL,
@@ -69,7 +69,7 @@ def test_plateau_mean_is_not_updated_on_ramps_and_while_eddy_currents_decay(expe
     record = experiment.record
     if not with_current:
         record = CoilBlock(record.time, record.voltage)
-    block = run(FeedForwardIntegrator(PAPER_COIL, QUIET, DT, on_plateaus=True, settling=30.0), record)
+    block = run(PlateauIntegrator(PAPER_COIL, QUIET, DT, settling=30.0), record)
     begin, end = experiment.flat_tops[0]
     waiting = (block.time > 61.1) & (block.time < begin + 30.0)
     assert len(np.unique(block.offset[waiting])) == 1
@@ -98,13 +98,13 @@ def test_plateaus_are_told_at_the_papers_sample_rate():
     time = np.arange(round(2.5 * rate)) / rate
     current = np.where(time < 1.0, 320.0, 320.0 - 3.2 * (time - 1.0)) + 0.064 * rng.normal(size=len(time))
     record = CoilBlock(time, np.full(len(time), 7e-6), None, current)
-    integrator = FeedForwardIntegrator(PAPER_COIL, QUIET, 1.0 / rate, on_plateaus=True, settling=0.0)
+    integrator = PlateauIntegrator(PAPER_COIL, QUIET, 1.0 / rate, settling=0.0)
     state, on_plateau = integrator.advance(integrator.start(), record[: round(1.2 * rate)])
     # The mean of the first second holds from there on; the ramp after it is no plateau.
     assert on_plateau.offset[-1] == pytest.approx(7e-6)
     state, on_ramp = integrator.advance(state, record[round(1.2 * rate) :])
     assert len(np.unique(on_ramp.offset)) == 1
-    assert state.still == 0.0
+    assert state.memory.still == 0.0
 
 
 def test_innovations_of_a_true_filter_are_as_large_as_it_says():

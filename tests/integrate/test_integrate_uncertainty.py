@@ -7,7 +7,7 @@ import pytest
 from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.sensors import PAPER_COIL, paper_noise
 
-from femfit.integrate.feed_forward import LastSample, increments
+from femfit.integrate.integrator import LastSample, increments
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.uncertainty import FieldBlock, LinearSigma, Noise, Responses, Systematics, white_sigma

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD
 
-from femfit.integrate.bench_table import watch_run
-from femfit.integrate.identified_field import field_of_ratio
+from femfit.integrate.bench_table import PlateauOptions, plateau_flux, watch_run
+from femfit.integrate.field_of_current import field_of_ratio
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
-from femfit.integrate.plateaus import PlateauOptions, plateau_flux
 from femfit.integrate.record_watch import RecordWatch
 from femfit.integrate.uncertainty import SensingCoil
 from femfit.tables.coil_record import CoilBlock

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.integrate.plateaus import PlateauOptions, plateau_flux
+from femfit.integrate.bench_table import PlateauOptions, plateau_flux
 
 RATE, NOISE = 50.0, 1e-5
 LEVEL = np.repeat([0.0, 1.0, 2.0, 1.0, 0.0], 80)

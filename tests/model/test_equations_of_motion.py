@@ -13,7 +13,7 @@ from femfit.device.electrics import Drive, PositionSensor
 from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import BUILT_IN
 from femfit.estimate.holding import holding_current
-from femfit.estimate.levitation import levitation_process
+from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.model.with_effects import with_effects
 from femfit.simulation.allocation import currents_for_acceleration
@@ -221,7 +221,7 @@ def test_a_circuit_beside_an_amplifier_decays_as_one_alone_does(levitation_model
     model = held(replace(whole, circuits=(quick, amplifier), other_sensors=(laser,)))
     model = replace(model, magnetics=replace(whole.magnetics, coefficients=entries))
     noise = FilterNoise(acceleration_density=1e-4, voltage_V=0.01, hall_V=1e-3)
-    process = levitation_process(model, noise=noise, commanded=True)
+    process = kalman_filter(model, hall_bias=False, noise=noise, commanded=True).process
     moved = process.transition(np.array([[0.03, 0.0, 0.5, 0.3]]), np.array([[0.0, 0.31]]))
     assert moved[0, 2] == pytest.approx(0.5 * np.exp(-1.5), rel=1e-6)
     remaining = np.exp(-2.0 * np.pi * 100.0 * model.sample_time_s)

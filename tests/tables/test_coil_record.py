@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.io import wavfile
 
-from femfit.integrate.record_stream import record_writer
+from femfit.integrate.integrate_coil import record_writer
 from femfit.tables.coil_record import open_coil_record
 from femfit.tables.measurement_file import read_measurement
 
@@ -24,7 +24,7 @@ def written(table, path):
     if path.suffix in {".csv", ".parquet"}:
         with record_writer(path, list(table.columns)) as write:
             for rows in np.array_split(np.arange(len(table)), 3):
-                write({name: table[name].to_numpy()[rows] for name in table})
+                write(table.iloc[rows])
     else:
         table.drop(columns="time_s").to_numpy("<f4").tofile(path)
         side = 'sample_rate_Hz = 1000\ncolumns = ["coil_voltage_V", "hall_T"]\n'

@@ -101,8 +101,8 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     for rest in rests.rests:
         here = rest.first + np.flatnonzero(usable[rest.first : rest.last + 1])
         columns["distance_m"][here] = recorded_m[here].sum() / max(len(here), 1)  # all of it may be out of the domain
-    for command, drive in zip(commands, checked.given, strict=True):
-        columns[command] = np.where(drive.unsure, np.nan, drive.voltage_V)
+    for command, volts, unsure in zip(commands, checked.voltage_V.T, checked.unsure.T, strict=True):
+        columns[command] = np.where(unsure, np.nan, volts)
     columns["current_A"] = columns[leading_current(model, columns)]
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])
