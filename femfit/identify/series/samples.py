@@ -7,7 +7,7 @@ scatter as the seen ones do.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,14 +34,20 @@ from femfit.tables.units import POSITION_IN_VOLTS
 class Samples:
     """A time series as arrays of length N; usable where distance and current lie in the model's validity domain.
 
+    A stretch is a part of a segment in which the body is free, stands still or touches; what is unbroken, one in which
+    all samples are usable or none is.
+
     The body is ``free`` where nothing but the model's forces acts on it, and ``touches`` a stop where it neither is nor
     stands still: it comes, bounces or goes. Where it stands still its distance is the mean over the rest: a velocity of
     its sensor's noise would look like one that induces less voltage.
     """
 
     time: FloatArray
+    since_start: FloatArray  # Time since the first sample of the run
     run: FloatArray
     segment: IntArray
+    stretch: IntArray
+    unbroken: IntArray
     columns: Mapping[str, FloatArray]  # Of several circuits, ``current_A`` is that of the current that varied most
     currents: tuple[str, ...]  # Columns of the model's currents and commands, in its order
     commands: tuple[str, ...]
@@ -53,21 +59,24 @@ class Samples:
     findings: tuple[Finding, ...]
 
     @property
-    def current(self) -> FloatArray:
-        """Currents in the shape that the model takes, zero where unknown."""
-        each = [np.nan_to_num(self.columns[name]) for name in self.currents]
-        return each[0] if len(each) == 1 else np.stack(each, axis=1)
+    def currents_A(self) -> FloatArray:  # noqa: N802  the unit
+        """Currents of shape (N, n), zero where unknown; one of zero where there is no winding."""
+        return self.stacked(self.currents)
+
+    def stacked(self, names: Sequence[str]) -> FloatArray:
+        """Columns of shape (N, n), zero where unknown."""
+        columns = [np.nan_to_num(self.columns[name]) for name in names]
+        return np.array(columns).reshape(len(columns), len(self.time)).T
 
     @property
     def rests(self) -> BoolArray:
         """Where the body stands still and is not free."""
         return ~(self.free | self.touches)
 
-    @property
-    def stretch(self) -> IntArray:
-        """Number of the stretch in which the body is free, stands still or touches; a segment has one or more."""
-        turns = (np.diff(self.segment) != 0) | np.diff(self.free) | np.diff(self.touches)
-        return np.cumsum(np.r_[False, turns])
+    def select(self, keep: BoolArray) -> "Samples":
+        """Those of the samples for which ``keep``, of shape (N,), is true."""
+        some: dict[str, Any] = {name: each[keep] for name, each in vars(self).items() if isinstance(each, np.ndarray)}
+        return replace(self, columns={name: each[keep] for name, each in self.columns.items()}, **some)
 
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
@@ -109,16 +118,21 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         if ended.any():
             findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
             columns["hall_V"][ended] = np.nan
+    time, segment, run = checked.track.time_s, checked.track.segment, rows["run"].to_numpy()
+    free, touches = ~rests.contact, rests.contact & ~rests.held
     return Samples(
-        time=checked.track.time_s,
-        run=rows["run"].to_numpy(),
-        segment=checked.track.segment,
+        time=time,
+        since_start=time - pd.Series(time).groupby(run).transform("min").to_numpy(),
+        run=run,
+        segment=segment,
+        stretch=np.cumsum(np.r_[False, (np.diff(segment) != 0) | np.diff(free) | np.diff(touches)]),
+        unbroken=np.cumsum(np.r_[False, (np.diff(segment) != 0) | np.diff(usable)]),
         columns=columns,
         currents=currents,
         commands=commands,
         usable=usable,
-        free=~rests.contact,
-        touches=rests.contact & ~rests.held,
+        free=free,
+        touches=touches,
         recorded_m=recorded_m,
         stop_m=_stops(model, rests.rests, len(rows)),
         findings=tuple(findings),
@@ -140,14 +154,12 @@ def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatAr
 
 
 def held_from(samples: Samples, k: int) -> BoolArray:
-    """Whether the command of a circuit is known from each usable sample to the next one."""
-    here = np.flatnonzero(samples.usable)
-    result = np.zeros(len(samples.time), dtype=bool)
-    step, inside = np.diff(samples.time[here]), np.diff(samples.segment[here]) == 0
+    """Whether the command of a circuit is known from each of usable samples to the next one."""
+    step, inside = np.diff(samples.time), np.diff(samples.segment) == 0
     usual = np.median(step[inside]) if inside.any() else 0.0
     uneven = inside.any() and float(np.quantile(step[inside], 0.9)) > EVEN * usual
-    result[here[:-1]] = inside & (uneven | (step < EVEN * usual))
-    return np.asarray(result & np.isfinite(samples.columns[samples.commands[k]]))
+    held = np.append(inside & (uneven | (step < EVEN * usual)), False)
+    return np.asarray(held & np.isfinite(samples.columns[samples.commands[k]]))
 
 
 def between_samples(
@@ -170,13 +182,11 @@ def between_samples(
         Mean voltage from each sample to the next one that the model makes of currents and motion.
     """
     volts = samples.columns[samples.commands[k]]
-    here, step = np.flatnonzero(samples.usable), np.diff(samples.time)
-    mean, rise = np.nan_to_num(volts), np.zeros(len(volts))
+    mean, rise = np.nan_to_num(volts), np.append(np.where(held[:-1], np.nan_to_num(np.diff(volts)), 0.0), 0.0)
     if not held.any():
         return mean, rise
-    rise[here[:-1]] = np.where(held[here[:-1]], np.nan_to_num(np.diff(volts[here])), 0.0)
     scatter = float(np.median(np.abs(rise[held]))) / NORMAL_MEDIAN
-    slow = float(np.median(step[np.flatnonzero(held)])) > EVEN * driver_step
+    slow = float(np.median(np.diff(samples.time)[held[:-1]])) > EVEN * driver_step
     if slow and (scatter == 0.0 or rise @ (taken - mean) > ANYWHERE * (rise @ rise)):
         jump = np.where(np.abs(rise) > SPIKE * scatter, rise, 0.0)
         return mean + 0.5 * rise, jump**2 / 12.0 + 0.5 * scatter**2
