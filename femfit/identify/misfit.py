@@ -158,9 +158,9 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     if noise is None:
         return {}
     # Rms error that the noise makes in each channel, by what was declared and what the readings show of it
-    columns, deviations = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
+    columns = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
     settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
-    beside = observations.mean_square(np.sqrt(settings + columns**2 @ deviations**2))
+    beside = observations.mean_square(np.sqrt(settings + np.sum(columns**2, axis=1)))
     shown = np.sqrt(noise.sigma**2 + beside)
     readings = np.bincount(observations.channel, minlength=len(shown))
     largest = np.maximum(WITHIN_NOISE, np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)) * shown

@@ -487,7 +487,7 @@ def test_a_magnet_without_a_circuit_is_braked_by_what_its_motion_induces():
     time = np.linspace(0.0, 0.1, 401)
     distance, still = 0.02 + velocity * time, np.zeros((len(time), 1))
     state = MagneticState(np.zeros(401), still, still[..., None], flux_linkage=still)
-    induced = Induced.along(eddy, distance, time, time == 0.0, state)
+    induced = Induced.along(eddy, eddy.forms(distance, 0, 1), time, time == 0.0, state)
     slope = induced.rising.flux_linkage[-1]
     assert induced.pull(still)[-1] == pytest.approx(velocity * (slope**2 / eddy.resistances_ohm).sum(), rel=1e-3)
     assert not induced.acting(still).any()

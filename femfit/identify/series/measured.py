@@ -85,6 +85,7 @@ class Measured:
     sigma: FloatArray
     weights: Weights
     findings: tuple[Finding, ...] = ()
+    further: FloatArray | float = 0.0  # What the model's side has beside these weights, whatever the effects
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,4 +233,4 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     usual = np.median(step) if len(step) else 0.0
     rate = np.linalg.pinv(np.median(slopes.inductance, axis=0))[k] * base.resistances_ohm
     settling = circuit.resistance_ohm * usual**2 / 12.0 * (currents @ rate)
-    return Measured(name, driven @ volts - weights.slope @ settling, sigma, weights)
+    return Measured(name, driven @ volts, sigma, weights, further=weights.slope @ settling)

@@ -100,6 +100,10 @@ class Motion(WithoutCache):
     def _kept(self) -> dict[Hashable, tuple[Sequence[AddedEffect], Excited]]:
         return {}
 
+    @cached_property
+    def _forms(self) -> list[EddyForms]:
+        return self.base.eddy.forms(self.distance_m, 0, 1) if self.base.eddy else []
+
     def true_setting(self, effects: Sequence[AddedEffect]) -> tuple[FloatArray, FloatArray]:
         """Distances (N,) and currents (N, n) that body and windings really had."""
         currents = self.currents_A[:, : len(self.base.validity.current_limits_A)]
@@ -118,7 +122,9 @@ class Motion(WithoutCache):
         seen, eddy = at_rest(Point(base, d, i, conditions, effects)), eddy_with_sources(base, effects)
         pull, induced_T = np.zeros_like(d), np.zeros_like(d)
         if eddy is not None:
-            along = Induced.along(eddy, d, self.time_s, self.first, seen)
+            same = eddy is base.eddy and d is self.distance_m
+            forms = self._forms if same else eddy.forms(d, 0, 1)
+            along = Induced.along(eddy, forms, self.time_s, self.first, seen)
             seen = at_rest(Point(base, d, along.acting(i), conditions, effects))
             pull, induced_T = along.pull(seen.flux_linkage), along.field_T
         if i.shape[1] == 1:
@@ -212,10 +218,10 @@ class Induced:
 
     @classmethod
     def along(
-        cls, eddy: EddyCurrents, distance: FloatArray, time: FloatArray, first: BoolArray, still: MagneticState
+        cls, eddy: EddyCurrents, along: Sequence[EddyForms], time: FloatArray, first: BoolArray, still: MagneticState
     ) -> Self:
-        """At N points of a motion, where stretches begin ``first``, beside circuits without eddy currents there."""
-        forms, rising = eddy.forms(distance, 0, 1)
+        """Of forms and their derivatives at N points, where stretches begin ``first``, beside the circuits alone."""
+        forms, rising = along
         n, root, turned = len(eddy.circuits), 1.0 / np.sqrt(eddy.resistances_ohm), np.swapaxes(forms.coupling, -1, -2)
         beside = root * ((turned @ still.flux_linkage[:, :n, None])[..., 0] + forms.flux_linkage)
         matrix = root[:, None] * (turned @ still.inductance[:, :n, :n] @ forms.coupling + forms.inductance) * root

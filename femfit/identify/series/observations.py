@@ -83,6 +83,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
             (view.motion, {channel.name: view.weights for channel in of_view})
             for view, of_view in zip(views, measured, strict=True)
         ],
+        stacked({channel.name: np.zeros_like(channel.value) + channel.further for channel in channels}),
         stacked,
     )
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
@@ -125,6 +126,7 @@ class _SeriesPrediction(WithoutCache):
     model: ActuatorModel
     samples: Sequence[tuple[Motion, Mapping[str, Weights]]]
     nodes: Sequence[tuple[Motion, Mapping[str, Weights]]]
+    further: FloatArray  # Beside these, whatever the effects; shape (M,)
     stacked: Stacking  # Of the windows that count, by the factor that gives them one noise
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
@@ -147,15 +149,16 @@ class _SeriesPrediction(WithoutCache):
         together = (*self.model.effects, *effects)
         eddy = tuple(added for added in together if added.effect.eddy is not None)
         slow = tuple(added for added in together if added.effect.eddy is None)
-        return self._side(self.samples, eddy) + self.change(slow)
+        exact = self._side(self.samples, eddy) if eddy else self._without[0]
+        return self.further + exact + self.change(slow)
 
     def change(self, effects: Sequence[AddedEffect]) -> FloatArray:
         """What effects change, shape (M,)."""
-        return self._side(self.nodes, effects) - self._without
+        return self._side(self.nodes, effects) - self._without[1]
 
     @cached_property
-    def _without(self) -> FloatArray:
-        return self._side(self.nodes, ())
+    def _without(self) -> tuple[FloatArray, FloatArray]:
+        return self._side(self.samples, ()), self._side(self.nodes, ())
 
     def _side(
         self, motions: Sequence[tuple[Motion, Mapping[str, Weights]]], effects: Sequence[AddedEffect]
