@@ -67,13 +67,14 @@ class Observations(WithoutCache):
     # Change of each reading by one standard deviation of its row's distance, and of its current, as declared
     # shape (M, 2)
     setting_columns: FloatArray
+    # What readings and predictions were multiplied by, of impedances to be given at one magnitude; shape (M,)
+    weight: FloatArray
     findings: tuple[Finding, ...] = ()
     present: tuple[str, ...] = ()
     # What declares the noise: ``declared``, a sidecar; ``samples``, those within each window
     noise_source: str = "declared"
-    # Of impedances: magnitude, in the channel's unit, at which readings and predictions are given; see ``Weighing``
+    # Of impedances: that magnitude in the channel's unit; see ``Weighing``
     magnitude: Mapping[str, float] = field(default_factory=dict)
-    weight: FloatArray | None = None  # What they were multiplied by for that, shape (M,); None where that is 1
 
     @cached_property
     def of_settings(self) -> dict[Callable[..., Any], Any]:

@@ -22,7 +22,7 @@ from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.series.measured import SensorNoise, propagated
-from femfit.identify.series.motion import Induced, model_side, states_along
+from femfit.identify.series.motion import Induced, Motion, model_side, states_along
 from femfit.identify.series.observations import series_observations
 from femfit.identify.series.samples import between_samples, held_from, take_samples
 from femfit.identify.series.views import sensor_view
@@ -232,12 +232,10 @@ def test_local_polynomials_are_exact_up_to_their_degree_and_may_look_back_alone(
     nodes = np.array([0.0, 0.41, 0.8])
     cubic = np.polynomial.Polynomial([1.0, 2.0, -3.0, 4.0])
     segment, _ = everywhere(UNEVEN)
-    options = {"centre_s": nodes, "behind_s": 0.1, "ahead_s": 0.1, "degree": 3}
-    level, slope = local_polynomials(nodes, segment[:3], UNEVEN, segment, **options)
+    level, slope = local_polynomials(nodes, segment[:3], UNEVEN, segment, nodes, (0.1, 0.1), 3)
     np.testing.assert_allclose(level @ cubic(UNEVEN), cubic(nodes), rtol=1e-8)
     np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes), rtol=1e-6)
-    options = {"centre_s": nodes[1:] - 0.05, "behind_s": 0.2, "ahead_s": 0.0, "degree": 3}
-    level, slope = local_polynomials(nodes[1:], segment[:2], UNEVEN, segment, **options)
+    level, slope = local_polynomials(nodes[1:], segment[:2], UNEVEN, segment, nodes[1:] - 0.05, (0.2, 0.0), 3)
     np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes[1:]), rtol=1e-6)
     assert UNEVEN[level[[0]].indices].max() <= 0.36
 
@@ -272,7 +270,9 @@ def test_states_along_a_motion_follow_their_equation(levitation_model):
     first = np.zeros(2001, dtype=bool)
     first[[0, 1200]] = True
     still = np.zeros(2001)
-    states = states_along(added, time, still + 0.02, current, still, Conditions(nominal), first)
+    none = np.zeros((2001, 0))
+    motion = Motion(levitation_model, time, first, still + 0.02, current[:, None], none, Conditions(nominal))
+    states = states_along(added, motion, motion.distance_m, current, still)
     seen = states["eddy_ring"] * nominal.peak_current_A
     # x' = i' - x / tau from rest, integrated by hand
     ramp = np.diff(current) * np.exp(-0.5 * 0.25e-3 / 0.02)

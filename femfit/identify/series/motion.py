@@ -19,6 +19,7 @@ Between two times b is taken as linear and A as constant, so that a step is exac
 stretch begins at rest.
 """
 
+from collections import ChainMap
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -115,10 +116,8 @@ class Motion(WithoutCache):
         first, remembering = _first(i), [added for added in effects if added.memory]
         if remembering:
             constant = at_rest(Point(base, d, i, conditions, ())).motional_constant[:, 0]
-            memory: dict[str, FloatArray] = {}
-            for added in remembering:
-                memory |= states_along(added, self.time_s, d, first, constant, conditions, self.first)
-            conditions = replace(conditions, memory=memory)
+            states = [states_along(added, self, d, first, constant) for added in remembering]
+            conditions = replace(conditions, memory=dict(ChainMap(*states)))
         seen, eddy = at_rest(Point(base, d, i, conditions, effects)), eddy_with_sources(base, effects)
         pull, induced_T = np.zeros_like(d), np.zeros_like(d)
         if eddy is not None:
@@ -270,31 +269,24 @@ def recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
 
 
 def states_along(
-    added: AddedEffect,
-    time: FloatArray,
-    distance: FloatArray,
-    current: FloatArray,
-    motional_constant: FloatArray,
-    conditions: Conditions,
-    first: BoolArray,
+    added: AddedEffect, motion: Motion, distance: FloatArray, current: FloatArray, motional_constant: FloatArray
 ) -> dict[str, FloatArray]:
-    """The states of an effect that has some at every node, at rest where a stretch begins (``first``)."""
-    memory, fresh, step = added.effect.memory, first[1:], np.diff(time)
+    """The states of an effect that has some, at every node of a true motion, at rest where a stretch begins."""
+    memory, fresh, step = added.effect.memory, motion.first[1:], np.diff(motion.time_s)
     if memory is None:
         return {}
     moves = ~fresh & (step > 0.0)  # neighbouring windows share a node
     velocity, rate = (np.divide(np.diff(x), step, out=np.zeros_like(step), where=moves) for x in (distance, current))
-    i, constant = (_between(x) for x in (current, motional_constant))
-    names = (*TEMPERATURES, "time_s", "elapsed")
-    halfway: dict[str, Any] = {name: _between(np.broadcast_to(getattr(conditions, name), time.shape)) for name in names}
-    moving = replace(
-        conditions,
-        branch=np.sign(rate),
-        velocity_m_s=velocity,
-        current_rate_A_s=rate,
-        motional_V=constant * velocity,
-        **halfway,
-    )
+    lasting = {name: getattr(motion.conditions, name) for name in (*TEMPERATURES, "time_s", "elapsed")}
+    halfway: dict[str, Any] = {name: _between(np.broadcast_to(x, distance.shape)) for name, x in lasting.items()}
+    i, motional_V = _between(current), _between(motional_constant) * velocity
+    rates: dict[str, Any] = {
+        "branch": np.sign(rate),
+        "velocity_m_s": velocity,
+        "current_rate_A_s": rate,
+        "motional_V": motional_V,
+    }
+    moving = replace(motion.conditions, **halfway, **rates)
     at_zero, at_one = (
         memory.rate({name: np.full_like(i, z) for name in memory.names}, i, moving, added.parameters)
         for z in (0.0, 1.0)

@@ -65,50 +65,43 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     views = [view(base, samples, windows, nominal) for view in (balance_view, sensor_view)]
     every = [*measure_balances(record, views[0])], [*measure_sensors(record, views[1].windows)]
     told = tuple(finding for of_view in every for channel in of_view for finding in channel.findings)
-    measured = [[channel for channel in of_view if channel.weights.valid.any()] for of_view in every]
-    channels = [channel for of_view in measured for channel in of_view]
+    measured = [{each.name: each for each in of_view if each.weights.valid.any()} for of_view in every]
+    channels = measured[0] | measured[1]
     if not channels:
         raise TableError(sentence("refusals", "no_balance", replace(series, findings=(*series.findings, *told))))
-    names = tuple(channel.name for channel in channels)
-    rows = {channel.name: np.flatnonzero(channel.weights.valid) for channel in channels}
+    rows = {name: np.flatnonzero(channel.weights.valid) for name, channel in channels.items()}
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
-    sigma = {channel.name: channel.sigma[rows[channel.name]] for channel in channels}
+    sigma = {name: channel.sigma[rows[name]] for name, channel in channels.items()}
     usual = {name: float(np.median(values)) for name, values in sigma.items()}
-    scale = {name: np.where(np.isfinite(u), u / sigma[name], 1.0) for name, u in usual.items()}
-    stacked = Stacking(rows, scale)
-    prediction = _SeriesPrediction(
-        model,
-        [(record.motion, {channel.name: channel.weights for channel in channels})],
-        [
-            (view.motion, {channel.name: view.weights for channel in of_view})
-            for view, of_view in zip(views, measured, strict=True)
-        ],
-        stacked({channel.name: np.zeros_like(channel.value) + channel.further for channel in channels}),
-        stacked,
-    )
+    stacked = Stacking(rows, {name: u / sigma[name] for name, u in usual.items() if np.isfinite(u)})
+    nodes = [(view.motion, dict.fromkeys(of_view, view.weights)) for view, of_view in zip(views, measured, strict=True)]
+    weights = {name: channel.weights for name, channel in channels.items()}
+    further = {name: np.zeros_like(channel.value) + channel.further for name, channel in channels.items()}
+    prediction = _SeriesPrediction(model, [(record.motion, weights)], nodes, stacked(further), stacked)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
-    offset = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
-    step, further = 1e-3 * nominal.travel_m, effect_by_name("distance_offset")
+    below = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
+    step, offset = 1e-3 * nominal.travel_m, effect_by_name("distance_offset")
     ahead, here, behind = (
-        prediction.change((AddedEffect(further, {"offset_m": by}), *model.effects)) for by in (step, 0.0, -step)
+        prediction.change((AddedEffect(offset, {"offset_m": by}), *model.effects)) for by in (step, 0.0, -step)
     )
     # What a bench would have to read to show as much as each balance does
     fluxes = zip(voltage_balances(base), flux_columns(model.circuit_names), strict=True)
     tolerance, shown = _tolerance(model, covariates), {FORCE_BALANCE: "force_N", **dict(fluxes)}
     observations = Observations(
-        channels=names,
+        channels=tuple(channels),
         channel=stacked.channel,
-        row=np.concatenate([piece + start for piece, start in zip(rows.values(), offset, strict=True)]),
-        value=stacked({channel.name: channel.value for channel in channels}),
+        row=np.concatenate([piece + start for piece, start in zip(rows.values(), below, strict=True)]),
+        value=stacked({name: channel.value for name, channel in channels.items()}),
         covariates=covariates,
-        given=(*series.given, *(shown[name] for name in names if name in shown)),
+        given=(*series.given, *(shown[name] for name in channels if name in shown)),
         prediction=prediction,
         distance_slope=(ahead - behind) / (2.0 * step),
         distance_curvature=(ahead - 2.0 * here + behind) / step**2,
         nominal=nominal,
         declared_noise={name: noise for name, noise in usual.items() if np.isfinite(noise)},
-        tolerance=np.array([tolerance.get(name, 0.0) for name in names])[stacked.channel],
+        tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[stacked.channel],
         setting_columns=np.zeros((len(stacked.channel), 2)),
+        weight=np.ones(len(stacked.channel)),
         findings=(*series.findings, *told, *samples.findings),
         present=tuple(added.effect.name for added in model.effects),
         noise_source="samples",

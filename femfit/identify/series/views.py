@@ -47,8 +47,8 @@ def balance_view(base: ActuatorModel, samples: Samples, windows: Windows, nomina
     _, slope = _smoothed(samples, windows, time, behind=SLOPE_SPAN, ahead=SLOPE_SPAN, degree=3)
     own = replace(windows, segment=np.arange(len(windows.centre_s)))
     weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
-    over_samples = window_weights(windows, samples.time, samples.segment, samples.usable)
-    covariates = _covariates(samples, windows, over_samples.mean, over_samples.slope, nominal)
+    whole = window_weights(windows, samples.time, samples.segment, samples.usable)
+    covariates = _covariates(samples, windows, whole.mean, whole.slope, nominal)
     return View(windows, covariates, _motion(base, samples, windows, covariates, nominal, level, slope), weights)
 
 
@@ -60,12 +60,11 @@ def sensor_view(base: ActuatorModel, samples: Samples, windows: Windows, nominal
     centre = np.where(np.abs(place) < 1.0, windows.centre_s[row] - 0.5 * thirds.length_s, time)
     level, slope = _smoothed(samples, windows, centre, behind=BEHIND, ahead=0.0, degree=2)
     bump = np.maximum(1.0 - place**2, 0.0) ** 2
-    shape = len(windows.centre_s), len(time)
-    bump /= np.bincount(row, bump)[row]
-    mean, none = sparse.csr_array((bump, (row, np.arange(len(time)))), shape=shape), sparse.csr_array(shape)
+    mean = sparse.csr_array((bump / np.bincount(row, bump)[row], (row, np.arange(len(time)))))
+    none = sparse.csr_array(mean.shape)
     covariates = _covariates(samples, windows, mean @ level, mean @ slope, nominal)
     motion = _motion(base, samples, windows, covariates, nominal, level, slope)
-    return View(thirds, covariates, motion, Weights(mean, none, none, np.ones(shape[0], dtype=bool)))
+    return View(thirds, covariates, motion, Weights(mean, none, none, np.ones(len(windows.centre_s), dtype=bool)))
 
 
 def _smoothed(
@@ -73,16 +72,11 @@ def _smoothed(
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Weights of value and slope at the nodes, by samples around their centres; spans are parts of a window."""
     time, row = _nodes(windows)
-    return local_polynomials(
-        time,
+    stretch, spans = (
         samples.stretch[_nearest(samples, windows)][row],
-        samples.time,
-        samples.stretch,
-        centre_s=centre_s,
-        behind_s=behind * windows.length_s,
-        ahead_s=ahead * windows.length_s,
-        degree=degree,
+        (behind * windows.length_s, ahead * windows.length_s),
     )
+    return local_polynomials(time, stretch, samples.time, samples.stretch, centre_s, spans, degree)
 
 
 def _path(samples: Samples, level: sparse.csr_array) -> FloatArray:
@@ -165,10 +159,9 @@ def _motion(
 ) -> Motion:
     """The smoothed motion at the nodes of all windows."""
     time, row = _nodes(windows)
-    new = np.diff(windows.centre_s) > 1.5 * windows.length_s
-    new |= (np.diff(windows.segment) != 0) | (np.diff(windows.centre_s) <= 0.0)
-    first = np.zeros(len(time), dtype=bool)
-    first[:: NODES + 1] = np.append(True, new)
+    apart = np.diff(windows.centre_s)
+    new = np.append(True, (apart > 1.5 * windows.length_s) | (apart <= 0.0) | (np.diff(windows.segment) != 0))
+    first = np.append(True, np.diff(row) != 0) & new[row]
     within = covariates["time_s"].to_numpy()[row] + time - windows.centre_s[row]
     campaign = (covariates["elapsed"] - covariates["order"]).to_numpy()[row]
     cycle = covariates.groupby("run")["current_A"]

@@ -179,10 +179,8 @@ def local_polynomials(
     node_stretch: IntArray,
     time: FloatArray,
     stretch: IntArray,
-    *,
     centre_s: FloatArray,
-    behind_s: float,
-    ahead_s: float,
+    span_s: tuple[float, float],
     degree: int,
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Weights of value and slope of a local polynomial at n nodes over N samples, two sparse arrays of shape (n, N).
@@ -191,6 +189,7 @@ def local_polynomials(
     to so far ahead, by the weight (1 - s^2)^2; more, on the same sides, where there are too few of them. All stand in
     the node's stretch: no path is smooth across an impact. Where it begins, what lacks behind is taken ahead.
     """
+    behind_s, ahead_s = span_s
     # One clock for all stretches, far enough apart that no node sees another stretch
     span = float(time.max() - time.min()) + 10.0 * (behind_s + ahead_s)
     clock, asked = time - time.min() + span * stretch, centre_s - time.min() + span * node_stretch
