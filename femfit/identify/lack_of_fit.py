@@ -34,26 +34,15 @@ class Group:
     basis: FloatArray  # Whitened, orthonormal; shape (M, k)
     degrees_of_freedom: float
 
-    def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:
-        """Squared length of the residual in the patterns beside orthonormal fitted columns, and their number.
-
-        A pattern that the fitted columns span is no freedom any more.
-        """
-        basis = self.basis
-        if fitted.shape[1]:
-            directions, sine, _ = np.linalg.svd(basis - fitted @ (fitted.T @ basis), full_matrices=False)
-            basis = directions[:, sine**2 > SPANNED]
-        along = basis.T @ residual
-        return float(along @ along), basis.shape[1]
-
     def test(self, residual: FloatArray, fitted: FloatArray) -> LackOfFit:
-        """Test a residual beside orthonormal fitted columns."""
-        square, count = self.along(residual, fitted)
+        """Test a residual beside orthonormal fitted columns; a pattern that these span is no freedom any more."""
+        directions, sine, _ = np.linalg.svd(self.basis - fitted @ (fitted.T @ self.basis), full_matrices=False)
+        along = (directions[:, sine**2 > SPANNED] if fitted.shape[1] else self.basis).T @ residual
+        square, count, repeats = float(along @ along), len(along), self.degrees_of_freedom
         if not count:
             return LackOfFit(0.0, 0, 1.0)
-        repeats, ratio = self.degrees_of_freedom, square / count
-        tail = stats.f.sf(ratio, count, repeats) if np.isfinite(repeats) else stats.chi2.sf(square, count)
-        return LackOfFit(ratio, count, float(tail))
+        tail = stats.f.sf(square / count, count, repeats) if np.isfinite(repeats) else stats.chi2.sf(square, count)
+        return LackOfFit(square / count, count, float(tail))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,24 +55,19 @@ class PatternSpace:
 
     def excess(self, residual: FloatArray) -> float:
         """Squared length of a whitened residual in the patterns beyond what noise gives; may be negative."""
-        square, count = self.groups[-1].along(*_beside(residual, None))
-        return square - count
+        along = self.groups[-1].basis.T @ residual
+        return float(along @ along) - len(along)
 
     def test(self, residual: FloatArray, fitted: FloatArray | None = None) -> LackOfFit:
         """Test a whitened residual in every group; the p-value of the worst counts times their number (Bonferroni).
 
         What was fitted to it, whitened columns of shape (M, p), are directions in which it has no freedom left.
         """
-        residual, basis = _beside(residual, fitted)
-        tests = [group.test(residual, basis) for group in self.groups]
+        basis = orthonormal_basis(np.zeros((len(residual), 0)) if fitted is None else fitted)
+        beside = residual - basis @ (basis.T @ residual)
+        tests = [group.test(beside, basis) for group in self.groups]
         worst = tests[first_best([-outcome.p_value for outcome in tests])]
         return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
-
-
-def _beside(residual: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray, FloatArray]:
-    """A residual without its part along fitted columns, and their orthonormal basis."""
-    basis = orthonormal_basis(np.zeros((len(residual), 0)) if fitted is None else fitted)
-    return residual - basis @ (basis.T @ residual), basis
 
 
 def pattern_space(whitening: Whitening) -> PatternSpace:

@@ -14,7 +14,7 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.design import ChannelDesign, rho_of, share_of
 from femfit.identify.noise.likelihood import Contrasts, Likelihood
-from femfit.identify.noise.whitening import Chain, Whitening, places, setting_errors
+from femfit.identify.noise.whitening import Chain, Whitening, setting_errors
 from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign, ripple
 
@@ -28,7 +28,7 @@ def design_of(y, fixed, random, cell=None, chain=None):
     n = len(random)
     columns = np.linalg.qr(fixed)[0] if fixed.shape[1] else fixed
     cell = np.arange(n) if cell is None else cell
-    return ChannelDesign(cell, columns, random, chain or alone(n), np.ones(n), y)
+    return ChannelDesign(cell, columns, random, chain or alone(n), np.zeros(n), y)
 
 
 def variances(contrasts, group, scale, weight=None, from_zero=False):
@@ -221,7 +221,7 @@ def test_the_map_to_independent_readings_is_an_inverse_root_of_their_covariance(
     noise = replace(estimate_noise(observations), rho=rho, run=np.zeros(4), mount_m=0.0, stop_m=50e-6)
     run, channel = observations.column("run"), observations.channel
     each = (run[:, None] == run) & (channel[:, None] == channel)
-    between = np.abs(places(observations)[:, None] - places(observations))
+    between = np.abs(observations.column("order")[:, None] - observations.column("order"))
     sigma = noise.sigma[channel]
     covariance = np.where(each, rho[channel][:, None] ** between, 0.0) * np.outer(sigma, sigma)
     for number, size in setting_errors(observations, noise.stop_m):

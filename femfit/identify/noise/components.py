@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import (
@@ -38,11 +38,11 @@ from femfit.identify.constants import (
     SAME_READING,
     UNKNOWN_CHANNEL,
 )
-from femfit.identify.noise.design import ChannelDesign, channel_design, made_by_settings
+from femfit.identify.noise.design import ChannelDesign, channel_design
 from femfit.identify.noise.likelihood import Likelihood
 from femfit.identify.noise.whitening import NoiseModel, Whitening, random_effects, stops
 from femfit.identify.observations import Observations
-from femfit.identify.settings import quantisation_step, setting_cells
+from femfit.identify.settings import setting_cells
 from femfit.identify.words import finding
 from femfit.tables.measurement import OF_RUNS
 
@@ -80,8 +80,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     sigma = UNKNOWN_CHANNEL * np.array([value or 1.0 for value in largest])
     rho, repeats, degrees = *np.zeros((2, len(names))), np.full(len(names), 1.0 / EXACT)  # of none where unknown
     for (c, design), of_reading in zip(designs.items(), np.exp(0.5 * x[len(used) :]), strict=True):
-        step = quantisation_step(observations.value[observations.channel == c])
-        sigma[c] = max(of_reading, step / np.sqrt(12.0))
+        sigma[c] = max(of_reading, design.resolution)
         rho[c] = design.mean_correlation(effects.deviations(sizes) / of_reading)
         repeats[c], degrees[c] = design.repeats, design.degrees_of_freedom
     return NoiseModel(
@@ -158,23 +157,21 @@ def _known(observations: Observations, c: int, constant: bool) -> ChannelDesign 
     values = observations.value[observations.channel == c]
     if not len(values):  # none in the mounts that say the noise
         return None
-    step = quantisation_step(values) / np.sqrt(12.0)
-    least = max(step, FINEST * float(np.abs(values).max()))
-    counts_like = EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED
-    if constant and not np.isfinite(declared):  # coarser than its noise: rounding is left
-        declared, source, counts_like = step or np.nan, "resolution", EXACT
-    # Windows of a record that share a setting share no motion, and what their edges of a command are off by
-    repeats = (
-        0 if constant or observations.in_motion else _repeats(setting_cells(observations)[observations.channel == c])
+    design, counts_like = (
+        channel_design(observations, c),
+        EXACT if source == "samples" else LEAST_REPEATS_AGAINST_DECLARED,
     )
+    least = max(design.resolution, FINEST * float(np.abs(values).max()))
+    if constant and not np.isfinite(declared):  # coarser than its noise: rounding is left
+        declared, source, counts_like = design.resolution or np.nan, "resolution", EXACT
     if not np.isfinite(declared):
-        return None if constant else _undeclared(observations, c, repeats, least)
-    declared = max(declared, least)
-    design = channel_design(observations, c, declared)
-    told = replace(design, declared=declared, counts_like=EXACT, source=source)  # which nothing moves
+        return None if constant else _undeclared(design, least)
+    declared, repeats = max(declared, least), 0 if constant else design.repeats
+    design = replace(design, sigma=declared, kept={})
+    told = replace(design, declared=declared, counts_like=EXACT, source=source, repeats=0)  # which nothing moves
     if not repeats or design.contrasts(0, 0).free < LEAST_REPEATS:  # mounts may have all that repeats differ by
         return told
-    alone = replace(design, source="repeats", repeats=repeats)
+    alone = replace(design, source="repeats")
     shown = alone.likeliest(FIXED / np.maximum(np.linalg.norm(design.random, axis=0), 1e-300)).variance
     ratio = shown / declared**2
     if 2.0 * min(stats.f.sf(ratio, repeats, counts_like), stats.f.cdf(ratio, repeats, counts_like)) < CONTRADICTED:
@@ -184,25 +181,18 @@ def _known(observations: Observations, c: int, constant: bool) -> ChannelDesign 
     return replace(told, counts_like=counts_like, source=f"{source} and repeats", repeats=repeats)
 
 
-def _repeats(cell: IntArray) -> int:
-    """Readings beside the first of each setting; none where they are too few to say a noise."""
-    count = len(cell) - len(np.unique(cell))
-    return count if count >= LEAST_REPEATS else 0
-
-
-def _undeclared(observations: Observations, c: int, repeats: int, least: float) -> ChannelDesign | None:
+def _undeclared(design: ChannelDesign, least: float) -> ChannelDesign | None:
     """What repeats and smooth patterns say of a channel's readings; None where they are too few or never differ."""
-    design, made = channel_design(observations, c), made_by_settings(observations, c)
     free = design.contrasts(0, 0).free
     if free < LEAST_REPEATS:
         return None
-    if made.any():
+    if design.made.any():
         # Without what the declared errors of the settings make; but not less is left than the standard error of a
         # variance from so many readings: below it nothing can be told apart
-        variance = max(design.variance - float(made.mean()), design.variance * np.sqrt(2.0 / free), least**2)
-        design = channel_design(observations, c, float(np.sqrt(variance)))
+        variance = max(design.variance - float(design.made.mean()), design.variance * np.sqrt(2.0 / free), least**2)
+        design = replace(design, sigma=float(np.sqrt(variance)), kept={})
     varies = design.contrasts(0, 0).square > SAME_READING * float(np.sum(design.residual**2))
-    return replace(design, source="repeats" if repeats else GUESS, repeats=repeats) if varies else None
+    return replace(design, source="repeats" if design.repeats else GUESS) if varies else None
 
 
 def as_readings_show(observations: Observations) -> Observations:
@@ -219,10 +209,10 @@ def as_readings_show(observations: Observations) -> Observations:
         made = float(np.mean(columns[here, k] ** 2)) if k < columns.shape[1] and here.any() else 0.0
         if not made or name not in declared:
             continue
-        variance, free = float(missed[c]), float(count)
-        if k or not of_stops:
-            design = channel_design(observations, c)
-            variance, free = design.variance, design.contrasts(0, 0).free
+        design = channel_design(observations, c)
+        variance, free = design.variance, design.contrasts(0, 0).free
+        if of_stops and not k:
+            variance, free = float(missed[c]), float(count)
         if free >= LEAST_READINGS and stats.f.cdf(variance / made, free, PRIOR_WEIGHT) < CONTRADICTED:
             columns[:, k], error = 0.0, declared.pop(name)
             most = error * float(np.sqrt(variance / made))
@@ -250,12 +240,11 @@ def noise_by_smoothness(observations: Observations) -> NoiseModel:
 
 def never_varying(observations: Observations) -> list[str]:
     """Channels whose readings are the same, but for the rounding of a float, wherever a setting was repeated."""
-    names, cells = [], setting_cells(observations)
-    for name in observations.channels:
-        here = observations.of(name)
-        value, by_cell = observations.value[here], pd.Series(observations.value[here]).groupby(cells[here])
-        spread = by_cell.max() - by_cell.min()
-        repeated = len(value) - len(spread) >= LEAST_REPEATS
-        if repeated and spread.max() <= SAME_READING * float(np.abs(value).max()):
-            names.append(name)
-    return names
+    readings = pd.DataFrame({"channel": observations.channel, "value": observations.value})
+    by_cell = readings.groupby([readings["channel"], setting_cells(observations)])["value"]
+    spread, largest = (
+        (by_cell.max() - by_cell.min()).groupby("channel"),
+        readings["value"].abs().groupby(readings["channel"]),
+    )
+    constant = (spread.max() <= SAME_READING * largest.max()) & (largest.size() - spread.size() >= LEAST_REPEATS)
+    return [name for c, name in enumerate(observations.channels) if constant.get(c, False)]

@@ -39,7 +39,7 @@ from femfit.identify.noise.likelihood import Contrasts
 from femfit.identify.noise.whitening import Chain, chain_of, orthonormal_basis, random_effects
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import smooth_patterns
-from femfit.identify.settings import setting_cells
+from femfit.identify.settings import quantisation_step, setting_cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +50,21 @@ class ChannelDesign:
     fixed: FloatArray  # Orthonormal columns that are taken out, shape (n, f)
     random: FloatArray  # Columns of mounts, runs and stops, shape (n, q)
     chain: Chain
-    weight: FloatArray  # 1 over the standard deviation of each reading, over that of the channel; shape (n,)
+    made: FloatArray  # Variance by errors of the settings that are weighed as if each row had its own; shape (n,)
     residual: FloatArray  # Shape (n,)
+    resolution: float = 0.0  # Standard deviation that rounding makes
+    repeats: int = 0  # Readings beside the first of each setting, where they are enough to say a noise
+    sigma: float = 0.0  # Against which errors of the settings are weighed; 0 where all readings have one weight
     declared: float = np.nan  # Standard deviation of a reading; NaN where nothing declares it
     counts_like: float = 0.0  # So many readings
     source: str = ""
-    repeats: float = 0.0  # Readings beside the first of each setting, where they count
     place: tuple[int, int] = (0, 0)  # Numbers of the correlation and of the setting's share
     kept: dict[tuple[int, int], Contrasts] = field(default_factory=dict)
+
+    @property
+    def _weight(self) -> FloatArray:
+        """1 over the standard deviation of each reading, over that of the channel; shape (n,)."""
+        return 1.0 / np.sqrt(1.0 + self.made / self.sigma**2) if self.sigma else np.ones(len(self.made))
 
     @property
     def variance(self) -> float:
@@ -148,7 +155,7 @@ class ChannelDesign:
         """
         size = np.linalg.norm(self.random, axis=0)
         moving = self.random[:, size > 0.0] / size[size > 0.0]
-        basis, random = orthonormal_basis(self.fixed * self.weight[:, None]), moving * self.weight[:, None]
+        basis, random = orthonormal_basis(self.fixed * self._weight[:, None]), moving * self._weight[:, None]
         beyond = random - basis @ (basis.T @ random)
         rank = int(np.count_nonzero(np.linalg.eigvalsh(beyond.T @ beyond) > SPANNED_SQUARE))
         return np.concatenate([self.fixed, moving, self.residual[:, None]], axis=1), size, rank
@@ -156,7 +163,7 @@ class ChannelDesign:
     def _contrasts(self, rho: float, share: float) -> Contrasts:
         """Least squares of readings with correlated noise: settings by a sparse factor, others by their products."""
         serial, (columns, size, rank), n = self.chain.whitening(rho), self._columns, len(self.cell)
-        whitening = serial @ sparse.diags_array(self.weight)
+        whitening = serial @ sparse.diags_array(self._weight)
         white = whitening @ columns
         products, log_det = white.T @ white, -2.0 * float(np.log(serial.diagonal()).sum())
         if share:
@@ -192,30 +199,31 @@ def share_of(k: int) -> float:
     return LEAST_SHARE * (LARGEST_SHARE / LEAST_SHARE) ** ((k - 1) / (SHARES - 1)) if k else 0.0
 
 
-def channel_design(observations: Observations, c: int, sigma: float = 0.0) -> ChannelDesign:
-    """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0."""
-    here = np.flatnonzero(observations.channel == c)
+def channel_design(observations: Observations, c: int) -> ChannelDesign:
+    """The design of a channel that has readings, of which nothing is declared."""
+    here, effects, patterns = (
+        np.flatnonzero(observations.channel == c),
+        random_effects(observations),
+        smooth_patterns(observations),
+    )
     cell = np.unique(setting_cells(observations)[here], return_inverse=True)[1]
-    effects = random_effects(observations)
-    made = made_by_settings(observations, c)
-    weight = 1.0 / np.sqrt(1.0 + made / sigma**2) if sigma else np.ones(len(here))
-    patterns = smooth_patterns(observations)
-    numbers = np.flatnonzero(patterns.channel == c)[: max(1, int(OF_SETTINGS * (int(cell.max()) + 1)))]
+    settings = int(cell.max()) + 1
+    numbers = np.flatnonzero(patterns.channel == c)[: max(1, int(OF_SETTINGS * settings))]
     # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it, or an
     # error of the stage that every run meets at the same place
     common = np.stack([observations.distance_slope[here], observations.distance_curvature[here]], axis=1)
     distance, stops_repeat = observations.column("distance_m")[here], effects.differences[-1] > 0.0
     places = (distance[:, None] == np.unique(distance)[: len(distance) * stops_repeat]) * common[:, :1]
-    fixed = orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1))
-    random = effects.columns[here] * (effects.differences > 0.0)[effects.group]
-    return ChannelDesign(cell, fixed, random, chain_of(observations).of(here), weight, observations.residual[here])
-
-
-def made_by_settings(observations: Observations, c: int) -> FloatArray:
-    """Variance of each reading of a channel by errors of its settings that are weighed as if each row had its own.
-
-    Those of stops of the stage are not among them where they have columns.
-    """
-    has_columns = random_effects(observations).differences[-1] > 0.0
-    columns = observations.setting_columns[observations.channel == c, int(has_columns) :]
-    return np.asarray(np.sum(columns**2, axis=1))
+    # Windows of a record that share a setting share no motion, and what their edges of a command are off by
+    repeats = 0 if observations.in_motion else len(cell) - settings
+    return ChannelDesign(
+        cell,
+        fixed=orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1)),
+        random=effects.columns[here] * (effects.differences > 0.0)[effects.group],
+        chain=chain_of(observations).of(here),
+        # Those of stops of the stage have columns, if any
+        made=np.sum(observations.setting_columns[here, int(stops_repeat) :] ** 2, axis=1),
+        residual=observations.residual[here],
+        resolution=quantisation_step(observations.value[here]) / np.sqrt(12.0),
+        repeats=repeats if repeats >= LEAST_REPEATS else 0,
+    )

@@ -91,33 +91,19 @@ def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntA
 
 
 @once_for_settings
-def places(observations: Observations) -> FloatArray:
-    """Place of each reading along its channel, run after run in their sequence, shape (M,).
-
-    Readings that are missing between two count where a clock tells them.
-    """
-    channel, run, order = observations.channel, observations.column("run"), sequence(observations)
-    sorting = np.lexsort((order, run, channel))
-    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
-    steps = np.diff(order[sorting])
-    counted = observations.clocked and same.any() and np.median(steps[same]) == 1.0
-    place = np.zeros(len(run))
-    place[sorting[1:]] = np.cumsum(np.where(same & counted, np.maximum(steps, 1.0), 1.0))
-    return place
-
-
-@once_for_settings
 def chain_of(observations: Observations) -> Chain:
     """Link the readings that follow each other in a channel and run.
 
-    Windows of a record share no samples: none follows another one, and what lasts from one to the next is a misfit.
+    Readings that are missing between two count where a clock tells them. Windows of a record share no samples: none
+    follows another one, and what lasts from one to the next is a misfit.
     """
-    channel, run, place = observations.channel, observations.column("run"), places(observations)
-    sorting = np.argsort(place)
+    channel, run, order = observations.channel, observations.column("run"), sequence(observations)
+    before, gap = np.arange(len(run)), np.full(len(run), np.inf)
+    sorting = np.lexsort((order, run, channel))
     same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0) & (not observations.in_motion)
-    before, gap = np.arange(len(place)), np.full(len(place), np.inf)
-    before[sorting[1:][same]] = sorting[:-1][same]
-    gap[sorting[1:][same]] = np.diff(place[sorting])[same]
+    steps, later = np.diff(order[sorting])[same], sorting[1:][same]
+    before[later] = sorting[:-1][same]
+    gap[later] = np.maximum(steps, 1.0) if observations.clocked and len(later) and np.median(steps) == 1.0 else 1.0
     return Chain(before, gap)
 
 

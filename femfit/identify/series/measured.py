@@ -30,11 +30,6 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import MagneticState
 
 
-def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr_array:
-    """Weights of samples that are multiplied by a factor each before they are summed."""
-    return sparse.csr_array(weights.multiply(factor))
-
-
 @dataclass(frozen=True, eq=False)
 class SensorNoise:
     """One sensor's samples, with the standard deviation of their white noise (NaN where unknown) and their step."""
@@ -114,9 +109,9 @@ class Recorded:
 
         The distance has none at rest.
         """
-        in_distance = np.where(self.samples.rests, 0.0, in_distance)
+        in_distance = np.where(self.samples.free | self.samples.touches, in_distance, 0.0)
         columns = zip(("distance_m", *self.samples.currents), (in_distance, *in_currents.T), strict=True)
-        return {name: carried(weights, slope) for name, slope in columns}
+        return {name: sparse.csr_array(weights.multiply(slope)) for name, slope in columns}
 
     def scatter(
         self, mean: sparse.csr_array, weights: Mapping[str, sparse.csr_array], further: FloatArray | float

@@ -30,7 +30,6 @@ from scipy.linalg import lapack
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.sweep_columns import voltage_columns
-from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
@@ -125,7 +124,7 @@ class Motion(WithoutCache):
             forms = self._forms if same else eddy.forms(d, 0, 1)
             along = Induced.along(eddy, forms, self.time_s, self.first, seen)
             seen = at_rest(Point(base, d, along.acting(i), conditions, effects))
-            pull, induced_T = along.pull(seen.flux_linkage), along.field_T
+            pull, induced_T = along.pull(seen.flux_linkage), (along.forms.hall * along.currents).sum(axis=1)
         if i.shape[1] == 1:
             velocity = np.asarray(conditions.velocity_m_s)
             conditions = replace(conditions, motional_V=seen.motional_constant[:, 0] * velocity)
@@ -145,13 +144,26 @@ def model_side(motion: Motion, weights: Mapping[str, Weights], effects: Sequence
     result = {}
     for name, own in weights.items():
         if name == FORCE_BALANCE:
-            share, inertia = _inertia(motion.base.require_motion(), motion, own, effects)
-            result[name] = share * (own.mean @ motion.under(effects).force) + inertia
+            result[name] = _force_side(motion, own, effects)
         elif name in circuits:
             result[name] = _voltage_side(motion, own, circuits[name], effects)
         else:
             result[name] = own.mean @ readings[name]
     return result
+
+
+def _force_side(motion: Motion, weights: Weights, effects: Sequence[AddedEffect]) -> FloatArray:
+    """Beside m_0 times what the recorded acceleration lacks: another mass must not weigh its noise.
+
+    Springs, load and friction stand on the measured side, which another mass leaves alone.
+    """
+    excited, body = motion.under(effects), motion.base.require_motion()
+    share = body.mass_kg / changed_by(effects, "mass", body.mass_kg)
+    lacking = body.mass_kg * (weights.curvature @ (excited.distance - motion.distance_m))
+    if share != 1.0:
+        beside = body.beside_weight(excited.distance) + body.friction(np.asarray(motion.conditions.velocity_m_s))
+        lacking = lacking + (1.0 - share) * (weights.mean @ (beside + np.zeros_like(excited.distance)))
+    return np.asarray(share * (weights.mean @ excited.force) + lacking)
 
 
 def _voltage_side(motion: Motion, weights: Weights, k: int, effects: Sequence[AddedEffect]) -> FloatArray:
@@ -186,22 +198,6 @@ def _first(currents: FloatArray) -> FloatArray:
     return currents[:, :1].sum(axis=1)
 
 
-def _inertia(
-    body: Mechanics, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
-) -> tuple[float, FloatArray]:
-    """(m_0 / m, m_0 times what the recorded acceleration lacks): another mass must not weigh its noise.
-
-    Springs, load and friction stand on the measured side, which another mass leaves alone.
-    """
-    distance, _ = motion.true_setting(effects)
-    share = body.mass_kg / changed_by(effects, "mass", body.mass_kg)
-    lacking = body.mass_kg * (weights.curvature @ (distance - motion.distance_m))
-    if share != 1.0:
-        beside = body.beside_weight(distance) + body.friction(np.asarray(motion.conditions.velocity_m_s))
-        lacking = lacking + (1.0 - share) * (weights.mean @ (beside + np.zeros_like(distance)))
-    return share, np.asarray(lacking)
-
-
 @dataclass(frozen=True, eq=False)
 class Induced:
     """Currents of eddy patterns along a motion.
@@ -224,7 +220,12 @@ class Induced:
         n, root, turned = len(eddy.circuits), 1.0 / np.sqrt(eddy.resistances_ohm), np.swapaxes(forms.coupling, -1, -2)
         beside = root * ((turned @ still.flux_linkage[:, :n, None])[..., 0] + forms.flux_linkage)
         matrix = root[:, None] * (turned @ still.inductance[:, :n, :n] @ forms.coupling + forms.inductance) * root
-        factors, gained = _steps(np.diff(time), 0.5 * (matrix[1:] + matrix[:-1]), -np.diff(beside, axis=0))
+        # What is left of A e after each step, and of a flux linkage that grows evenly within it
+        delay, modes = np.linalg.eigh(0.5 * (matrix[1:] + matrix[:-1]))
+        decay, back = np.maximum(np.maximum(np.diff(time), 0.0)[:, None] / delay, SLOWEST), np.swapaxes(modes, -1, -2)
+        factors = (modes * np.exp(-decay)[:, None]) @ back
+        grown = -np.expm1(-decay)[..., None] / decay[..., None] * (back @ -np.diff(beside, axis=0)[..., None])
+        gained = (modes @ grown)[..., 0]
         factors[first[1:]], gained[first[1:]] = 0.0, 0.0
         linked = recurrence(factors, gained)
         return cls(n, forms, rising, root * np.linalg.solve(matrix, linked[..., None])[..., 0])
@@ -235,26 +236,11 @@ class Induced:
         result[:, : self.n] += (self.forms.coupling @ self.currents[..., None])[..., 0]
         return result
 
-    @property
-    def field_T(self) -> FloatArray:  # noqa: N802  the unit
-        """What they add to the field at the Hall element, (N,)."""
-        return np.asarray((self.forms.hall * self.currents).sum(axis=1))
-
     def pull(self, flux_linkage: FloatArray) -> FloatArray:
         """What they add to the force beside the static one, at flux linkages (N, n) of the currents that act."""
         acting = (self.rising.coupling @ self.currents[..., None])[..., 0]
         linkage = self.rising.flux_linkage + 0.5 * (self.rising.inductance @ self.currents[..., None])[..., 0]
         return -np.asarray((flux_linkage[:, : self.n] * acting).sum(axis=-1) + (linkage * self.currents).sum(axis=-1))
-
-
-def _steps(step: FloatArray, matrix: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What is left of A e after each step in s, and of a flux linkage that grows evenly within it."""
-    delay, modes = np.linalg.eigh(matrix)
-    decay = np.maximum(np.maximum(step, 0.0)[:, None] / delay, SLOWEST)
-    turned = np.swapaxes(modes, -1, -2)
-    mean = -np.expm1(-decay) / decay
-    factors = (modes * np.exp(-decay)[:, None]) @ turned
-    return factors, (modes @ (mean[..., None] * (turned @ gained[..., None])))[..., 0]
 
 
 def recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:

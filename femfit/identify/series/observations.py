@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
@@ -176,32 +176,27 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
 
 
 def _with_scatter(observations: Observations) -> Observations:
-    """The noise of channels whose successive windows scatter more than their sensors' noise makes."""
+    """The noise of channels whose successive windows scatter more than their sensors' noise makes.
+
+    By the median difference of those that follow each other. White noise less its part along smooth patterns, of an
+    orthonormal basis (n, p), differs from one window to the next by a variance of 2 less the squared difference of the
+    basis' rows.
+    """
     noise, findings = dict(observations.declared_noise), []
     order, run, patterns = observations.column("order"), observations.column("run"), smooth_patterns(observations)
     for c, name in enumerate(observations.channels):
         here = np.flatnonzero(observations.channel == c)
         basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
         scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
-        follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
-        shown, declared = _successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
-        if np.isfinite(shown) and not shown <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * declared:
+        follows = (np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0)
+        variance = 2.0 - np.sum(np.diff(basis, axis=0) ** 2, axis=1)
+        free = follows & (variance > LEAST_VARIANCE)
+        if np.count_nonzero(free) < LEAST_REPEATS:
+            continue
+        shown = float(np.median(np.abs(np.diff(scatter)[free]) / np.sqrt(variance[free])) / NORMAL_MEDIAN)
+        declared, slack = noise.get(name, np.nan), MEDIAN_CHANCE / np.sqrt(np.count_nonzero(follows))
+        if not shown <= max(RESTLESS, 1.0 + slack) * declared:
             noise[name] = shown
             times = shown / declared if np.isfinite(declared) else None
             findings.append(finding("restless", name, name=name, shown=shown, times=times))
     return replace(observations, declared_noise=noise, findings=(*observations.findings, *findings))
-
-
-def _successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArray) -> float:
-    """Standard deviation from the median difference of successive windows; NaN for fewer than twelve.
-
-    The windows ``follows`` follow the one before them. White noise less its part along patterns that were removed, of
-    this orthonormal basis of shape (n, p), differs from one window to the next by a variance of 2 less the squared
-    difference of the basis' rows.
-    """
-    variance = 2.0 - np.sum((removed[follows] - removed[follows - 1]) ** 2, axis=1)
-    free = variance > LEAST_VARIANCE
-    if np.count_nonzero(free) < LEAST_REPEATS:
-        return float("nan")
-    differences = (misfit[follows] - misfit[follows - 1])[free] / np.sqrt(variance[free])
-    return float(np.median(np.abs(differences)) / NORMAL_MEDIAN)

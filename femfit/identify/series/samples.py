@@ -58,20 +58,10 @@ class Samples:
     stop_m: FloatArray  # Drawn distance of the stop that the body rests on; NaN elsewhere
     findings: tuple[Finding, ...]
 
-    @property
-    def currents_A(self) -> FloatArray:  # noqa: N802  the unit
-        """Currents of shape (N, n), zero where unknown; one of zero where there is no winding."""
-        return self.stacked(self.currents)
-
     def stacked(self, names: Sequence[str]) -> FloatArray:
-        """Columns of shape (N, n), zero where unknown."""
+        """Columns of shape (N, n), zero where unknown; of currents one of zero where there is no winding."""
         columns = [np.nan_to_num(self.columns[name]) for name in names]
         return np.array(columns).reshape(len(columns), len(self.time)).T
-
-    @property
-    def rests(self) -> BoolArray:
-        """Where the body stands still and is not free."""
-        return ~(self.free | self.touches)
 
     def select(self, keep: BoolArray) -> "Samples":
         """Those of the samples for which ``keep``, of shape (N,), is true."""

@@ -155,23 +155,19 @@ def lay_windows(model: ActuatorModel, samples: Samples) -> Windows:
     last = np.append(first[1:], len(time)) - 1
     spans, spacing = time[last] - time[first], np.diff(time)[np.diff(stretch) == 0]
     total, usual = float(np.sum(spans)), float(np.median(spacing)) if len(spacing) else 0.0
-    pole = _pole(model, samples.columns["distance_m"][usable], samples.currents_A[usable])
-    length = max(min(TIME_CONSTANTS / pole, total / LEAST_WINDOWS), USUAL_SAMPLES * usual, total / MOST_WINDOWS)
+    pole = 0.0  # Rate at which the body runs away from (or swings about) where it is
+    if model.motion is not None:
+        pick = np.flatnonzero(usable)[:: max(1, np.count_nonzero(usable) // 500)]
+        distance, currents = samples.columns["distance_m"][pick], samples.stacked(samples.currents)[pick]
+        stiffness = model.motion.static_gradient(distance) - model.magnetics.force_gradient(distance, currents)
+        pole = float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg))
+    constant = 1.0 / (pole or 100.0)  # of nothing that moves: 10 ms
+    length = max(min(TIME_CONSTANTS * constant, total / LEAST_WINDOWS), USUAL_SAMPLES * usual, total / MOST_WINDOWS)
     counts = np.floor(spans / max(length, 1e-300) * (1.0 + 1e-9)).astype(int)
     centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(time[first], counts, strict=True)]
     windows = Windows(np.concatenate(centre), np.repeat(samples.segment[first], counts), length)
     valid = window_weights(windows, time, samples.segment, usable & ~samples.touches).valid
     return Windows(windows.centre_s[valid], windows.segment[valid], length)
-
-
-def _pole(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> float:
-    """Rate at which the body runs away from (or swings about) where it is, in 1/s; 100 where nothing moves."""
-    if model.motion is None or not len(distance):
-        return 100.0
-    pick = slice(None, None, max(1, len(distance) // 500))
-    gradient = model.magnetics.force_gradient(distance[pick], currents[pick])
-    stiffness = model.motion.static_gradient(distance[pick]) - gradient
-    return float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg)) or 100.0
 
 
 def local_polynomials(
