@@ -189,7 +189,7 @@ def test_rests_are_read_without_a_field_as_they_are_beside_other_sensors():
     model, record = solenoid(), logged([switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)])
     samples = take_samples(model, record)
     windows = lay_windows(model, samples)
-    view = sensor_view(model, samples.select(samples.usable), windows, nominal_of(model))
+    view = sensor_view(model, replace(samples, rows=samples.rows[samples["usable"]]), windows, nominal_of(model))
     effects = [hidden("stop_position", near=0.01, far=-0.02), hidden("distance_offset", offset_m=1e-5)]
     weights = dict.fromkeys(("rest_distance_m", "force_N"), view.weights)
     alone = model_side(view.motion, {"rest_distance_m": view.weights}, effects)
@@ -357,11 +357,12 @@ def test_an_edge_still_shows_an_inductance_that_the_model_lacks(held_rig, at_sam
 
 def test_a_command_that_changes_from_sample_to_sample_is_held_between_them(held_rig, at_samples):
     samples = take_samples(held_rig, at_samples)
-    volts, held = samples.columns["voltage_V"], held_from(samples, 0)
+    volts, held = samples["voltage_V"], held_from(samples, 0)
     mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     np.testing.assert_allclose(error, np.append(np.diff(volts), 0.0) ** 2 / 3.0)
-    volts += 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
+    volts = volts + 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
+    samples = replace(samples, rows=samples.rows.assign(voltage_V=volts))
     mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     assert not error.any()
@@ -500,8 +501,8 @@ def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(mo
     volts = series.rows["hall_V"]
     limited = np.minimum(volts + 4.999 - volts.median(), 4.999)
     samples = take_samples(analogue, replace(series, rows=series.rows.assign(hall_V=limited)))
-    assert np.isnan(samples.columns["hall_V"][limited == 4.999]).all()
-    assert np.isfinite(take_samples(analogue, series).columns["hall_V"]).all()
+    assert np.isnan(samples["hall_V"][limited == 4.999]).all()
+    assert np.isfinite(take_samples(analogue, series)["hall_V"]).all()
     assert "clipped" in {finding.code for finding in samples.findings}
 
 

@@ -100,7 +100,7 @@ class Recorded:
 
     def weights(self, windows: Windows, rows: BoolArray) -> Weights:
         """Weights over some samples, of shape (N,)."""
-        return window_weights(windows, self.samples.time, self.samples.segment, rows)
+        return window_weights(windows, self.samples["time_s"], self.samples["segment"], rows)
 
     def by_setting(
         self, weights: sparse.csr_array, in_distance: FloatArray, in_currents: FloatArray
@@ -109,7 +109,7 @@ class Recorded:
 
         The distance has none at rest.
         """
-        in_distance = np.where(self.samples.free | self.samples.touches, in_distance, 0.0)
+        in_distance = np.where(self.samples["free"] | self.samples["touches"], in_distance, 0.0)
         columns = zip(("distance_m", *self.samples.currents), (in_distance, *in_currents.T), strict=True)
         return {name: sparse.csr_array(weights.multiply(slope)) for name, slope in columns}
 
@@ -122,9 +122,9 @@ class Recorded:
 
 def recorded(base: ActuatorModel, samples: Samples, nominal: Nominal, declared: Mapping[str, float]) -> Recorded:
     """Place usable samples beside a model, with the noise of every sensor that is not declared."""
-    d, currents, new = samples.columns["distance_m"], samples.stacked(samples.currents), np.diff(samples.run) != 0.0
+    d, currents, new = samples["distance_m"], samples.stacked(samples.currents), np.diff(samples["run"]) != 0.0
     volts = samples.stacked(samples.commands)
-    motion = Motion(base, samples.time, np.append(True, new), d, currents, volts, Conditions(nominal))
+    motion = Motion(base, samples["time_s"], np.append(True, new), d, currents, volts, Conditions(nominal))
     slopes, hall_slopes = base.magnetics.slopes(d, currents), (np.zeros_like(d), np.zeros_like(currents))
     if base.circuits:
         slopes = replace(slopes, inductance=slopes.inductance + base.series_inductances_H)
@@ -134,9 +134,9 @@ def recorded(base: ActuatorModel, samples: Samples, nominal: Nominal, declared: 
     explained = model_readings(motion, {"force_N", "hall_V"}, ()) | {"distance_m": np.zeros_like(d)}
     noise = {}
     for name, model in (explained | _driven(motion, samples, slopes)).items():
-        values = samples.recorded_m if name == "distance_m" else samples.columns[name]
+        values = samples["recorded_m"] if name == "distance_m" else samples[name]
         step = converter_step(values)
-        white = max(white_noise(values - model, samples.unbroken), step / np.sqrt(12.0))
+        white = max(white_noise(values - model, samples["unbroken"]), step / np.sqrt(12.0))
         noise[name] = SensorNoise(float(declared.get(name, white)), step, values)
     return Recorded(motion, nominal, samples, slopes, hall_slopes, noise)
 
@@ -144,10 +144,10 @@ def recorded(base: ActuatorModel, samples: Samples, nominal: Nominal, declared: 
 def _driven(motion: Motion, samples: Samples, slopes: MagneticState) -> dict[str, FloatArray]:
     """The currents that commanded voltages and motion give, up to what is smooth; zeros where none is known."""
     currents, ohms = motion.currents_A, motion.base.resistances_ohm
-    if not len(ohms) or all(np.isnan(samples.columns[name]).all() for name in samples.commands):
+    if not len(ohms) or all(np.isnan(samples[name]).all() for name in samples.commands):
         return {name: np.zeros(len(currents)) for name in samples.currents}
-    volts = np.stack([samples.columns[name] for name in samples.commands], axis=1)
-    step, moved = (np.diff(x, prepend=x[:1])[:, None] for x in (samples.time, motion.distance_m))
+    volts = np.stack([samples[name] for name in samples.commands], axis=1)
+    step, moved = (np.diff(x, prepend=x[:1])[:, None] for x in (samples["time_s"], motion.distance_m))
     linked = (np.concatenate([volts[:1], volts[:-1]]) - ohms * currents) * step + slopes.motional_constant * moved
     # The inverse of a force law's inductance, which is none, is none
     driven = np.cumsum((np.linalg.pinv(slopes.inductance) @ np.nan_to_num(linked)[..., None])[..., 0], axis=0)
@@ -172,14 +172,14 @@ def measure_sensors(record: Recorded, windows: Windows) -> Iterator[Measured]:
     if record.motion.base.sensor is not None:
         parts["hall_V"] = (*record.hall_slopes, nominal.hall_swing_V)
     for name, (in_distance, in_currents, scale) in parts.items():
-        weights = record.weights(windows, np.isfinite(samples.columns[name]))
+        weights = record.weights(windows, np.isfinite(samples[name]))
         by_sensor = {name: weights.mean, **record.by_setting(weights.mean, in_distance, in_currents)}
         sigma = record.scatter(weights.mean, by_sensor, (METHOD_ACCURACY * scale) ** 2)
-        yield Measured(name, weights.mean @ np.nan_to_num(samples.columns[name]), sigma, weights)
-    weights = record.weights(windows, np.isfinite(samples.stop_m))
+        yield Measured(name, weights.mean @ np.nan_to_num(samples[name]), sigma, weights)
+    weights = record.weights(windows, np.isfinite(samples["stop_m"]))
     least = (METHOD_ACCURACY * nominal.travel_m) ** 2
     sigma = record.scatter(weights.mean, {"distance_m": weights.mean}, least)
-    yield Measured(REST, weights.mean @ samples.recorded_m, sigma, weights)
+    yield Measured(REST, weights.mean @ samples["recorded_m"], sigma, weights)
 
 
 def _force_balance(record: Recorded, view: View) -> Measured:
@@ -188,7 +188,7 @@ def _force_balance(record: Recorded, view: View) -> Measured:
     Its size is what is drawn and what the misfit surely goes by with the direction of the motion.
     """
     body, slopes, distance = record.motion.base.require_motion(), record.slopes, record.motion.distance_m
-    weights = record.weights(view.windows, record.samples.free)
+    weights = record.weights(view.windows, record.samples["free"])
     stiffness = slopes.force_gradient - body.static_gradient(distance)
     by_sensor = record.by_setting(weights.mean, stiffness, slopes.motional_constant)
     by_sensor["distance_m"] = by_sensor["distance_m"] + body.mass_kg * weights.curvature
@@ -213,10 +213,10 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     """Of the circuit with the place k."""
     base, samples, slopes, currents = record.motion.base, record.samples, record.slopes, record.motion.currents_A
     circuit, held = base.circuits[k], held_from(samples, k)
-    driven, weights = held_weights(windows, samples.time, samples.segment, held)
+    driven, weights = held_weights(windows, samples["time_s"], samples["segment"], held)
     by_sensor = record.by_setting(weights.slope, slopes.motional_constant[:, k], slopes.inductance[:, k])
     by_sensor[samples.currents[k]] = by_sensor[samples.currents[k]] + circuit.resistance_ohm * weights.mean
-    resistive, step = circuit.resistance_ohm * currents[:, k], np.diff(samples.time)
+    resistive, step = circuit.resistance_ohm * currents[:, k], np.diff(samples["time_s"])
     linked = record.motion.under(()).seen.flux_linkage[:, k] + circuit.inductance_H * currents[:, k]
     induced = np.divide(np.diff(linked), step, out=np.zeros_like(step), where=step > 0.0)
     taken = np.append(0.5 * (resistive[1:] + resistive[:-1]) + induced, 0.0)

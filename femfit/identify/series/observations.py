@@ -60,7 +60,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     windows = lay_windows(base, samples)
     if not len(windows.centre_s):
         raise TableError(sentence("refusals", "no_stretch", series.source, windows.length_s))
-    samples, nominal = samples.select(samples.usable), nominal_of(model)
+    samples, nominal = replace(samples, rows=samples.rows[samples["usable"]]), nominal_of(model)
     record = recorded(base, samples, nominal, series.declared_noise)
     views = [view(base, samples, windows, nominal) for view in (balance_view, sensor_view)]
     every = [*measure_balances(record, views[0])], [*measure_sensors(record, views[1].windows)]

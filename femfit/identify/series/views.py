@@ -47,7 +47,7 @@ def balance_view(base: ActuatorModel, samples: Samples, windows: Windows, nomina
     _, slope = _smoothed(samples, windows, time, behind=SLOPE_SPAN, ahead=SLOPE_SPAN, degree=3)
     own = replace(windows, segment=np.arange(len(windows.centre_s)))
     weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
-    whole = window_weights(windows, samples.time, samples.segment, samples.usable)
+    whole = window_weights(windows, samples["time_s"], samples["segment"], samples["usable"])
     covariates = _covariates(samples, windows, whole.mean, whole.slope, nominal)
     return View(windows, covariates, _motion(base, samples, windows, covariates, nominal, level, slope), weights)
 
@@ -73,15 +73,15 @@ def _smoothed(
     """Weights of value and slope at the nodes, by samples around their centres; spans are parts of a window."""
     time, row = _nodes(windows)
     stretch, spans = (
-        samples.stretch[_nearest(samples, windows)][row],
+        samples["stretch"][_nearest(samples, windows)][row],
         (behind * windows.length_s, ahead * windows.length_s),
     )
-    return local_polynomials(time, stretch, samples.time, samples.stretch, centre_s, spans, degree)
+    return local_polynomials(time, stretch, samples["time_s"], samples["stretch"], centre_s, spans, degree)
 
 
 def _path(samples: Samples, level: sparse.csr_array) -> FloatArray:
     """The smoothed distance; a polynomial leads nowhere where the body never was."""
-    recorded = samples.columns["distance_m"]
+    recorded = samples["distance_m"]
     return np.asarray(np.clip(level @ recorded, recorded.min(), recorded.max()))
 
 
@@ -96,17 +96,17 @@ def _covariates(
     samples: Samples, windows: Windows, mean: sparse.csr_array, slope: sparse.csr_array, nominal: Nominal
 ) -> pd.DataFrame:
     """What is known of every window, by weights of its means and of its mean derivatives."""
-    nearest, columns = _nearest(samples, windows), samples.columns
-    run = pd.factorize(samples.run[nearest])[0]
-    within = windows.centre_s - samples.time[nearest] + samples.since_start[nearest]
+    nearest = _nearest(samples, windows)
+    run = pd.factorize(samples["run"][nearest])[0]
+    within = windows.centre_s - samples["time_s"][nearest] + samples["since_start_s"][nearest]
     order = np.round(within / windows.length_s - 0.5)
     longest = pd.Series(order + 1.0).groupby(run).max().to_numpy()
     before = np.append(0.0, np.cumsum(longest)[:-1])
-    current = mean @ columns["current_A"]
+    current = mean @ samples["current_A"]
     temperatures, magnitude = {}, abs(mean)
     for name in TEMPERATURES:  # the mean over the samples of a window that have it; NaN where none has
-        share = np.asarray(magnitude @ np.isfinite(columns[name]).astype(np.float64))
-        total = np.asarray(magnitude @ np.nan_to_num(columns[name]))
+        share = np.asarray(magnitude @ np.isfinite(samples[name]).astype(np.float64))
+        total = np.asarray(magnitude @ np.nan_to_num(samples[name]))
         temperatures[name] = np.where(share > 0.0, total / np.maximum(share, 1e-300), np.nan)
     return pd.DataFrame(
         {
@@ -114,14 +114,14 @@ def _covariates(
             "mount": run,
             "distance_m": _path(samples, mean),
             "current_A": current,
-            **{name: mean @ columns[name] for name in samples.currents if name != "current_A"},
+            **{name: mean @ samples[name] for name in samples.currents if name != "current_A"},
             "branch": _branch(current, run, PLAY * (nominal.current_max_A - nominal.current_min_A)),
             **temperatures,
             "order": order,
             "elapsed": before[run] + order,
             "time_s": within,
-            "velocity_m_s": slope @ columns["distance_m"],
-            "current_rate_A_s": slope @ columns["current_A"],
+            "velocity_m_s": slope @ samples["distance_m"],
+            "current_rate_A_s": slope @ samples["current_A"],
         }
     )
 
@@ -143,8 +143,8 @@ def _nearest(samples: Samples, windows: Windows) -> IntArray:
     """The sample at the middle of each window."""
     result = []
     for number, centre in zip(windows.segment, windows.centre_s, strict=True):
-        first, last = np.searchsorted(samples.segment, [number, number + 1])
-        result.append(min(first + np.searchsorted(samples.time[first:last], centre), last - 1))
+        first, last = np.searchsorted(samples["segment"], [number, number + 1])
+        result.append(min(first + np.searchsorted(samples["time_s"][first:last], centre), last - 1))
     return np.array(result, dtype=int)
 
 
@@ -170,8 +170,8 @@ def _motion(
         **circumstances(covariates.iloc[row]),
         time_s=within,
         elapsed=within + windows.length_s * campaign,
-        velocity_m_s=slope @ samples.columns["distance_m"],
-        current_rate_A_s=slope @ samples.columns["current_A"],
+        velocity_m_s=slope @ samples["distance_m"],
+        current_rate_A_s=slope @ samples["current_A"],
         current_turn_A=(cycle.transform("min").to_numpy()[row], cycle.transform("max").to_numpy()[row]),
     )
     currents, voltages = (level @ samples.stacked(names) for names in (samples.currents, samples.commands))

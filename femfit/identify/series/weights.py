@@ -150,7 +150,7 @@ def lay_windows(model: ActuatorModel, samples: Samples) -> Windows:
 
     There is no window where no stretch is long enough.
     """
-    time, stretch, usable = samples.time, samples.stretch, samples.usable
+    time, stretch, usable = samples["time_s"], samples["stretch"], samples["usable"]
     _, first = np.unique(stretch, return_index=True)
     last = np.append(first[1:], len(time)) - 1
     spans, spacing = time[last] - time[first], np.diff(time)[np.diff(stretch) == 0]
@@ -158,15 +158,15 @@ def lay_windows(model: ActuatorModel, samples: Samples) -> Windows:
     pole = 0.0  # Rate at which the body runs away from (or swings about) where it is
     if model.motion is not None:
         pick = np.flatnonzero(usable)[:: max(1, np.count_nonzero(usable) // 500)]
-        distance, currents = samples.columns["distance_m"][pick], samples.stacked(samples.currents)[pick]
+        distance, currents = samples["distance_m"][pick], samples.stacked(samples.currents)[pick]
         stiffness = model.motion.static_gradient(distance) - model.magnetics.force_gradient(distance, currents)
         pole = float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg))
     constant = 1.0 / (pole or 100.0)  # of nothing that moves: 10 ms
     length = max(min(TIME_CONSTANTS * constant, total / LEAST_WINDOWS), USUAL_SAMPLES * usual, total / MOST_WINDOWS)
     counts = np.floor(spans / max(length, 1e-300) * (1.0 + 1e-9)).astype(int)
     centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(time[first], counts, strict=True)]
-    windows = Windows(np.concatenate(centre), np.repeat(samples.segment[first], counts), length)
-    valid = window_weights(windows, time, samples.segment, usable & ~samples.touches).valid
+    windows = Windows(np.concatenate(centre), np.repeat(samples["segment"][first], counts), length)
+    valid = window_weights(windows, time, samples["segment"], usable & ~samples["touches"]).valid
     return Windows(windows.centre_s[valid], windows.segment[valid], length)
 
 
