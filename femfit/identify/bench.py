@@ -161,13 +161,11 @@ def _covariates(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:
 
 def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
     """What effects need to know of every row of the covariates; a temperature that was not recorded is NaN."""
-    cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
     return Conditions(
         nominal=nominal,
-        **circumstances(covariates),
+        **circumstances(covariates, ("run", "distance_m")),
         time_s=covariates["order"].to_numpy(),
         elapsed=covariates["elapsed"].to_numpy(),
-        current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),
         recalled=_recalled(covariates, nominal),
         frequency_Hz=covariates["frequency_Hz"].to_numpy() if "frequency_Hz" in covariates else np.nan,
     )

@@ -89,12 +89,11 @@ def weighed_by_magnitude(at: Point, channels: Collection[str], declared: Mapping
     quantity = {name: parts_of(name)[0] for name in names}
     usual = {name: float(getattr(nominal, of)) for name, of in quantity.items()}
     findings = [finding("weighed", usual=list({of: usual[name] for name, of in quantity.items()}.items()))]
-    share, error, misfit = declared.get(IMPEDANCE_SHARE), eddy.error if eddy is not None else None, 0.0
-    if error is not None:
-        misfit = (error.impedance or 0.0) / np.sqrt(3.0)  # of errors that are evenly spread
-        beyond = int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
-        facts = {"beyond": beyond, "held": error.frequency_max_Hz, "highest": float(frequency.max())}
-        if beyond:  # there the model's eddy currents were not held against the field
+    share, misfit = declared.get(IMPEDANCE_SHARE), 0.0
+    if eddy is not None and eddy.error is not None:
+        misfit, held = (eddy.error.impedance or 0.0) / np.sqrt(3.0), eddy.error.frequency_max_Hz  # evenly spread
+        if beyond := int((frequency > (1.0 + FREQUENCY_SLACK) * held).sum()):  # not held against the field there
+            facts = {"beyond": beyond, "held": held, "highest": float(frequency.max())}
             findings.append(finding("frequency-range", "frequency_Hz", float(beyond), "", **facts))
     return Weighing(
         {name: usual[name] / size[name] for name in names},

@@ -136,10 +136,8 @@ class Observations(WithoutCache):
     def leading_current(self) -> str:
         """The setting that ``current_A`` is: of several circuits, the current that was varied most."""
         leading = self.covariates["current_A"].to_numpy()
-        return next(
-            (name for name in self.currents if np.array_equal(self.covariates[name].to_numpy(), leading)),
-            "current_A",
-        )
+        same = (name for name in self.currents if np.array_equal(self.covariates[name].to_numpy(), leading))
+        return next(same, "current_A")
 
     @property
     def residual(self) -> FloatArray:
@@ -223,9 +221,14 @@ class Stacking:
         )
 
 
-def circumstances(covariates: pd.DataFrame) -> dict[str, Any]:
-    """What conditions take of covariates as it stands there: branches and temperatures, each of shape (N,)."""
-    return {name: covariates[name].to_numpy() for name in ("branch", *TEMPERATURES)}
+def circumstances(covariates: pd.DataFrame, cycle: Sequence[str]) -> dict[str, Any]:
+    """What conditions take of covariates: branches, temperatures, and the ends of the current over a cycle; (N,).
+
+    A cycle is what the columns ``cycle`` are the same in.
+    """
+    current = covariates.groupby([*cycle])["current_A"]
+    turns = tuple(current.transform(end).to_numpy() for end in ("min", "max"))
+    return {name: covariates[name].to_numpy() for name in ("branch", *TEMPERATURES)} | {"current_turn_A": turns}
 
 
 def model_tolerance(model: ActuatorModel) -> dict[str, float]:

@@ -49,7 +49,7 @@ def balance_view(base: ActuatorModel, samples: Samples, windows: Windows, nomina
     weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
     whole = window_weights(windows, samples["time_s"], samples["segment"], samples["usable"])
     covariates = _covariates(samples, windows, whole.mean, whole.slope, nominal)
-    return View(windows, covariates, _motion(base, samples, windows, covariates, nominal, level, slope), weights)
+    return View(windows, covariates, _motion(base, samples, windows, covariates, level, slope, nominal), weights)
 
 
 def sensor_view(base: ActuatorModel, samples: Samples, windows: Windows, nominal: Nominal) -> View:
@@ -62,9 +62,9 @@ def sensor_view(base: ActuatorModel, samples: Samples, windows: Windows, nominal
     bump = np.maximum(1.0 - place**2, 0.0) ** 2
     mean = sparse.csr_array((bump / np.bincount(row, bump)[row], (row, np.arange(len(time)))))
     none = sparse.csr_array(mean.shape)
+    weights = Weights(mean, none, none, np.ones(len(windows.centre_s), dtype=bool))
     covariates = _covariates(samples, windows, mean @ level, mean @ slope, nominal)
-    motion = _motion(base, samples, windows, covariates, nominal, level, slope)
-    return View(thirds, covariates, motion, Weights(mean, none, none, np.ones(len(windows.centre_s), dtype=bool)))
+    return View(thirds, covariates, _motion(base, samples, windows, covariates, level, slope, nominal), weights)
 
 
 def _smoothed(
@@ -153,9 +153,9 @@ def _motion(
     samples: Samples,
     windows: Windows,
     covariates: pd.DataFrame,
-    nominal: Nominal,
     level: sparse.csr_array,
     slope: sparse.csr_array,
+    nominal: Nominal,
 ) -> Motion:
     """The smoothed motion at the nodes of all windows."""
     time, row = _nodes(windows)
@@ -164,15 +164,13 @@ def _motion(
     first = np.append(True, np.diff(row) != 0) & new[row]
     within = covariates["time_s"].to_numpy()[row] + time - windows.centre_s[row]
     campaign = (covariates["elapsed"] - covariates["order"]).to_numpy()[row]
-    cycle = covariates.groupby("run")["current_A"]
     conditions = Conditions(
         nominal=nominal,
-        **circumstances(covariates.iloc[row]),
+        **circumstances(covariates.iloc[row], ["run"]),
         time_s=within,
         elapsed=within + windows.length_s * campaign,
         velocity_m_s=slope @ samples["distance_m"],
         current_rate_A_s=slope @ samples["current_A"],
-        current_turn_A=(cycle.transform("min").to_numpy()[row], cycle.transform("max").to_numpy()[row]),
     )
     currents, voltages = (level @ samples.stacked(names) for names in (samples.currents, samples.commands))
     return Motion(base, time, first, _path(samples, level), currents, voltages, conditions)
