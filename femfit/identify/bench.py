@@ -47,8 +47,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     table = with_currents(model, table)
     inside, findings = _comparable(model, table)
     measured, declared = table.rows[inside].reset_index(drop=True), table.declared_noise
-    covariates = _covariates(measured, current_columns(model.current_names))
-    at = _point(model, covariates)
+    covariates, at = _point(model, measured)
     reading, nominal = readings_by(at, (), table.channels), at.conditions.nominal
     channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
     if not channels:
@@ -122,10 +121,11 @@ def _comparable(model: ActuatorModel, table: BenchTable) -> tuple[BoolArray, lis
     return inside, findings
 
 
-def _point(model: ActuatorModel, covariates: pd.DataFrame) -> Point:
-    """The model at the rows of the covariates."""
-    conditions = conditions_of(covariates, nominal_of(model))
-    return Point(model, covariates["distance_m"].to_numpy(), currents_in(model, covariates), conditions, model.effects)
+def _point(model: ActuatorModel, rows: pd.DataFrame) -> tuple[pd.DataFrame, Point]:
+    """Covariates of rows of a bench table, and the model there."""
+    covariates = _covariates(rows, current_columns(model.current_names))
+    conditions, currents = conditions_of(covariates, nominal_of(model)), currents_in(model, covariates)
+    return covariates, Point(model, covariates["distance_m"].to_numpy(), currents, conditions, model.effects)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +221,6 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
 
 def _residuals(model: ActuatorModel, table: BenchTable) -> dict[str, FloatArray]:
     """Readings less what the model predicts, by channel."""
-    at = _point(model, _covariates(table.rows, current_columns(model.current_names)))
+    _, at = _point(model, table.rows)
     predicted = readings_by(at, (), table.channels)
     return {name: table.rows[name].to_numpy() - predicted[name][0] for name in table.channels if name in predicted}

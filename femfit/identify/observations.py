@@ -236,9 +236,6 @@ def model_tolerance(model: ActuatorModel) -> dict[str, float]:
     misfit, sensor = model.misfit, model.sensor
     if misfit is None:
         return {}
-    result = {"force_N": misfit.force_rms_N}
-    if misfit.flux_linkage_rms_Wb is not None:
-        result["flux_linkage_Wb"] = misfit.flux_linkage_rms_Wb
-    if misfit.hall_rms_T is not None and sensor is not None:
-        result["hall_V"] = misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
-    return result
+    hall = None if sensor is None or misfit.hall_rms_T is None else misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
+    known = {"force_N": misfit.force_rms_N, "flux_linkage_Wb": misfit.flux_linkage_rms_Wb, "hall_V": hall}
+    return {name: size for name, size in known.items() if size is not None}

@@ -15,12 +15,13 @@ N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.identify.constants import (
@@ -103,25 +104,28 @@ def setting_cells(observations: Observations) -> IntArray:
 
     Readings of one channel with the same number are repeats.
     """
-    keys = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
+    keys: dict[str, Any] = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
 
 
-def levels(x: FloatArray, share: float) -> FloatArray:
+def levels(x: FloatArray, share: float) -> IntArray:
     """Numbers of the levels that a setting was brought to, each as wide as a part of the setting's range.
 
     A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
     changes over that distance.
     """
-    tolerance = share * float(np.ptp(x))
-    order = np.argsort(x, kind="stable")
-    level, start, numbers = 0, x[order[0]], np.zeros(len(x))
-    for k in order:
-        if x[k] - start > tolerance:
-            level, start = level + 1, x[k]
-        numbers[k] = level
-    return numbers
+    values, place = np.unique(x, return_inverse=True)
+    return _groups_within(values[:, None], np.array([share * np.ptp(x)]), np.zeros(len(values), dtype=bool))[place]
+
+
+def _groups_within(values: FloatArray, near: FloatArray, begins: BoolArray) -> IntArray:
+    """Numbers of groups of rows (n, k) that stand together and are near to their first; some rows begin one anyhow."""
+    begins, first = begins.copy(), 0
+    for k, value in enumerate(values):
+        begins[k] |= not (np.abs(value - values[first]) <= near).all()
+        first = k if begins[k] else first
+    return np.cumsum(begins) - begins[0]
 
 
 def quantisation_step(values: FloatArray) -> float:
@@ -157,8 +161,7 @@ def averaged(
     count = np.bincount(number)
     usual = float(np.median(count[number]))
     kept = count >= SHORT * usual
-    dropped = float(np.mean(~kept))
-    if usual < 2.0 or np.count_nonzero(kept) > MOST_ROWS or dropped > MOST_DROPPED:  # the short ones are settings
+    if usual < 2.0 or kept.sum() > MOST_ROWS or np.mean(~kept) > MOST_DROPPED:  # the short ones are settings
         return table
     rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
     residual = residuals(table)
@@ -198,12 +201,7 @@ def stretches(table: BenchTable, currents: Sequence[str]) -> IntArray:
     known = rows[[name for name in settings if rows[name].notna().any()]]
     values = known.fillna(known.filter(items=TEMPERATURES).ffill().bfill()).to_numpy()
     near = SAME_LINE * np.nanmax(values, axis=0) - SAME_LINE * np.nanmin(values, axis=0)
-    number, first, begun = np.zeros(len(rows), dtype=np.intp), 0, -1
-    changes = np.append(True, np.any(labels[1:] != labels[:-1], axis=1))
-    for k, value in enumerate(values):
-        if changes[k] or not (np.abs(value - values[first]) <= near).all():
-            first, begun = k, begun + 1
-        number[k] = begun
+    number = _groups_within(values, near, np.append(True, np.any(labels[1:] != labels[:-1], axis=1)))
     count = np.bincount(number)
     place, parts = pd.Series(number).groupby(number).cumcount().to_numpy(), -(-count // most)
     part = place * parts[number] // count[number]

@@ -66,14 +66,8 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, usable
     powers = np.arange(EXACT_DEGREE + 1)
     even = 1.0 / (powers + 1) - 2.0 / (powers + 3) + 1.0 / (powers + 5)
     moments = np.where(powers % 2 == 0, even / (1.0 - 2.0 / 3.0 + 1.0 / 5.0), 0.0)  # int s^k phi ds / int phi ds
-    wanted = np.stack(
-        [
-            moments,
-            powers * np.concatenate([[0.0], moments[:-1]]),
-            powers * (powers - 1) * np.concatenate([[0.0, 0.0], moments[:-2]]),
-        ],
-        axis=1,
-    )
+    once, twice = np.append(0.0, moments[:-1]), np.append([0.0, 0.0], moments[:-2])
+    wanted = np.stack([moments, powers * once, powers * (powers - 1) * twice], axis=1)
     scale = np.array([1.0, 2.0 / windows.length_s, (2.0 / windows.length_s) ** 2])
 
     def weigh(_: IntArray, s: FloatArray) -> FloatArray:
