@@ -94,14 +94,14 @@ class Observations(WithoutCache):
         """As :data:`Prediction`, each effect in the runs in which it acts; in others the slopes by its own are zero."""
         if all(added.runs is None for added in effects):
             return self.prediction(effects, parameters)
-        result, stages = np.zeros((len(self.value), 1 + len(parameters))), dict[tuple[int, ...], list[int]]()
-        for run in range(self.runs):
-            acting = [k for k, a in enumerate(effects) if a.runs is None or a.runs[0] <= run <= a.runs[1]]
-            stages.setdefault(tuple(acting), []).append(run)
-        for numbers, runs in stages.items():
+        result, run = np.zeros((len(self.value), 1 + len(parameters))), self.column("run").astype(int)
+        within = [(0, self.runs) if added.runs is None else added.runs for added in effects]
+        acting = [tuple(k for k, (first, last) in enumerate(within) if first <= r <= last) for r in range(self.runs)]
+        for numbers in dict.fromkeys(acting):
             moving = [j for j, (k, _) in enumerate(parameters) if k in numbers]
             some = [(numbers.index(parameters[j][0]), parameters[j][1]) for j in moving]
-            here, values = np.isin(self.column("run"), runs), self.prediction([effects[k] for k in numbers], some)
+            here = np.array([each == numbers for each in acting])[run]
+            values = self.prediction([effects[k] for k in numbers], some)
             result[np.ix_(here, np.array([0, *(1 + j for j in moving)]))] = values[here]
         return result
 

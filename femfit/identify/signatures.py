@@ -122,12 +122,11 @@ def columns_at(added: AddedEffect, observations: Observations) -> list[EffectCol
     effect, nonlinear = added.effect, {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
     absent = AddedEffect(effect, effect.null() | nonlinear)
     slopes = observations.predicted([absent], [(0, p.name) for p in effect.amplitudes])[:, 1:]
-    pairs, least = list(zip(effect.amplitudes, slopes.T, strict=True)), ROUNDED * np.abs(observations.base)
-    visible = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
-    if not visible:
+    moved = np.abs(slopes) * [p.width for p in effect.amplitudes] > ROUNDED * np.abs(observations.base)[:, None]
+    visible = np.flatnonzero(moved.any(axis=0))
+    if not len(visible):
         return []
-    amplitudes, columns = zip(*visible, strict=True)
-    return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
+    return [EffectColumns(effect, tuple(effect.amplitudes[k] for k in visible), nonlinear, slopes[:, visible])]
 
 
 def testable_columns(
