@@ -30,7 +30,7 @@ from femfit.identify.plausible import (
     within_domain,
 )
 from femfit.identify.series.observations import series_observations
-from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
+from femfit.identify.settings import averaged, currents_in, with_currents
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import Point
@@ -212,7 +212,7 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
     require_known_settings(model, data)
-    data = plausible_table(model, without_bias(model, data))
+    data = plausible_table(model, with_currents(model, data))
     data = averaged(data, current_columns(model.current_names), partial(_residuals, model))
     if len(data.rows) > MOST_ROWS:
         raise TableError(sentence("refusals", "many_rows", data.source, len(data.rows)))

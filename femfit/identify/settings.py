@@ -52,38 +52,33 @@ def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:
     return currents if currents.shape[1] > 1 else currents[:, 0]
 
 
-def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> str:
+def leading_current(model: ActuatorModel, rows: pd.DataFrame) -> str:
     """Column of the current that was varied most, counted in widths of its range; the only one of one circuit."""
     names = current_columns(model.current_names)
     if len(names) == 1:
         return names[0]
     widths = np.ptp(model.validity.current_limits_A, axis=1)
-    spread = np.nan_to_num([np.nanstd(columns[name]) for name in names]) / np.maximum(widths, 1e-300)
+    spread = rows[names].std(ddof=0).fillna(0.0) / np.maximum(widths, 1e-300)
     return names[int(np.argmax(spread))]
-
-
-def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """A table of impedances without current in any of several circuits where it has ``current_A`` alone, of 0 A."""
-    names = current_columns(model.current_names)
-    if len(names) == 1 or not {"current_A", "frequency_Hz"} <= set(table.given):
-        return table
-    currents = table.rows.reindex(columns=names)
-    unbiased = currents.isna().all(axis=1) & (table.rows["current_A"] == 0.0)
-    currents[unbiased] = 0.0
-    filled = [name for name in names if name not in table.given and currents[name].notna().any()]
-    return replace(table, rows=table.rows.assign(**currents), given=(*table.given, *filled))
 
 
 def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     """The table with the current of each circuit, and with ``current_A`` as the leading one of several.
+
+    Impedances that have ``current_A`` alone, of 0 A, were read without current in any circuit.
 
     Raises
     ------
     TableError
         If a current is missing, or it is not said to which circuit an impedance belongs.
     """
-    table, names = without_bias(model, table), current_columns(model.current_names)
-    lacking = [name for name in names if name not in table.given]
+    names, rows, given = current_columns(model.current_names), table.rows, table.given
+    if len(names) > 1 and {"current_A", "frequency_Hz"} <= set(given):
+        currents = rows.reindex(columns=names)
+        currents[currents.isna().all(axis=1) & (rows["current_A"] == 0.0)] = 0.0
+        rows = rows.assign(**currents)
+        given = (*given, *(name for name in names if name not in given and currents[name].notna().any()))
+    lacking = [name for name in names if name not in given]
     if lacking and (model.circuits or len(names) > 1):
         raise TableError(sentence("refusals", "no_current", model, table, lacking, len(names) > 1))
     if len(names) == 1:
@@ -94,8 +89,7 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
     if foreign:
         raise TableError(sentence("refusals", "foreign_impedance", model, table, circuits, foreign, inductances))
-    columns = {name: table.rows[name].to_numpy() for name in names}
-    return replace(table, rows=table.rows.assign(current_A=columns[leading_current(model, columns)]))
+    return replace(table, rows=rows.assign(current_A=rows[leading_current(model, rows)]), given=given)
 
 
 @once_for_settings

@@ -99,7 +99,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         segment=track.segment,
         stretch=np.cumsum(np.append(False, new | np.diff(free) | np.diff(touches))),
         unbroken=np.cumsum(np.append(False, new | np.diff(usable))),
-        current_A=rows[leading_current(model, {name: rows[name].to_numpy() for name in currents})],
+        current_A=rows[leading_current(model, rows)],
         usable=usable,
         free=free,
         touches=touches,
