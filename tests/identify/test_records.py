@@ -255,7 +255,7 @@ def test_the_error_of_a_coarse_converter_does_not_average_until_noise_dithers_it
             values = np.round(level + sigma * generator.standard_normal(400))
             draws.append(float((mean @ values)[0]) - level)
         white = np.hypot(sigma, 1.0 / np.sqrt(12.0))
-        said = propagated(mean, (mean, SensorNoise(white, 1.0, values)))
+        said = propagated(mean, {"hall_V": SensorNoise(white, 1.0, values)}, {"hall_V": mean})
         errors[sigma] = np.std(draws), float(said[0])
     for seen, said in errors.values():
         assert said == pytest.approx(seen, rel=0.15)  # 300 draws

@@ -40,24 +40,28 @@ class SensorNoise:
 
 
 def propagated(
-    mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorNoise], further: FloatArray | float = 0.0
+    mean: sparse.csr_array,
+    noise: Mapping[str, SensorNoise],
+    weights: Mapping[str, sparse.csr_array],
+    further: FloatArray | float = 0.0,
 ) -> FloatArray:
-    """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N).
+    """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N), by name.
 
     White noise adds up in squares. The error of a converter whose input hardly moves over a window, whose means have
     the weights ``mean``, is the same in all samples up to a few jumps; noise of the size of a step makes it white
     (dither), motion over several averages it. To these come errors of the variance ``further``, of shape (n,).
     """
     total = np.zeros(mean.shape[0]) + further
-    for weights, sensor in sensors:
-        total += sensor.white**2 * np.asarray(weights.power(2).sum(axis=1)).ravel()
+    for name, own in weights.items():
+        sensor = noise[name]
+        total += sensor.white**2 * np.asarray(own.power(2).sum(axis=1)).ravel()
         if sensor.step:
             values = np.nan_to_num(sensor.values)
             dither = max((sensor.white / sensor.step) ** 2 - 1.0 / 12.0, 0.0)
             spread = (mean @ values**2 - (mean @ values) ** 2) / sensor.step**2 - dither
             moved = 1.0 + 28.0 * np.maximum(spread, 0.0)  # 28: a ramp over k steps has a spread of k^2 / 28
             same = sensor.step**2 / 12.0 * np.exp(-4.0 * np.pi**2 * dither) / moved
-            total += same * _largest_partial_sum(weights) ** 2
+            total += same * _largest_partial_sum(own) ** 2
     return np.asarray(np.sqrt(total))
 
 
@@ -112,12 +116,6 @@ class Recorded:
         in_distance = np.where(self.samples["free"] | self.samples["touches"], in_distance, 0.0)
         columns = zip(("distance_m", *self.samples.currents), (in_distance, *in_currents.T), strict=True)
         return {name: sparse.csr_array(weights.multiply(slope)) for name, slope in columns}
-
-    def scatter(
-        self, mean: sparse.csr_array, weights: Mapping[str, sparse.csr_array], further: FloatArray | float
-    ) -> FloatArray:
-        """As of :func:`propagated`, by the sensors' columns."""
-        return propagated(mean, *((each, self.noise[name]) for name, each in weights.items()), further=further)
 
 
 def recorded(base: ActuatorModel, samples: Samples, nominal: Nominal, declared: Mapping[str, float]) -> Recorded:
@@ -174,11 +172,11 @@ def measure_sensors(record: Recorded, windows: Windows) -> Iterator[Measured]:
     for name, (in_distance, in_currents, scale) in parts.items():
         weights = record.weights(windows, np.isfinite(samples[name]))
         by_sensor = {name: weights.mean, **record.by_setting(weights.mean, in_distance, in_currents)}
-        sigma = record.scatter(weights.mean, by_sensor, (METHOD_ACCURACY * scale) ** 2)
+        sigma = propagated(weights.mean, record.noise, by_sensor, (METHOD_ACCURACY * scale) ** 2)
         yield Measured(name, weights.mean @ np.nan_to_num(samples[name]), sigma, weights)
     weights = record.weights(windows, np.isfinite(samples["stop_m"]))
     least = (METHOD_ACCURACY * nominal.travel_m) ** 2
-    sigma = record.scatter(weights.mean, {"distance_m": weights.mean}, least)
+    sigma = propagated(weights.mean, record.noise, {"distance_m": weights.mean}, least)
     yield Measured(REST, weights.mean @ samples["recorded_m"], sigma, weights)
 
 
@@ -192,12 +190,12 @@ def _force_balance(record: Recorded, view: View) -> Measured:
     stiffness = slopes.force_gradient - body.static_gradient(distance)
     by_sensor = record.by_setting(weights.mean, stiffness, slopes.motional_constant)
     by_sensor["distance_m"] = by_sensor["distance_m"] + body.mass_kg * weights.curvature
-    sigma = record.scatter(weights.mean, by_sensor, (METHOD_ACCURACY * record.nominal.force_N) ** 2)
+    sigma = propagated(weights.mean, record.noise, by_sensor, (METHOD_ACCURACY * record.nominal.force_N) ** 2)
     velocity = weights.slope @ distance
     load = weights.mean @ (body.beside_weight(distance) + np.zeros_like(distance)) + body.friction(velocity)
     measured = body.mass_kg * (body.gravity_m_s2 - weights.curvature @ distance) + load
     along = np.sign(velocity)[:, None] * np.reshape(view.motion.conditions.velocity_m_s, (len(velocity), -1))
-    slides = along.min(axis=1) > DECISIVE * record.scatter(weights.mean, {"distance_m": weights.slope}, 0.0)
+    slides = along.min(axis=1) > DECISIVE * propagated(weights.mean, record.noise, {"distance_m": weights.slope}, 0.0)
     sliding, dry = weights.valid & slides, body.coulomb_N
     way, misfit = np.sign(velocity[sliding]), (measured - weights.mean @ record.motion.under(()).force)[sliding]
     if len(way) >= LEAST_REPEATS and abs(way.sum()) < len(way):  # it slides both ways
@@ -222,7 +220,7 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     taken = np.append(0.5 * (resistive[1:] + resistive[:-1]) + induced, 0.0)
     volts, variance = between_samples(samples, k, held, record.nominal.sample_time_s, taken)
     least = (METHOD_ACCURACY * record.nominal.voltage_V) ** 2
-    sigma = record.scatter(weights.mean, by_sensor, driven.power(2) @ variance + least)
+    sigma = propagated(weights.mean, record.noise, by_sensor, driven.power(2) @ variance + least)
     # Between samples currents settle towards the held commands, i'' = -L^-1 R i', by which a trapezoid over them is
     # h^2 i'' / 12 short
     usual = np.median(step) if len(step) else 0.0
