@@ -254,9 +254,9 @@ class Whitening(WithoutCache):
             return columns
         columns = self.serial(columns)
         squares, vectors = np.linalg.eigh(columns.T @ columns)
-        counts = squares > 1e-3  # Less than a thousandth of the noise's own variance: the rest is no noise to speak of
-        squares = squares[counts]
-        return np.asarray(columns @ (vectors[:, counts] * np.sqrt((1.0 - 1.0 / np.sqrt(1.0 + squares)) / squares)))
+        # Of less than a thousandth of the noise's own variance there is none to speak of
+        squares, vectors = squares[squares > 1e-3], vectors[:, squares > 1e-3]
+        return np.asarray(columns @ (vectors * np.sqrt((1.0 - 1.0 / np.sqrt(1.0 + squares)) / squares)))
 
     def full(self, x: FloatArray) -> FloatArray:
         """All of the noise whitened, for x of shape (M,) or (M, k)."""
@@ -280,9 +280,8 @@ def without_shared(shared: sparse.csr_array) -> Callable[[FloatArray], FloatArra
     symmetric: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     factors = splu(normal, permc_spec="MMD_AT_PLUS_A", **symmetric)
     lower = factors.L @ sparse.diags_array(np.sqrt(factors.U.diagonal()))
-    inverse, beyond = (
-        splu(each.tocsc(), permc_spec="NATURAL", **symmetric) for each in (lower, sparse.eye_array(n) + lower.T)
-    )
+    triangular = lower, sparse.eye_array(n) + lower.T
+    inverse, beyond = (splu(each.tocsc(), permc_spec="NATURAL", **symmetric) for each in triangular)
     columns = shared[:, np.argsort(factors.perm_c)]  # in the order of least fill
     return lambda x: x - np.asarray(columns @ beyond.solve(inverse.solve(columns.T @ x)))
 
