@@ -4,7 +4,7 @@ Of a bench table these are the readings that can be compared, and what the effec
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,14 +13,14 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
-from femfit.identify.impedance import away_from_bias, weighed_by_magnitude
+from femfit.identify.impedance import near_bias, weighed_by_magnitude
 from femfit.identify.observations import TEMPERATURES, Observations, Stacking, circumstances, model_tolerance
 from femfit.identify.plausible import (
     nothing_in_domain,
@@ -30,10 +30,10 @@ from femfit.identify.plausible import (
     within_domain,
 )
 from femfit.identify.series.observations import series_observations
-from femfit.identify.settings import averaged, currents_in, with_currents, without_bias
+from femfit.identify.settings import averaged, currents_in, with_currents
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.readings import Parameter, Point, predict_readings, readings_by, setting_slopes
+from femfit.model.readings import Parameter, Point, readings_by, setting_slopes
 from femfit.model.with_effects import nominal_of
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries
@@ -44,48 +44,23 @@ from femfit.tables.measurement_file import read_measurement
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts."""
     table = with_currents(model, table)
-    findings = list[Finding](table.findings)
-    d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
-    placed_rows = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
-    if "frequency_Hz" in table.given:
-        placed_rows &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
-    inside = placed_rows & within_domain(model, d, i)
-    if "frequency_Hz" in table.given and inside.any():
-        away, remark = away_from_bias(model, d[inside], i[inside])
-        inside[inside] = ~away
-        if not inside.any():
-            raise TableError(f"{table.source} has no row that can be compared. {remark}")
-        findings += [remark] if remark else []
-    if not placed_rows.all():
-        findings.append(finding("no-setting", rows=int((~placed_rows).sum())))
-    if outside := int((placed_rows & ~within_domain(model, d, i)).sum()):
-        findings.append(finding("outside-domain", rows=outside))
-    box = model.without_effects.validity
-    beyond = inside & ~within_currents(box, i)
-    if beyond.any():
-        facts: dict[str, Any] = {"beyond": int(beyond.sum()), "rows": int(inside.sum())}
-        facts |= {"quadratic": model.without_effects.kind is None, "limits": box.column_limits_A.tolist()}
-        findings.append(finding("extrapolated", **facts))
-    if not inside.any():
-        raise TableError(nothing_in_domain(model, table.source, d[placed_rows], i[placed_rows]))
-    measured = table.rows[inside].reset_index(drop=True)
-    covariates, nominal = _covariates(measured, current_columns(model.current_names)), nominal_of(model)
-    conditions = conditions_of(covariates, nominal)
-    d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
-    reading = predict_readings(model, d, i, conditions, channels=table.channels)
+    inside, findings = _comparable(model, table)
+    measured, declared = table.rows[inside].reset_index(drop=True), table.declared_noise
+    covariates, at = _point(model, measured)
+    reading, nominal = readings_by(at, (), table.channels), at.conditions.nominal
     channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
-    rows = {name: np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels}
     if not channels:
         raise TableError(sentence("refusals", "no_channel", table.source, list(reading)))
-    weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
+    rows = {name: np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels}
+    weighing = weighed_by_magnitude(at, channels, declared)
     stacked = Stacking(rows, {name: weight[rows[name]] for name, weight in weighing.weight.items()})
-    slope, curvature, *by_current = stacked(setting_slopes(Point(model, d, i, conditions, model.effects), channels)).T
+    slope, curvature, *by_current = stacked(setting_slopes(at, channels)).T
     if nominal.springs is not None and "force_N" in channels:
-        left = (measured["force_N"] - reading["force_N"]).to_numpy()
-        if np.nansum((left + nominal.push_of_springs(d)) ** 2) < np.nansum(left**2):  # the sensor may carry the spring
-            findings.append(finding("drawn-spring", "force_N"))
-    own_misfit, declared = model_tolerance(model), dict(table.declared_noise)
-    tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels}
+        left = measured["force_N"].to_numpy() - reading["force_N"][0]
+        if np.nansum((left + nominal.push_of_springs(at.distance)) ** 2) < np.nansum(left**2):
+            findings.append(finding("drawn-spring", "force_N"))  # the sensor may carry the spring
+    own_misfit, everywhere = model_tolerance(model), np.ones(len(measured))
+    tolerance = {name: own_misfit.get(parts_of(name)[0], 0.0) * everywhere for name in channels}
     settings = "distance_m", *current_columns(model.current_names)
     uncertain = [along * declared.get(name, 0.0) for name, along in zip(settings, (slope, *by_current), strict=False)]
     return Observations(
@@ -95,35 +70,74 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
         covariates=covariates,
         given=table.given,
-        prediction=_BenchPrediction(model, d, i, conditions, stacked),
+        prediction=_BenchPrediction(at, stacked),
         distance_slope=slope,
         distance_curvature=curvature,
         nominal=nominal,
-        declared_noise=declared | dict(weighing.noise),
+        declared_noise={**declared, **weighing.noise},
         tolerance=stacked({**tolerance, **weighing.tolerance}),
         setting_columns=np.stack(uncertain, axis=1),
         findings=(*findings, *weighing.findings),
         present=tuple(added.effect.name for added in model.effects),
         noise_source=table.noise_source,
         magnitude=weighing.magnitude,
-        weight=stacked(dict.fromkeys(channels, np.ones(len(d)))) if weighing.weight else None,
+        weight=stacked(dict.fromkeys(channels, everywhere)),
     )
+
+
+def _comparable(model: ActuatorModel, table: BenchTable) -> tuple[BoolArray, list[Finding]]:
+    """Which rows can be compared, and what is said of the others and of those at the border.
+
+    Raises
+    ------
+    TableError
+        If there is none.
+    """
+    findings, box = list(table.findings), model.without_effects.validity
+    d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
+    placed_rows = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
+    if "frequency_Hz" in table.given:
+        placed_rows &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
+    within = placed_rows & within_domain(model, d, i)
+    if not within.any():
+        raise TableError(nothing_in_domain(model, table.source, d[placed_rows], i[placed_rows]))
+    inside = within.copy()
+    if "frequency_Hz" in table.given:
+        inside[within], remark = near_bias(model, d[within], i[within])
+        if not inside.any():
+            raise TableError(f"{table.source} has no row that can be compared. {remark}")
+        findings += filter(None, [remark])
+    if not placed_rows.all():
+        findings.append(finding("no-setting", rows=int((~placed_rows).sum())))
+    if outside := int((placed_rows & ~within).sum()):
+        findings.append(finding("outside-domain", rows=outside))
+    if beyond := int((inside & ~within_currents(box, i)).sum()):
+        facts: dict[str, Any] = {
+            "quadratic": model.without_effects.kind is None,
+            "limits": box.column_limits_A.tolist(),
+        }
+        findings.append(finding("extrapolated", beyond=beyond, rows=int(inside.sum()), **facts))
+    return inside, findings
+
+
+def _point(model: ActuatorModel, rows: pd.DataFrame) -> tuple[pd.DataFrame, Point]:
+    """Covariates of rows of a bench table, and the model there."""
+    covariates = _covariates(rows, current_columns(model.current_names))
+    conditions, currents = conditions_of(covariates, nominal_of(model)), currents_in(model, covariates)
+    return covariates, Point(model, covariates["distance_m"].to_numpy(), currents, conditions, model.effects)
 
 
 @dataclass(frozen=True, eq=False)
 class _BenchPrediction:
     """What a model predicts of a bench table's readings, as one vector."""
 
-    model: ActuatorModel
-    # Of the table's rows; shape (N,)
-    distance_m: FloatArray
-    current_A: FloatArray  # (N, n) of several circuits
-    conditions: Conditions
+    at: Point  # Of the table's rows
     stacked: Stacking
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
-        at = Point(self.model, self.distance_m, self.current_A, self.conditions, (*self.model.effects, *effects))
-        places = [(len(self.model.effects) + k, name) for k, name in parameters]
+        present = self.at.effects
+        at = replace(self.at, effects=(*present, *effects))
+        places = [(len(present) + k, name) for k, name in parameters]
         return self.stacked(readings_by(at, places, tuple(self.stacked.rows)))
 
 
@@ -146,13 +160,11 @@ def _covariates(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:
 
 def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
     """What effects need to know of every row of the covariates; a temperature that was not recorded is NaN."""
-    cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
     return Conditions(
         nominal=nominal,
-        **circumstances(covariates),
+        **circumstances(covariates, ("run", "distance_m")),
         time_s=covariates["order"].to_numpy(),
         elapsed=covariates["elapsed"].to_numpy(),
-        current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),
         recalled=_recalled(covariates, nominal),
         frequency_Hz=covariates["frequency_Hz"].to_numpy() if "frequency_Hz" in covariates else np.nan,
     )
@@ -199,7 +211,7 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
     require_known_settings(model, data)
-    data = plausible_table(model, without_bias(model, data))
+    data = plausible_table(model, with_currents(model, data))
     data = averaged(data, current_columns(model.current_names), partial(_residuals, model))
     if len(data.rows) > MOST_ROWS:
         raise TableError(sentence("refusals", "many_rows", data.source, len(data.rows)))
@@ -208,8 +220,6 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
 
 def _residuals(model: ActuatorModel, table: BenchTable) -> dict[str, FloatArray]:
     """Readings less what the model predicts, by channel."""
-    covariates = _covariates(table.rows, current_columns(model.current_names))
-    conditions = conditions_of(covariates, nominal_of(model))
-    d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
-    predicted = predict_readings(model, d, i, conditions, channels=table.channels)
-    return {name: table.rows[name].to_numpy() - predicted[name] for name in table.channels if name in predicted}
+    _, at = _point(model, table.rows)
+    predicted = readings_by(at, (), table.channels)
+    return {name: table.rows[name].to_numpy() - predicted[name][0] for name in table.channels if name in predicted}

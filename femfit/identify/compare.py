@@ -89,10 +89,7 @@ class Comparison(Plotted, Result):
     ['force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V']
     """
 
-    data = (
-        *("verdict", "p_value", "beyond_noise", "where", "structure"),
-        *("channels", "noise", "findings", "filter"),
-    )
+    data = "verdict", "p_value", "beyond_noise", "where", "structure", "channels", "noise", "findings", "filter"
 
     verdict: CompareVerdict
     channels: tuple[ChannelMisfit, ...]
@@ -139,60 +136,53 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     >>> comparison.verdict, comparison.where.channel
     ('fails', 'voltage_V')
     """
-    model = model_of(model)
-    data = measurement_of(data)
+    model, data = model_of(model), measurement_of(data)
     observations = placed(model, data)
     campaign = gather(observations, considered_effects((), observations.nominal))
     if isinstance(campaign, Finding):
-        noise, findings, test, verdict = estimate_noise(observations), [campaign], None, "compare_only"
+        noise, remarks, test, verdict = estimate_noise(observations), [campaign], None, "compare_only"
         whitening = Whitening(observations, noise or noise_by_smoothness(observations))
     else:
-        whitening, noise, findings = campaign.whitening, campaign.noise, campaign_remarks(campaign)
-        observations = campaign.observations
-        test, verdict = campaign.patterns.test(whitening.residual), "fails"
+        whitening, noise, remarks = campaign.whitening, campaign.noise, campaign_remarks(campaign)
+        observations, test, verdict = campaign.observations, campaign.patterns.test(whitening.residual), "fails"
         if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
             verdict = "wrong_shape" if decision.own_misfit else "agrees"
-    beyond = beyond_noise(observations, noise, observations.rms(observations.residual))
+    rms, misfit = (observations.rms(values) for values in (observations.residual, observations.tolerance))
+    beyond = beyond_noise(observations, noise, rms)
     where = Where("", (), "" if beyond else "The model explains these data within their noise.")
-    if verdict != "agrees":
-        where = where_it_fails(observations, whitening)
-    channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     return Comparison(
         verdict=cast("CompareVerdict", verdict),
-        channels=channels,
-        where=where,
+        channels=tuple(_channel(observations, noise, name, rms[name], misfit[name]) for name in observations.channels),
+        where=where if verdict == "agrees" else where_it_fails(observations, whitening),
         p_value=test.p_value if test else None,
         structure=test,
         noise=noise,
         beyond_noise=beyond,
         observations=observations,
         model=model,
-        findings=(*observations.findings, *findings),
+        findings=(*observations.findings, *remarks),
         filter=followed(model, data) if isinstance(data, TimeSeries) else None,
     )
 
 
-def _channel(observations: Observations, noise: NoiseModel | None, name: str) -> ChannelMisfit:
-    here = np.flatnonzero(observations.of(name))
-    residual, c = observations.residual[here], observations.channels.index(name)
-    source = noise.source.get(name, "") if noise else ""
-    worst = int(np.argmax(np.abs(residual)))
-    row, names = observations.covariates.iloc[observations.row[here[worst]]], observations.currents
+def _channel(
+    observations: Observations, noise: NoiseModel | None, name: str, rms: float, model_misfit: float
+) -> ChannelMisfit:
+    residual, source = observations.residual, noise.source.get(name, "") if noise else ""
+    here, c = np.flatnonzero(observations.of(name)), observations.channels.index(name)
+    worst = here[np.argmax(np.abs(residual[here]))]
+    row, names = observations.covariates.iloc[observations.row[worst]], observations.currents
+    currents = tuple(float(row[current]) for current in names) if len(names) > 1 else ()
+    frequency = float(row["frequency_Hz"]) if observations.of_impedances else None
     return ChannelMisfit(
         channel=name,
         readings=len(here),
-        mean=float(residual.mean()),
-        rms=observations.rms(observations.residual)[name],
-        largest=Extreme(
-            float(residual[worst]),
-            float(row["distance_m"]),
-            float(row["current_A"]),
-            tuple(float(row[current]) for current in names) if len(names) > 1 else (),
-            float(row["frequency_Hz"]) if observations.of_impedances else None,
-        ),
+        mean=float(residual[here].mean()),
+        rms=rms,
+        largest=Extreme(float(residual[worst]), float(row["distance_m"]), float(row["current_A"]), currents, frequency),
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
         noise_readings=float(noise.repeats[c]) if noise and "repeats" in source else None,
-        model_misfit=observations.rms(observations.tolerance)[name],
+        model_misfit=model_misfit,
         magnitude=observations.magnitude.get(name),
     )

@@ -289,9 +289,6 @@ PLAY = 0.05
 ON_STOP = 0.05
 """Assumed: part of the range of distances by which a stop may stand elsewhere than drawn and still be that stop."""
 
-REMEMBERED = 64
-"""Numerical: conductivities at which a record's predictions are kept."""
-
 SLOWEST = 1e-12
 """Numerical: decay over a step below which a state, or a pattern of eddy current, only adds up."""
 

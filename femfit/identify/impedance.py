@@ -20,27 +20,25 @@ import numpy as np
 from femfit.core.numerics import BIAS_SHARE, BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns, resistance_column
-from femfit.core.text import amount_range
-from femfit.effects.conditions import Conditions
 from femfit.identify.constants import AWAY, FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import SHORTED
-from femfit.model.readings import predict_readings
+from femfit.model.readings import Point, readings_by
 from femfit.tables.header import parts_of
 from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import IMPEDANCE_SHARE
 
 
-def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> tuple[BoolArray, Finding | None]:
-    """Which rows, at distances (N,) and currents (N,) or (N, n), are away from the bias of eddy currents.
+def near_bias(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> tuple[BoolArray, Finding | None]:
+    """Which rows, at distances (N,) and currents (N,) or (N, n), are near the bias of eddy currents.
 
-    A finding says of these rows where they were read, and what to do.
+    A finding says of the others where they were read, and what to do.
     """
     base = model.without_effects
     bias = base.eddy.bias if base.eddy else None
     if bias is None:
-        return np.zeros(len(distance), dtype=bool), None
+        return np.ones(len(distance), dtype=bool), None
     here, there = current.reshape(len(distance), -1), bias.at(distance)
     read, solved = (base.magnetics.flux_linkage(distance, currents) for currents in (here, there))
     apart = np.minimum(*(np.linalg.norm(read - sign * solved, axis=1) for sign in (1.0, -1.0)))  # all turned is alike
@@ -48,18 +46,13 @@ def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArr
     linked = [base.magnetics.flux_linkage(distance, np.tile(end, (len(distance), 1))) for end in ends]
     away = np.asarray(apart > AWAY * BIAS_SHARE * np.linalg.norm(linked, axis=-1).max())
     if not away.any():
-        return away, None
-    names = current_columns(model.current_names)
-
-    def ranges(currents: FloatArray) -> str:
-        each = [amount_range(float(values.min()), float(values.max()), "A") for values in currents.T]
-        of_circuits = [f" in {circuit}" if circuit else "" for _, circuit in map(parts_of, names)]
-        return " and ".join(a + b for a, b in zip(each, of_circuits, strict=True))
-
+        return ~away, None
     least = [float(f"{median:.3g}") for median in np.median(here[away], axis=0)]
     facts: dict[str, Any] = {"asked": least[0] if len(least) == 1 else least, "rows": int(away.sum())}
-    facts |= {"read": ranges(here[away]), "held": ranges(there[away])}
-    return away, finding("eddy-bias", "current_A", float(away.sum()), **facts)
+    facts["circuits"] = [parts_of(name)[1] for name in current_columns(model.current_names)]
+    for name, currents in (("read", here[away]), ("held", there[away])):
+        facts[name] = list(zip(currents.min(axis=0).tolist(), currents.max(axis=0).tolist(), strict=True))
+    return ~away, finding("eddy-bias", "current_A", float(away.sum()), **facts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +66,14 @@ class Weighing:
     findings: tuple[Finding, ...] = ()
 
 
-def weighed_by_magnitude(
-    model: ActuatorModel,
-    distance: FloatArray,
-    current: FloatArray,
-    conditions: Conditions,
-    channels: Collection[str],
-    declared: Mapping[str, float],
-) -> Weighing:
+def weighed_by_magnitude(at: Point, channels: Collection[str], declared: Mapping[str, float]) -> Weighing:
     """The weights of impedances, by the model's own magnitude; of a channel with a noise in its unit they are 1."""
     names = [name for name in channels if parts_of(name)[0] in SERIES and name not in declared]
-    nominal, frequency = conditions.nominal, np.asarray(conditions.frequency_Hz)
+    nominal, frequency, eddy = at.conditions.nominal, np.asarray(at.conditions.frequency_Hz), at.model.eddy
     if not names or not np.isfinite(frequency).all():
         return Weighing()
-    read, w = predict_readings(model, distance, current, conditions, channels=SERIES), 2.0 * np.pi * frequency
+    read = {name: values for name, (values,) in readings_by(at, (), SERIES).items()}
+    w = 2.0 * np.pi * frequency
     magnitude = {
         name: np.hypot(read.get(resistance_column(name), 0.0), w * values)
         for name, values in read.items()
@@ -101,12 +88,11 @@ def weighed_by_magnitude(
     quantity = {name: parts_of(name)[0] for name in names}
     usual = {name: float(getattr(nominal, of)) for name, of in quantity.items()}
     findings = [finding("weighed", usual=list({of: usual[name] for name, of in quantity.items()}.items()))]
-    share, error, misfit = declared.get(IMPEDANCE_SHARE), model.eddy.error if model.eddy is not None else None, 0.0
-    if error is not None:
-        misfit = (error.impedance or 0.0) / np.sqrt(3.0)  # of errors that are evenly spread
-        beyond = int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
-        facts = {"beyond": beyond, "held": error.frequency_max_Hz, "highest": float(frequency.max())}
-        if beyond:  # there the model's eddy currents were not held against the field
+    share, misfit = declared.get(IMPEDANCE_SHARE), 0.0
+    if eddy is not None and eddy.error is not None:
+        misfit, held = (eddy.error.impedance or 0.0) / np.sqrt(3.0), eddy.error.frequency_max_Hz  # evenly spread
+        if beyond := int((frequency > (1.0 + FREQUENCY_SLACK) * held).sum()):  # not held against the field there
+            facts = {"beyond": beyond, "held": held, "highest": float(frequency.max())}
             findings.append(finding("frequency-range", "frequency_Hz", float(beyond), "", **facts))
     return Weighing(
         {name: usual[name] / size[name] for name in names},

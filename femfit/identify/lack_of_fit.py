@@ -6,7 +6,7 @@ F(k, nu).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -28,62 +28,38 @@ class LackOfFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
-    """Patterns that are tested together."""
-
-    basis: FloatArray  # Whitened, orthonormal; shape (M, k)
-    degrees_of_freedom: float
-
-    def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:
-        """Squared length of the residual in the patterns beside orthonormal fitted columns, and their number.
-
-        A pattern that the fitted columns span is no freedom any more.
-        """
-        basis = self.basis
-        if fitted.shape[1]:
-            directions, sine, _ = np.linalg.svd(basis - fitted @ (fitted.T @ basis), full_matrices=False)
-            basis = directions[:, sine**2 > SPANNED]
-        along = basis.T @ residual
-        return float(along @ along), basis.shape[1]
-
-    def test(self, residual: FloatArray, fitted: FloatArray) -> LackOfFit:
-        """Test a residual beside orthonormal fitted columns."""
-        square, count = self.along(residual, fitted)
-        if not count:
-            return LackOfFit(0.0, 0, 1.0)
-        repeats, ratio = self.degrees_of_freedom, square / count
-        tail = stats.f.sf(ratio, count, repeats) if np.isfinite(repeats) else stats.chi2.sf(square, count)
-        return LackOfFit(ratio, count, float(tail))
-
-
-@dataclass(frozen=True, eq=False)
 class PatternSpace:
     """Whitened smooth patterns, all together and in groups: each channel and all channels, broad patterns and all."""
 
     patterns: Patterns
     whitened: FloatArray  # Shape (M, n)
-    groups: tuple[Group, ...]
+    # Patterns that are tested together, whitened and orthonormal, shape (M, k), and the noise's degrees of freedom
+    groups: tuple[tuple[FloatArray, float], ...]
 
     def excess(self, residual: FloatArray) -> float:
         """Squared length of a whitened residual in the patterns beyond what noise gives; may be negative."""
-        square, count = self.groups[-1].along(*_beside(residual, None))
-        return square - count
+        along = self.groups[-1][0].T @ residual
+        return float(along @ along) - len(along)
 
     def test(self, residual: FloatArray, fitted: FloatArray | None = None) -> LackOfFit:
         """Test a whitened residual in every group; the p-value of the worst counts times their number (Bonferroni).
 
-        What was fitted to it, whitened columns of shape (M, p), are directions in which it has no freedom left.
+        What was fitted to it, whitened columns of shape (M, p), are directions in which it has no freedom left; nor has
+        it in a pattern that they span.
         """
-        residual, basis = _beside(residual, fitted)
-        tests = [group.test(residual, basis) for group in self.groups]
+        span = orthonormal_basis(np.zeros((len(residual), 0)) if fitted is None else fitted)
+        residual = residual - span @ (span.T @ residual)
+        tests = []
+        for basis, repeats in self.groups:
+            if span.shape[1]:
+                directions, sine, _ = np.linalg.svd(basis - span @ (span.T @ basis), full_matrices=False)
+                basis = directions[:, sine**2 > SPANNED]  # noqa: PLW2901  what is left of it
+            along = basis.T @ residual
+            count, ratio = len(along), float(along @ along) / max(len(along), 1)
+            tail = stats.f.sf(ratio, count, repeats) if np.isfinite(repeats) else stats.chi2.sf(count * ratio, count)
+            tests.append(LackOfFit(ratio, count, float(tail) if count else 1.0))
         worst = tests[first_best([-outcome.p_value for outcome in tests])]
-        return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
-
-
-def _beside(residual: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray, FloatArray]:
-    """A residual without its part along fitted columns, and their orthonormal basis."""
-    basis = orthonormal_basis(np.zeros((len(residual), 0)) if fitted is None else fitted)
-    return residual - basis @ (basis.T @ residual), basis
+        return replace(worst, p_value=min(1.0, len(self.groups) * worst.p_value))
 
 
 def pattern_space(whitening: Whitening) -> PatternSpace:
@@ -95,10 +71,10 @@ def pattern_space(whitening: Whitening) -> PatternSpace:
     picked = [here & (patterns.degree <= cut) for here in of_channel for cut in COARSE]
     picked += [*of_channel, patterns.degree <= COARSE[0], everything]
     groups = [
-        Group(orthonormal_basis(columns[:, picks]), float(np.sum(degrees[np.unique(patterns.channel[picks])])))
+        (orthonormal_basis(columns[:, picks]), float(np.sum(degrees[np.unique(patterns.channel[picks])])))
         for picks in distinct(picked)
     ]
-    return PatternSpace(patterns, columns, tuple(sorted(groups, key=lambda group: group.basis.shape[1])))
+    return PatternSpace(patterns, columns, tuple(sorted(groups, key=lambda group: group[0].shape[1])))
 
 
 def distinct(picked: Iterable[BoolArray]) -> list[BoolArray]:

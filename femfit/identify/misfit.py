@@ -8,7 +8,7 @@ after.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
-from femfit.model.readings import predict_readings
+from femfit.model.readings import Point, readings_by
 from femfit.model.several_magnetics import NetworkMagnetics
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import OF_RUNS
@@ -133,17 +133,16 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
     made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
     known = "declared" if "distance_m" in observations.declared_noise else "estimated"
     source = "any" if any_distance else "assumed" if noise.mount_assumed else known
+    larger = {
+        name: float(run) for name, run, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True) if run > sigma
+    }
     return facts | {
         "unknown": [name for name in observations.channels if name not in noise.source],
         "mount": source if noise.mount_m > 0.0 else "",
         "mount_m": noise.mount_m,
         "stop_m": noise.stop_m if made.any() else 0.0,
         "stop": known,
-        "runs": {
-            name: (float(offset), OF_RUNS + name in observations.declared_noise)
-            for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
-            if offset > sigma
-        },
+        "runs": {name: (run, OF_RUNS + name in observations.declared_noise) for name, run in larger.items()},
     }
 
 
@@ -158,9 +157,9 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     if noise is None:
         return {}
     # Rms error that the noise makes in each channel, by what was declared and what the readings show of it
-    columns, deviations = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
+    columns = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
     settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
-    beside = observations.mean_square(np.sqrt(settings + columns**2 @ deviations**2))
+    beside = observations.mean_square(np.sqrt(settings + np.sum(columns**2, axis=1)))
     shown = np.sqrt(noise.sigma**2 + beside)
     readings = np.bincount(observations.channel, minlength=len(shown))
     largest = np.maximum(WITHIN_NOISE, np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)) * shown
@@ -214,18 +213,24 @@ def measured_curves(
     noise: dict[str, float] | None = None,
 ) -> tuple[MeasuredCurves, ...]:
     """The data of the picture, one for each channel: of the model, and with the effects after it was fitted."""
-    misfits = [observations.residual, observations.value - observations.predict(after)]
+    misfits = observations.residual, observations.value - observations.predict(after)
+    keys = ("frequency_Hz", "distance_m") if observations.of_impedances else ("distance_m", "current_A")
     result = []
     for name in observations.channels:
         here = np.flatnonzero(observations.of(name))
-        keys = ("frequency_Hz", "distance_m") if observations.of_impedances else ("distance_m", "current_A")
         settings = {key: observations.column(key)[here] for key in keys}
         along, over = sorted(keys, key=lambda key: not np.ptp(settings[key]))
-        scale = 1.0 if observations.weight is None else 1.0 / observations.weight[here]
         levels = np.unique(np.quantile(settings[over], np.linspace(0.0, 1.0, _MOST_CURVES)).round(9))
         spaced = np.geomspace if along == "frequency_Hz" else np.linspace
         axis = spaced(settings[along].min(), settings[along].max(), _POINTS)
-        curves = [_curves(model, observations, name, (over, levels), (along, axis), e) for e in ((), after)]
+        grid = dict(zip((over, along), map(np.ravel, np.meshgrid(levels, axis, indexing="ij")), strict=True))
+        at = _between_readings(model, observations, grid)
+        curves = [
+            readings_by(replace(at, effects=(*model.effects, *effects)), (), (name,)).get(name, np.zeros((1, 0)))
+            for effects in ((), after)
+        ]
+        before, fitted = (values.reshape(-1, _POINTS) for values in curves)
+        scale = 1.0 / observations.weight[here]
         result.append(
             MeasuredCurves(
                 channel=name,
@@ -233,8 +238,8 @@ def measured_curves(
                 over=over,
                 levels=levels,
                 axis=axis,
-                before=curves[0],
-                after=curves[1],
+                before=before,
+                after=fitted,
                 x=settings[along],
                 level=np.argmin(np.abs(settings[over][:, None] - levels), axis=1),
                 measured=scale * observations.value[here],
@@ -246,28 +251,12 @@ def measured_curves(
     return tuple(result)
 
 
-def _curves(
-    model: ActuatorModel,
-    observations: Observations,
-    channel: str,
-    over: tuple[str, FloatArray],
-    along: tuple[str, FloatArray],
-    effects: Sequence[AddedEffect],
-) -> FloatArray:
-    """The channel over both settings at the mean of the recorded temperatures, between the branches."""
-    grid = dict(zip((over[0], along[0]), np.meshgrid(over[1], along[1], indexing="ij"), strict=True))
-    d = grid["distance_m"].ravel()
-    settings = {name: np.full(d.shape, np.median(observations.covariates[name])) for name in observations.currents}
-    if "current_A" in grid:  # the currents of other circuits at their middle
-        settings[observations.leading_current] = grid["current_A"].ravel()
-    i = currents_in(model, pd.DataFrame(settings))
-    temperatures: dict[str, Any] = {name: float(observations.covariates[name].mean()) for name in TEMPERATURES}
-    conditions = Conditions(
-        nominal_of(model),
-        **temperatures,
-        frequency_Hz=grid["frequency_Hz"].ravel() if "frequency_Hz" in grid else np.nan,
-    )
-    readings = predict_readings(model, d, i, conditions, (*model.effects, *effects), observations.channels)
-    if channel not in readings:
-        return np.zeros((0, len(along[1])))
-    return np.asarray(readings[channel]).reshape(len(over[1]), len(along[1]))
+def _between_readings(model: ActuatorModel, observations: Observations, grid: Mapping[str, FloatArray]) -> Point:
+    """The model at settings of a grid, the others in the middle, temperatures on average, between the branches."""
+    covariates = observations.covariates
+    settings = pd.DataFrame({**covariates[[*observations.currents]].median(), **grid})
+    if "current_A" in grid:
+        settings[observations.leading_current] = grid["current_A"]
+    temperatures: dict[str, Any] = {name: float(covariates[name].mean()) for name in TEMPERATURES}
+    conditions = Conditions(nominal_of(model), **temperatures, frequency_Hz=grid.get("frequency_Hz", np.nan))
+    return Point(model, grid["distance_m"], currents_in(model, settings), conditions, ())

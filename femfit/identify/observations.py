@@ -67,13 +67,14 @@ class Observations(WithoutCache):
     # Change of each reading by one standard deviation of its row's distance, and of its current, as declared
     # shape (M, 2)
     setting_columns: FloatArray
+    # What readings and predictions were multiplied by, of impedances to be given at one magnitude; shape (M,)
+    weight: FloatArray
     findings: tuple[Finding, ...] = ()
     present: tuple[str, ...] = ()
     # What declares the noise: ``declared``, a sidecar; ``samples``, those within each window
     noise_source: str = "declared"
-    # Of impedances: magnitude, in the channel's unit, at which readings and predictions are given; see ``Weighing``
+    # Of impedances: that magnitude in the channel's unit; see ``Weighing``
     magnitude: Mapping[str, float] = field(default_factory=dict)
-    weight: FloatArray | None = None  # What they were multiplied by for that, shape (M,); None where that is 1
 
     @cached_property
     def of_settings(self) -> dict[Callable[..., Any], Any]:
@@ -93,14 +94,14 @@ class Observations(WithoutCache):
         """As :data:`Prediction`, each effect in the runs in which it acts; in others the slopes by its own are zero."""
         if all(added.runs is None for added in effects):
             return self.prediction(effects, parameters)
-        result, stages = np.zeros((len(self.value), 1 + len(parameters))), dict[tuple[int, ...], list[int]]()
-        for run in range(self.runs):
-            acting = [k for k, a in enumerate(effects) if a.runs is None or a.runs[0] <= run <= a.runs[1]]
-            stages.setdefault(tuple(acting), []).append(run)
-        for numbers, runs in stages.items():
+        result, run = np.zeros((len(self.value), 1 + len(parameters))), self.column("run").astype(int)
+        within = [(0, self.runs) if added.runs is None else added.runs for added in effects]
+        acting = [tuple(k for k, (first, last) in enumerate(within) if first <= r <= last) for r in range(self.runs)]
+        for numbers in dict.fromkeys(acting):
             moving = [j for j, (k, _) in enumerate(parameters) if k in numbers]
             some = [(numbers.index(parameters[j][0]), parameters[j][1]) for j in moving]
-            here, values = np.isin(self.column("run"), runs), self.prediction([effects[k] for k in numbers], some)
+            here = np.array([each == numbers for each in acting])[run]
+            values = self.prediction([effects[k] for k in numbers], some)
             result[np.ix_(here, np.array([0, *(1 + j for j in moving)]))] = values[here]
         return result
 
@@ -135,10 +136,8 @@ class Observations(WithoutCache):
     def leading_current(self) -> str:
         """The setting that ``current_A`` is: of several circuits, the current that was varied most."""
         leading = self.covariates["current_A"].to_numpy()
-        return next(
-            (name for name in self.currents if np.array_equal(self.covariates[name].to_numpy(), leading)),
-            "current_A",
-        )
+        same = (name for name in self.currents if np.array_equal(self.covariates[name].to_numpy(), leading))
+        return next(same, "current_A")
 
     @property
     def residual(self) -> FloatArray:
@@ -222,9 +221,14 @@ class Stacking:
         )
 
 
-def circumstances(covariates: pd.DataFrame) -> dict[str, Any]:
-    """What conditions take of covariates as it stands there: branches and temperatures, each of shape (N,)."""
-    return {name: covariates[name].to_numpy() for name in ("branch", *TEMPERATURES)}
+def circumstances(covariates: pd.DataFrame, cycle: Sequence[str]) -> dict[str, Any]:
+    """What conditions take of covariates: branches, temperatures, and the ends of the current over a cycle; (N,).
+
+    A cycle is what the columns ``cycle`` are the same in.
+    """
+    current = covariates.groupby([*cycle])["current_A"]
+    turns = tuple(current.transform(end).to_numpy() for end in ("min", "max"))
+    return {name: covariates[name].to_numpy() for name in ("branch", *TEMPERATURES)} | {"current_turn_A": turns}
 
 
 def model_tolerance(model: ActuatorModel) -> dict[str, float]:
@@ -232,9 +236,6 @@ def model_tolerance(model: ActuatorModel) -> dict[str, float]:
     misfit, sensor = model.misfit, model.sensor
     if misfit is None:
         return {}
-    result = {"force_N": misfit.force_rms_N}
-    if misfit.flux_linkage_rms_Wb is not None:
-        result["flux_linkage_Wb"] = misfit.flux_linkage_rms_Wb
-    if misfit.hall_rms_T is not None and sensor is not None:
-        result["hall_V"] = misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
-    return result
+    hall = None if sensor is None or misfit.hall_rms_T is None else misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
+    known = {"force_N": misfit.force_rms_N, "flux_linkage_Wb": misfit.flux_linkage_rms_Wb, "hall_V": hall}
+    return {name: size for name, size in known.items() if size is not None}

@@ -10,6 +10,7 @@ D. R. Cox and D. V. Hinkley, Theoretical Statistics (Chapman and Hall, 1974), se
 alternatives.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from operator import itemgetter
@@ -20,9 +21,6 @@ from numpy.polynomial.legendre import legvander
 from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
 from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, Observations, once_for_settings
-
-_MOTION = ("velocity_m_s", "current_rate_A_s")
-"""Covariates that only a time series has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +33,7 @@ class Patterns:
     along: tuple[frozenset[str], ...]  # Covariates that each column changes with
 
 
-Labelled = list[tuple[FloatArray, int, frozenset[str]]]
+Labelled = tuple[FloatArray, int, frozenset[str]]
 """(column, degree, covariates)"""
 
 
@@ -45,28 +43,29 @@ def smooth_patterns(observations: Observations) -> Patterns:
 
     They are independent of each other within rounding, and at most a third of each channel's readings.
     """
-    blocks = [np.zeros((len(observations.value), 0))]
+    chosen: list[Labelled] = []
     channel: list[int] = []
-    chosen: Labelled = []
     for c in range(len(observations.channels)):
         here = np.flatnonzero(observations.channel == c)
-        labelled = _surface(observations, here) + _drift(observations, here) if len(here) >= LEAST_READINGS else []
-        if not labelled:
+        if len(here) < LEAST_READINGS:
             continue
         # Few readings have room for the broad ones alone, of every covariate
-        labelled.sort(key=itemgetter(1))
+        labelled = sorted(_candidates(observations, here), key=itemgetter(1))
         columns = np.stack([column for column, _, _ in labelled], axis=1)
         # Those that the ones before them do not span to 1e-6
         triangle = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r")
         keep = np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)[: max(1, len(here) // 3)]
-        wide = np.zeros((len(observations.value), len(keep)))
-        wide[here] = columns[:, keep]
-        blocks.append(wide)
         channel += [c] * len(keep)
         chosen += [labelled[k] for k in keep]
-    degree = np.array([degree for _, degree, _ in chosen], dtype=int)
-    along = tuple(names for _, _, names in chosen)
-    return Patterns(np.concatenate(blocks, axis=1), np.array(channel, dtype=int), degree, along)
+    wide = np.zeros((len(observations.value), len(chosen)))
+    for k, (column, _, _) in enumerate(chosen):
+        wide[observations.channel == channel[k], k] = column
+    return Patterns(
+        columns=wide,
+        channel=np.array(channel, dtype=int),
+        degree=np.array([degree for _, degree, _ in chosen], dtype=int),
+        along=tuple(names for _, _, names in chosen),
+    )
 
 
 def own_misfit_columns(observations: Observations) -> FloatArray | None:
@@ -97,69 +96,51 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
     return np.asarray(observations.tolerance[:, None] * np.concatenate(scaled, axis=1))
 
 
-def _surface(observations: Observations, here: IntArray) -> Labelled:
-    x, y = _place(observations, here)
-    result = _tensor(x, y, DEGREE)
+def _candidates(observations: Observations, here: IntArray) -> Iterator[Labelled]:
+    """The patterns of a channel with these readings, first of the settings."""
+    x = scaled_to_one(even_scale(observations.column("distance_m")[here]))
+    y = scaled_to_one(observations.column("current_A")[here])
+    yield from _tensor(x, y, DEGREE)
     finest = DEGREE if observations.in_motion else FINE_DEGREE  # a record has no stage with a screw
     for z, name in ((x, "distance_m"), (y, "current_A")):
         columns = _polynomials(z, finest)
-        result += [(columns[:, k], k, frozenset({name})) for k in range(DEGREE + 1, columns.shape[1])]
+        yield from ((columns[:, k], k, frozenset({name})) for k in range(DEGREE + 1, columns.shape[1]))
     for name in observations.currents:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
         if name != observations.leading_current and np.ptp(z) > 0.0:
-            result += _beside(name, z, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (2, 1, 0)))
-    result += _over_frequency(observations, here, x, y)
+            yield from _beside(name, z, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (2, 1, 0)))
+    if observations.of_impedances:
+        columns = _polynomials(scaled_to_one(observations.setting("frequency_Hz")[here]), FINE_DEGREE)
+        for k in range(1, columns.shape[1]):
+            for pattern, degree, names in _tensor(x, y, max(DEGREE - k, 0)):
+                yield columns[:, k] * pattern, k + degree, names | {"frequency_Hz"}
     branch = observations.column("branch")[here]
     if np.ptp(branch) > 0.0:
-        result += [
-            (branch * column, 1 + degree, names | {"branch"}) for column, degree, names in _tensor(x, y, BRANCH_DEGREE)
-        ]
-    return result
+        for column, degree, names in _tensor(x, y, BRANCH_DEGREE):
+            yield branch * column, 1 + degree, names | {"branch"}
+    yield from _drifting(observations, here, x, y)
 
 
-def _over_frequency(observations: Observations, here: IntArray, x: FloatArray, y: FloatArray) -> Labelled:
-    """Of impedances: patterns of the frequency, alone and times those of distance and current."""
-    if not observations.of_impedances:
-        return []
-    z, alone = scaled_to_one(observations.setting("frequency_Hz")[here]), frozenset({"frequency_Hz"})
-    columns = _polynomials(z, FINE_DEGREE)
-    return [
-        (columns[:, k] * pattern, k + degree, names | alone)
-        for k in range(1, columns.shape[1])
-        for pattern, degree, names in _tensor(x, y, max(DEGREE - k, 0))
-    ]
-
-
-def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, FloatArray]:
-    return scaled_to_one(even_scale(observations.column("distance_m")[here])), scaled_to_one(
-        observations.column("current_A")[here]
-    )
-
-
-def _drift(observations: Observations, here: IntArray) -> Labelled:
-    x, y = _place(observations, here)
-    result: Labelled = []
+def _drifting(observations: Observations, here: IntArray, x: FloatArray, y: FloatArray) -> Iterator[Labelled]:
+    """Those of temperatures, speeds and time beside scaled distance and current."""
     for name in TEMPERATURES:
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
-            result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))
+            yield from _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))
     # A voltage balance is made of the very rates, noise and all: where a motion is repeated, they less a function of
     # distance, current and branch are that noise
-    motion = () if observations.channels[observations.channel[here[0]]].startswith(VOLTAGE_BALANCE) else _MOTION
-    clocks: list[FloatArray] = []
-    for name in (*motion, "order", "elapsed"):
-        if name not in observations.covariates or (name not in _MOTION and not observations.clocked):
-            continue  # the order of a file's rows is no time
+    of_voltage = observations.channels[observations.channel[here[0]]].startswith(VOLTAGE_BALANCE)
+    motion = () if of_voltage or not observations.in_motion else ("velocity_m_s", "current_rate_A_s")
+    clocks = ("order", "elapsed") if observations.clocked else ()  # the order of a file's rows is no time
+    for name in (*motion, *clocks):
         t = observations.column(name)[here]
-        if np.ptp(t) > 0.0 and not any(np.array_equal(t, clock) for clock in clocks):
-            clocks += [t] if name not in _MOTION else []
-            result += _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (3, 0, 0), (1, 1, 0), (1, 0, 1)))
-    return result
+        if np.ptp(t) > 0.0:
+            yield from _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (3, 0, 0), (1, 1, 0), (1, 0, 1)))
 
 
 def _beside(
     name: str, z: FloatArray, x: FloatArray, y: FloatArray, powers: tuple[tuple[int, int, int], ...]
-) -> Labelled:
+) -> list[Labelled]:
     """Powers (a, b, c) of a further covariate z, scaled, times those of distance x and current y."""
     z = scaled_to_one(z)
     return [
@@ -168,7 +149,7 @@ def _beside(
     ]
 
 
-def _tensor(x: FloatArray, y: FloatArray, degree: int) -> Labelled:
+def _tensor(x: FloatArray, y: FloatArray, degree: int) -> list[Labelled]:
     return products(_polynomials(x, degree), _polynomials(y, degree), degree)
 
 
@@ -177,7 +158,7 @@ def _polynomials(x: FloatArray, degree: int) -> FloatArray:
     return np.asarray(legvander(x, min(degree, len(np.unique(np.round(x, 6))) - 1)))
 
 
-def products(in_x: FloatArray, in_y: FloatArray, degree: int) -> Labelled:
+def products(in_x: FloatArray, in_y: FloatArray, degree: int) -> list[Labelled]:
     """Products of polynomials in distance and current up to a total degree."""
     powers = product(range(in_x.shape[1]), range(in_y.shape[1]))
     return [

@@ -15,12 +15,13 @@ N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.identify.constants import (
@@ -51,38 +52,33 @@ def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:
     return currents if currents.shape[1] > 1 else currents[:, 0]
 
 
-def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> str:
+def leading_current(model: ActuatorModel, rows: pd.DataFrame) -> str:
     """Column of the current that was varied most, counted in widths of its range; the only one of one circuit."""
     names = current_columns(model.current_names)
     if len(names) == 1:
         return names[0]
     widths = np.ptp(model.validity.current_limits_A, axis=1)
-    spread = np.nan_to_num([np.nanstd(columns[name]) for name in names]) / np.maximum(widths, 1e-300)
+    spread = rows[names].std(ddof=0).fillna(0.0) / np.maximum(widths, 1e-300)
     return names[int(np.argmax(spread))]
-
-
-def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """A table of impedances without current in any of several circuits where it has ``current_A`` alone, of 0 A."""
-    names = current_columns(model.current_names)
-    if len(names) == 1 or not {"current_A", "frequency_Hz"} <= set(table.given):
-        return table
-    currents = table.rows.reindex(columns=names)
-    unbiased = currents.isna().all(axis=1) & (table.rows["current_A"] == 0.0)
-    currents[unbiased] = 0.0
-    filled = [name for name in names if name not in table.given and currents[name].notna().any()]
-    return replace(table, rows=table.rows.assign(**currents), given=(*table.given, *filled))
 
 
 def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     """The table with the current of each circuit, and with ``current_A`` as the leading one of several.
+
+    Impedances that have ``current_A`` alone, of 0 A, were read without current in any circuit.
 
     Raises
     ------
     TableError
         If a current is missing, or it is not said to which circuit an impedance belongs.
     """
-    table, names = without_bias(model, table), current_columns(model.current_names)
-    lacking = [name for name in names if name not in table.given]
+    names, rows, given = current_columns(model.current_names), table.rows, table.given
+    if len(names) > 1 and {"current_A", "frequency_Hz"} <= set(given):
+        currents = rows.reindex(columns=names)
+        currents[currents.isna().all(axis=1) & (rows["current_A"] == 0.0)] = 0.0
+        rows = rows.assign(**currents)
+        given = (*given, *(name for name in names if name not in given and currents[name].notna().any()))
+    lacking = [name for name in names if name not in given]
     if lacking and (model.circuits or len(names) > 1):
         raise TableError(sentence("refusals", "no_current", model, table, lacking, len(names) > 1))
     if len(names) == 1:
@@ -93,8 +89,7 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
     if foreign:
         raise TableError(sentence("refusals", "foreign_impedance", model, table, circuits, foreign, inductances))
-    columns = {name: table.rows[name].to_numpy() for name in names}
-    return replace(table, rows=table.rows.assign(current_A=columns[leading_current(model, columns)]))
+    return replace(table, rows=rows.assign(current_A=rows[leading_current(model, rows)]), given=given)
 
 
 @once_for_settings
@@ -103,25 +98,28 @@ def setting_cells(observations: Observations) -> IntArray:
 
     Readings of one channel with the same number are repeats.
     """
-    keys = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
+    keys: dict[str, Any] = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
 
 
-def levels(x: FloatArray, share: float) -> FloatArray:
+def levels(x: FloatArray, share: float) -> IntArray:
     """Numbers of the levels that a setting was brought to, each as wide as a part of the setting's range.
 
     A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
     changes over that distance.
     """
-    tolerance = share * float(np.ptp(x))
-    order = np.argsort(x, kind="stable")
-    level, start, numbers = 0, x[order[0]], np.zeros(len(x))
-    for k in order:
-        if x[k] - start > tolerance:
-            level, start = level + 1, x[k]
-        numbers[k] = level
-    return numbers
+    values, place = np.unique(x, return_inverse=True)
+    return _groups_within(values[:, None], np.array([share * np.ptp(x)]), np.zeros(len(values), dtype=bool))[place]
+
+
+def _groups_within(values: FloatArray, near: FloatArray, begins: BoolArray) -> IntArray:
+    """Numbers of groups of rows (n, k) that stand together and are near to their first; some rows begin one anyhow."""
+    begins, first = begins.copy(), 0
+    for k, value in enumerate(values):
+        begins[k] |= not (np.abs(value - values[first]) <= near).all()
+        first = k if begins[k] else first
+    return np.cumsum(begins) - begins[0]
 
 
 def quantisation_step(values: FloatArray) -> float:
@@ -157,8 +155,7 @@ def averaged(
     count = np.bincount(number)
     usual = float(np.median(count[number]))
     kept = count >= SHORT * usual
-    dropped = float(np.mean(~kept))
-    if usual < 2.0 or np.count_nonzero(kept) > MOST_ROWS or dropped > MOST_DROPPED:  # the short ones are settings
+    if usual < 2.0 or kept.sum() > MOST_ROWS or np.mean(~kept) > MOST_DROPPED:  # the short ones are settings
         return table
     rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
     residual = residuals(table)
@@ -198,12 +195,7 @@ def stretches(table: BenchTable, currents: Sequence[str]) -> IntArray:
     known = rows[[name for name in settings if rows[name].notna().any()]]
     values = known.fillna(known.filter(items=TEMPERATURES).ffill().bfill()).to_numpy()
     near = SAME_LINE * np.nanmax(values, axis=0) - SAME_LINE * np.nanmin(values, axis=0)
-    number, first, begun = np.zeros(len(rows), dtype=np.intp), 0, -1
-    changes = np.append(True, np.any(labels[1:] != labels[:-1], axis=1))
-    for k, value in enumerate(values):
-        if changes[k] or not (np.abs(value - values[first]) <= near).all():
-            first, begun = k, begun + 1
-        number[k] = begun
+    number = _groups_within(values, near, np.append(True, np.any(labels[1:] != labels[:-1], axis=1)))
     count = np.bincount(number)
     place, parts = pd.Series(number).groupby(number).cumcount().to_numpy(), -(-count // most)
     part = place * parts[number] // count[number]

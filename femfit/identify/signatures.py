@@ -1,7 +1,7 @@
 """What each effect would do to these readings, to first order."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -19,40 +19,29 @@ from femfit.tables.measurement import CHANNELS
 CHANGES_NOTHING = "it changes no reading at these settings"
 """Why an effect cannot be tested that would be seen at other settings."""
 
-_MAGNET_UNKNOWN = (
-    "whether there is a magnet is unknown: the model has no drawing and was fitted to no current of zero (fit it with "
-    "--actuator)"
-)
-_APART = "the co-energy of iron that several circuits saturate does not set the magnets' part apart"
-_NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
-
-_Checks = tuple[tuple[Callable[[Nominal], bool], str], ...]
-"""What must hold of a device, one after the other, and what is said where it does not."""
-
-_PARTS: Mapping[str, _Checks] = {
-    "magnet": (
-        (lambda nominal: nominal.magnets_apart, _APART),
-        (lambda nominal: nominal.magnet_known, _MAGNET_UNKNOWN),
-        (lambda nominal: nominal.has_magnet or not nominal.magnet_drawn, "the drawing has no magnet"),
-        (lambda nominal: nominal.has_magnet, _NO_MAGNET_SEEN),
-    ),
-    "iron": ((lambda nominal: nominal.has_iron, "the drawing has no iron"),),
-    "spring": ((lambda nominal: nominal.springs is not None, "the drawing has no spring"),),
-    "voltage driver": ((lambda nominal: nominal.voltage_driver, "a current amplifier feeds the winding"),),
-    "stop": ((lambda nominal: math.isfinite(min(map(abs, nominal.stops_m))), "the drawing has no stop"),),
-    "no spring": (
-        (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
-    ),
-}
-"""What an effect may need in the device."""
-
 _CIRCUIT = "current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm"
 _CALLED = {REST: "a rest on a stop"}
-_MEASURED_ON: Mapping[str, _Checks] = {
-    **dict.fromkeys(_CIRCUIT, ((lambda nominal: nominal.peak_current_A > 0.0, "the drawing has no coil"),)),
-    "hall_V": ((lambda nominal: not math.isnan(nominal.hall_quiescent_V), "the model has no Hall element"),),
-}
-"""What a channel is measured on."""
+
+
+def _without_part(nominal: Nominal) -> dict[str, str]:
+    """Why a device cannot have what acts on a part that an effect may need; empty where it has the part."""
+    unknown = (
+        "whether there is a magnet is unknown: the model has no drawing and was fitted to no current of zero (fit it "
+        "with --actuator)"
+    )
+    apart = "the co-energy of iron that several circuits saturate does not set the magnets' part apart"
+    unseen = "without current the model has neither force nor flux linkage, so it has no magnet"
+    faults = (  # the last one that holds is said
+        ("magnet", not nominal.has_magnet, "the drawing has no magnet" if nominal.magnet_drawn else unseen),
+        ("magnet", not nominal.magnet_known, unknown),
+        ("magnet", not nominal.magnets_apart, apart),
+        ("iron", not nominal.has_iron, "the drawing has no iron"),
+        ("spring", nominal.springs is None, "the drawing has no spring"),
+        ("voltage driver", not nominal.voltage_driver, "a current amplifier feeds the winding"),
+        ("stop", not any(map(math.isfinite, nominal.stops_m)), "the drawing has no stop"),
+        ("no spring", nominal.springs is not None, "the drawing has a spring, whose own errors are looked at"),
+    )
+    return {part: "" for part, _, _ in faults} | {part: why for part, fault, why in faults if fault}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,26 +75,20 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     if effect.name in observations.present:
         return "the model has it already"
     nominal = observations.nominal
-    why = next(filter(None, (_not_in_device(need, nominal) for need in effect.needs)), "")
-    if why:
-        return why
-    columns = [need for need in effect.needs if need not in _PARTS]
+    parts, coil = _without_part(nominal), "" if nominal.peak_current_A > 0.0 else "the drawing has no coil"
+    hall = "the model has no Hall element" if math.isnan(nominal.hall_quiescent_V) else ""
+    absent = {**parts, **dict.fromkeys(_CIRCUIT, coil), "hall_V": hall}
+    for need in effect.needs:
+        reasons = [absent.get(name.lstrip("~"), "") for name in need.split("|")]
+        if all(reasons):
+            return reasons[0]
     # The balances of a record show what moves a body as a force sensor would, but nothing of a sensor that is not there
     read = effect.acts_on == ("sensor",)
-    lacking = (need for need in columns if not any(_given(name, observations, read) for name in need.split("|")))
-    for need in lacking:
-        names = [_CALLED.get(name, name) for name in need.replace("~", "").split("|")]
-        return f"these data lack {'a varying ' if need.startswith('~') else ''}{' or '.join(names)}"
+    for need in effect.needs:
+        if need not in parts and not any(_given(name, observations, read) for name in need.split("|")):
+            names = [_CALLED.get(name, name) for name in need.replace("~", "").split("|")]
+            return f"these data lack {'a varying ' if need.startswith('~') else ''}{' or '.join(names)}"
     return ""
-
-
-def _not_in_device(need: str, nominal: Nominal) -> str:
-    """Why the device cannot have what an effect needs, whatever is measured; empty where it can."""
-    reasons = []
-    for name in need.split("|"):
-        checks = _PARTS.get(name) or _MEASURED_ON.get(name.lstrip("~")) or ()
-        reasons.append(next((why for holds, why in checks if not holds(nominal)), ""))
-    return reasons[0] if all(reasons) else ""
 
 
 def _given(name: str, observations: Observations, read: bool) -> bool:
@@ -125,11 +108,12 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
     Shape constants have their usual value, the lower end and three quarters of their usual range; combinations without
     any effect on these readings are left out.
     """
-    constants = [p for p in effect.parameters if p.nonlinear]
-    ranges = [(p.null, *p.plausible) for p in constants]  # the usual value first: it stays where readings say nothing
-    trials = [tuple(dict.fromkeys((null, low, low + 0.75 * (high - low)))) for null, low, high in ranges]
-    grid = [dict(zip((p.name for p in constants), values, strict=True)) for values in product(*trials)]
-    variants = [AddedEffect(effect, effect.null() | nonlinear) for nonlinear in grid]
+    # The usual value stands first: it stays where readings say nothing
+    ranges = {p.name: (p.null, *p.plausible) for p in effect.parameters if p.nonlinear}
+    trials = [dict.fromkeys((null, low, low + 0.75 * (high - low))) for null, low, high in ranges.values()]
+    variants = [
+        AddedEffect(effect, effect.null() | dict(zip(ranges, values, strict=True))) for values in product(*trials)
+    ]
     return [columns for variant in variants for columns in columns_at(variant, observations)]
 
 
@@ -138,12 +122,11 @@ def columns_at(added: AddedEffect, observations: Observations) -> list[EffectCol
     effect, nonlinear = added.effect, {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
     absent = AddedEffect(effect, effect.null() | nonlinear)
     slopes = observations.predicted([absent], [(0, p.name) for p in effect.amplitudes])[:, 1:]
-    pairs, least = list(zip(effect.amplitudes, slopes.T, strict=True)), ROUNDED * np.abs(observations.base)
-    visible = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
-    if not visible:
+    moved = np.abs(slopes) * [p.width for p in effect.amplitudes] > ROUNDED * np.abs(observations.base)[:, None]
+    visible = np.flatnonzero(moved.any(axis=0))
+    if not len(visible):
         return []
-    amplitudes, columns = zip(*visible, strict=True)
-    return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
+    return [EffectColumns(effect, tuple(effect.amplitudes[k] for k in visible), nonlinear, slopes[:, visible])]
 
 
 def testable_columns(

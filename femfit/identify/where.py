@@ -62,8 +62,8 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
 def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
     """The channel whose readings are farthest off, over their noise; None where noise and mounts may be why."""
     count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
-    square = observations.mean_square(observations.residual) / noise.sigma**2
-    mounts = observations.mean_square(observations.distance_slope * noise.mount_m) / noise.sigma**2
+    off = observations.residual, observations.distance_slope * noise.mount_m
+    square, mounts = (observations.mean_square(values) / noise.sigma**2 for values in off)
     worst = first_best(square.tolist())
     scatter = np.sqrt(2.0 * (1.0 + noise.rho[worst]) / (1.0 - noise.rho[worst]) / count[worst])
     return worst if square[worst] > 1.0 + mounts[worst] + BEYOND_NOISE * scatter else None
@@ -77,11 +77,7 @@ def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatAr
 
 
 def _covariates(
-    columns: FloatArray,
-    patterns: Patterns,
-    channel: int,
-    residual: FloatArray,
-    smooth: FloatArray,
+    columns: FloatArray, patterns: Patterns, channel: int, residual: FloatArray, smooth: FloatArray
 ) -> tuple[str, ...]:
     """Covariates in the order in which each adds most to what the ones before explain with their products.
 
@@ -98,17 +94,14 @@ def _covariates(
         projection = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
         return np.array([projection @ projection, max(_excess(columns[:, inside], residual), 0.0)])
 
-    total, reached = explained(names), explained([])
-    while len(chosen) < len(names):
-        gains = {name: explained([*chosen, name]) - reached for name in names if name not in chosen}
-        shares = {
-            name: float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
-            for name, gain in gains.items()
-        }
-        best = list(shares)[first_best(list(shares.values()))]
+    total, reached = np.maximum(explained(names), 1e-300), explained([])
+    while remaining := [name for name in names if name not in chosen]:
+        gains = [np.maximum(explained([*chosen, name]) - reached, 0.0) / total for name in remaining]
+        shares = np.sqrt(np.prod(gains, axis=1)).tolist()
+        best = first_best(shares)
         if shares[best] < COVARIATE_SHARE:
             break
-        chosen.append(best)
+        chosen.append(remaining[best])
         reached = explained(chosen)
     # Both clocks mean the same to a reader
     return tuple(dict.fromkeys("order" if name == "elapsed" else name for name in chosen))

@@ -339,8 +339,7 @@ def _error_after_add(model: ActuatorModel, data: BenchTable, runs: int, key: dic
 
 def beside_random(residual: FloatArray, whitening: Whitening) -> FloatArray:
     """A residual, shape (M,), without the best linear unbiased prediction of its re-mounts and runs."""
-    columns, deviations = random_columns(whitening.observations, whitening.noise.mount_m, whitening.noise.run)
-    columns = columns * deviations
+    columns = random_columns(whitening.observations, whitening.noise.mount_m, whitening.noise.run)
     white = whitening.serial(columns)
     size = np.linalg.solve(white.T @ white + np.eye(white.shape[1]), white.T @ whitening.serial(residual))
     return np.asarray(residual - columns @ size)

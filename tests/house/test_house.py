@@ -40,7 +40,7 @@ NO_DECISION = {
     "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
     "fit/coenergy_system.py": "what rounding leaves of a column, beside the solver",
     "identify/misfit.py": "what a picture shows",
-    "identify/series/balances.py": "how many motions are kept for use again",
+    "identify/series/motion.py": "how many motions are kept for use again",
 }
 
 

@@ -13,30 +13,30 @@ from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.design import ChannelDesign, rho_of, share_of
-from femfit.identify.noise.likelihood import Contrasts, Likelihood, Priors
-from femfit.identify.noise.whitening import Chain, Whitening, places, setting_errors
+from femfit.identify.noise.likelihood import Contrasts, Likelihood
+from femfit.identify.noise.whitening import Chain, Whitening, setting_errors
 from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign, ripple
 
 
 def alone(n):
     """A chain in which no reading follows another."""
-    return Chain(np.arange(n), np.ones(n, dtype=bool), np.ones(n))
+    return Chain(np.arange(n), np.full(n, np.inf))
 
 
 def design_of(y, fixed, random, cell=None, chain=None):
     n = len(random)
     columns = np.linalg.qr(fixed)[0] if fixed.shape[1] else fixed
     cell = np.arange(n) if cell is None else cell
-    return ChannelDesign(cell, columns, random, chain or alone(n), np.ones(n), y)
+    return ChannelDesign(cell, columns, random, chain or alone(n), np.zeros(n), y)
 
 
 def variances(contrasts, group, scale, weight=None, from_zero=False):
     """Those of random effects, then of the channels."""
     scale = np.asarray(scale, dtype=float)
     weight = np.zeros(len(scale)) if weight is None else np.asarray(weight)
-    priors = Priors(scale, weight, np.full(len(scale), from_zero) & (np.arange(len(scale)) < len(scale) - 1))
-    likelihood = Likelihood([contrasts], np.asarray(group), np.zeros(len(group), bool), priors)
+    heavy = np.full(len(scale), from_zero) & (np.arange(len(scale)) < len(scale) - 1)
+    likelihood = Likelihood([contrasts], np.asarray(group), np.zeros(len(group), bool), scale, weight, heavy)
     return np.exp(likelihood.maximum()), likelihood
 
 
@@ -89,7 +89,7 @@ def test_the_likelihood_of_correlation_and_share_is_the_normal_density_of_contra
     rng = np.random.default_rng(6)
     n, k = 40, 20
     fixed, cell, random = rng.normal(size=(n, 3)), np.arange(n) % 15, rng.normal(size=(n, 4))
-    chain = Chain(np.maximum(np.arange(n) - 1, 0), np.arange(n) == 0, np.ones(n))
+    chain = Chain(np.maximum(np.arange(n) - 1, 0), np.where(np.arange(n) == 0, np.inf, 1.0))
     y = rng.normal(size=n)
     design = design_of(y, fixed, random, cell, chain)
     free = np.linalg.svd(fixed, full_matrices=True)[0][:, 3:]  # an orthonormal basis of what fixed columns leave
@@ -102,8 +102,8 @@ def test_the_likelihood_of_correlation_and_share_is_the_normal_density_of_contra
 
     def cost(memory, share, size):
         contrasts = design.contrasts(memory, share)
-        priors = Priors(np.ones(2), np.zeros(2), np.zeros(2, bool))
-        likelihood = Likelihood([contrasts], np.zeros(4, int), np.zeros(4, bool), priors)
+        priors = np.ones(2), np.zeros(2), np.zeros(2, bool)
+        likelihood = Likelihood([contrasts], np.zeros(4, int), np.zeros(4, bool), *priors)
         return contrasts.log_det + likelihood.cost(np.log([size**2, 1.0]))
 
     found = cost(k, share, 0.7) - cost(0, 0, 0.2)
@@ -114,8 +114,8 @@ def test_cost_slope_and_curvature_are_those_of_the_normal_density_of_all_channel
     """Two channels of a mount's errors of first and second order, and of runs."""
     rng, group, second = np.random.default_rng(0), np.array([0, 0, 1, 1, 1, 0, 0]), np.repeat([False, True], [5, 2])
     channels = [Contrasts(3.0 * k, 20.0 + k, rng.normal(size=6 + k), rng.normal(size=(6 + k, 7))) for k in (1, 2)]
-    priors = Priors(np.array([0.5, 0.4, 1.0, 1.0]), np.array([0.0, 0.0, 5.0, 0.0]), np.arange(4) < 2)
-    likelihood = Likelihood(channels, group, second, priors)
+    scale, weight = np.array([0.5, 0.4, 1.0, 1.0]), np.array([0.0, 0.0, 5.0, 0.0])
+    likelihood = Likelihood(channels, group, second, scale, weight, np.arange(4) < 2)
     columns, along = np.vstack([c.columns for c in channels]), np.concatenate([c.along for c in channels])
     of = np.repeat([0, 1], [7, 8])
 
@@ -126,7 +126,8 @@ def test_cost_slope_and_curvature_are_those_of_the_normal_density_of_all_channel
     def density(x):
         total = covariance(x)
         own = sum(c.free * x[2 + k] + c.square * np.exp(-x[2 + k]) for k, c in enumerate(channels))
-        return own + np.linalg.slogdet(total)[1] + along @ np.linalg.solve(total, along) + priors.cost(x)[0]
+        prior = np.sum(2.0 * np.log1p(np.exp(x) / scale)[:2]) + 5.0 * (x[2] + np.exp(-x[2]) - 1.0)
+        return own + np.linalg.slogdet(total)[1] + along @ np.linalg.solve(total, along) + prior
 
     x, steps = np.array([-0.3, 0.4, 0.2, -0.5]), 1e-5 * np.eye(4)
     assert likelihood.cost(x) == pytest.approx(density(x), rel=1e-12)
@@ -134,7 +135,8 @@ def test_cost_slope_and_curvature_are_those_of_the_normal_density_of_all_channel
     np.testing.assert_allclose(slope, [(density(x + e) - density(x - e)) / 2e-5 for e in steps], atol=1e-7)
     changes = [np.linalg.solve(covariance(x), (covariance(x + e) - covariance(x - e)) / 2e-5) for e in steps]
     expected = np.array([[np.trace(a @ b) for b in changes] for a in changes])
-    expected += np.diag([0.0, 0.0, *(c.free for c in channels)]) + np.diag(priors.cost(x)[2])
+    ratio = np.exp(x[:2]) / scale[:2]
+    expected += np.diag([*(2.0 * ratio / (1.0 + ratio) ** 2), 5.0 + channels[0].free, channels[1].free])
     np.testing.assert_allclose(curvature, expected, atol=1e-7)
 
 
@@ -219,7 +221,7 @@ def test_the_map_to_independent_readings_is_an_inverse_root_of_their_covariance(
     noise = replace(estimate_noise(observations), rho=rho, run=np.zeros(4), mount_m=0.0, stop_m=50e-6)
     run, channel = observations.column("run"), observations.channel
     each = (run[:, None] == run) & (channel[:, None] == channel)
-    between = np.abs(places(observations)[:, None] - places(observations))
+    between = np.abs(observations.column("order")[:, None] - observations.column("order"))
     sigma = noise.sigma[channel]
     covariance = np.where(each, rho[channel][:, None] ** between, 0.0) * np.outer(sigma, sigma)
     for number, size in setting_errors(observations, noise.stop_m):

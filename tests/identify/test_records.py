@@ -21,23 +21,16 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.series.balances import (
-    EddiesAlong,
-    RememberedPoints,
-    induced_along,
-    model_readings,
-    model_rests,
-    pull_of,
-    states_along,
-)
 from femfit.identify.series.measured import SensorNoise, propagated
+from femfit.identify.series.motion import Induced, Motion, model_side, states_along
 from femfit.identify.series.observations import series_observations
 from femfit.identify.series.samples import between_samples, held_from, take_samples
-from femfit.identify.series.views import local_polynomials, sensor_view
-from femfit.identify.series.weights import Windows, lay_windows, window_weights
+from femfit.identify.series.views import sensor_view
+from femfit.identify.series.weights import Windows, lay_windows, local_polynomials, window_weights
 from femfit.identify.signatures import why_untestable
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyMagnetics
+from femfit.model.magnetics import MagneticState
 from femfit.model.with_effects import nominal_of, with_effects
 from support.campaign import hidden, without
 from support.closed_loop import closed_loop, recorded
@@ -197,14 +190,14 @@ def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, loop
 def test_rests_are_read_without_a_field_as_they_are_beside_other_sensors():
     model, record = solenoid(), logged([switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)])
     samples = take_samples(model, record)
-    view = sensor_view(samples, lay_windows(model, samples), nominal_of(model))
-    points = RememberedPoints(model)
+    windows = lay_windows(model, samples)
+    view = sensor_view(model, replace(samples, rows=samples.rows[samples["usable"]]), windows, nominal_of(model))
     effects = [hidden("stop_position", near=0.01, far=-0.02), hidden("distance_offset", offset_m=1e-5)]
-    alone = model_rests(points, view.motion, view.weights, effects)
-    assert not points.known  # no field was worked out
-    np.testing.assert_array_equal(
-        alone["rest_distance_m"], model_readings(points, view.motion, view.weights, effects)["rest_distance_m"]
-    )
+    weights = dict.fromkeys(("rest_distance_m", "force_N"), view.weights)
+    alone = model_side(view.motion, {"rest_distance_m": view.weights}, effects)
+    assert not view.motion._kept  # no field was worked out
+    beside = model_side(view.motion, weights, effects)
+    np.testing.assert_array_equal(alone["rest_distance_m"], beside["rest_distance_m"])
 
 
 EVEN = np.linspace(0.0, 1.0, 201)
@@ -240,13 +233,11 @@ def test_windows_with_a_gap_or_too_few_samples_are_not_valid():
 def test_local_polynomials_are_exact_up_to_their_degree_and_may_look_back_alone():
     nodes = np.array([0.0, 0.41, 0.8])
     cubic = np.polynomial.Polynomial([1.0, 2.0, -3.0, 4.0])
-    segment, known = everywhere(UNEVEN)
-    options = {"centre_s": nodes, "behind_s": 0.1, "ahead_s": 0.1, "degree": 3}
-    level, slope = local_polynomials(nodes, segment[:3], UNEVEN, segment, known, **options)
+    segment, _ = everywhere(UNEVEN)
+    level, slope = local_polynomials(nodes, segment[:3], UNEVEN, segment, nodes, (0.1, 0.1), 3)
     np.testing.assert_allclose(level @ cubic(UNEVEN), cubic(nodes), rtol=1e-8)
     np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes), rtol=1e-6)
-    options = {"centre_s": nodes[1:] - 0.05, "behind_s": 0.2, "ahead_s": 0.0, "degree": 3}
-    level, slope = local_polynomials(nodes[1:], segment[:2], UNEVEN, segment, known, **options)
+    level, slope = local_polynomials(nodes[1:], segment[:2], UNEVEN, segment, nodes[1:] - 0.05, (0.2, 0.0), 3)
     np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes[1:]), rtol=1e-6)
     assert UNEVEN[level[[0]].indices].max() <= 0.36
 
@@ -266,7 +257,7 @@ def test_the_error_of_a_coarse_converter_does_not_average_until_noise_dithers_it
             values = np.round(level + sigma * generator.standard_normal(400))
             draws.append(float((mean @ values)[0]) - level)
         white = np.hypot(sigma, 1.0 / np.sqrt(12.0))
-        said = propagated(mean, (mean, SensorNoise(white, 1.0, values)))
+        said = propagated(mean, {"hall_V": SensorNoise(white, 1.0, values)}, {"hall_V": mean})
         errors[sigma] = np.std(draws), float(said[0])
     for seen, said in errors.values():
         assert said == pytest.approx(seen, rel=0.15)  # 300 draws
@@ -281,7 +272,9 @@ def test_states_along_a_motion_follow_their_equation(levitation_model):
     first = np.zeros(2001, dtype=bool)
     first[[0, 1200]] = True
     still = np.zeros(2001)
-    states = states_along(added, time, still + 0.02, current, still, Conditions(nominal), first)
+    none = np.zeros((2001, 0))
+    motion = Motion(levitation_model, time, first, still + 0.02, current[:, None], none, Conditions(nominal))
+    states = states_along(added, motion, motion.distance_m, current, still)
     seen = states["eddy_ring"] * nominal.peak_current_A
     # x' = i' - x / tau from rest, integrated by hand
     ramp = np.diff(current) * np.exp(-0.5 * 0.25e-3 / 0.02)
@@ -366,11 +359,12 @@ def test_an_edge_still_shows_an_inductance_that_the_model_lacks(held_rig, at_sam
 
 def test_a_command_that_changes_from_sample_to_sample_is_held_between_them(held_rig, at_samples):
     samples = take_samples(held_rig, at_samples)
-    volts, held = samples.columns["voltage_V"], held_from(samples, 0)
+    volts, held = samples["voltage_V"], held_from(samples, 0)
     mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     np.testing.assert_allclose(error, np.append(np.diff(volts), 0.0) ** 2 / 3.0)
-    volts += 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
+    volts = volts + 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
+    samples = replace(samples, rows=samples.rows.assign(voltage_V=volts))
     mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
     np.testing.assert_array_equal(mean, volts)
     assert not error.any()
@@ -495,13 +489,11 @@ def test_a_magnet_without_a_circuit_is_braked_by_what_its_motion_induces():
     eddy, velocity = eddies((), (2e-3, 5e-3)), 1e-3
     time = np.linspace(0.0, 0.1, 401)
     distance, still = 0.02 + velocity * time, np.zeros((len(time), 1))
-    along = EddiesAlong.at(eddy, distance)
-    induced = induced_along(along, time, time == 0.0, still, still[..., None])
-    slope = along.rising.flux_linkage[-1]
-    assert pull_of(along, still, induced)[-1] == pytest.approx(
-        velocity * (slope**2 / eddy.resistances_ohm).sum(), rel=1e-3
-    )
-    assert not along.acting(still, induced).any()
+    state = MagneticState(np.zeros(401), still, still[..., None], flux_linkage=still)
+    induced = Induced.along(eddy, eddy.forms(distance, 0, 1), time, time == 0.0, state)
+    slope = induced.rising.flux_linkage[-1]
+    assert induced.pull(still)[-1] == pytest.approx(velocity * (slope**2 / eddy.resistances_ohm).sum(), rel=1e-3)
+    assert not induced.acting(still).any()
 
 
 def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(model, loops):
@@ -511,8 +503,8 @@ def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(mo
     volts = series.rows["hall_V"]
     limited = np.minimum(volts + 4.999 - volts.median(), 4.999)
     samples = take_samples(analogue, replace(series, rows=series.rows.assign(hall_V=limited)))
-    assert np.isnan(samples.columns["hall_V"][limited == 4.999]).all()
-    assert np.isfinite(take_samples(analogue, series).columns["hall_V"]).all()
+    assert np.isnan(samples["hall_V"][limited == 4.999]).all()
+    assert np.isfinite(take_samples(analogue, series)["hall_V"]).all()
     assert "clipped" in {finding.code for finding in samples.findings}
 
 

@@ -172,10 +172,10 @@ def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
     np.testing.assert_array_equal(
         again.full(again.observations.residual), whitening.full(whitening.observations.residual)
     )
-    basis, columns = found.campaign.patterns.groups[0].basis, found.campaign.unknown
+    basis, columns = found.campaign.patterns.groups[0][0], found.campaign.unknown
     campaign = unpickled(found.campaign)
     assert not {"patterns", "unknown", "blocks"} & set(vars(campaign))
-    np.testing.assert_array_equal(campaign.patterns.groups[0].basis, basis)
+    np.testing.assert_array_equal(campaign.patterns.groups[0][0], basis)
     np.testing.assert_array_equal(campaign.unknown, columns)
     assert found.decision.fits
 

@@ -12,8 +12,9 @@ References
 N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: pure error.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy import sparse
@@ -23,6 +24,7 @@ from scipy.sparse.linalg import splu
 from femfit.core.numerics import FloatArray, IntArray, root_beside_one
 from femfit.identify.constants import (
     CORRELATIONS,
+    EXACT,
     LARGEST_CORRELATION,
     LARGEST_SHARE,
     LEAST_REPEATS,
@@ -37,59 +39,78 @@ from femfit.identify.noise.likelihood import Contrasts
 from femfit.identify.noise.whitening import Chain, chain_of, orthonormal_basis, random_effects
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import smooth_patterns
-from femfit.identify.settings import setting_cells
+from femfit.identify.settings import quantisation_step, setting_cells
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelDesign:
-    """The readings of a channel, less what the model predicts, and what else differs between them."""
+    """The readings of a channel, less what the model predicts, what else differs between them, and what is declared."""
 
     cell: IntArray  # The setting of each reading, from 0; shape (n,)
     fixed: FloatArray  # Orthonormal columns that are taken out, shape (n, f)
     random: FloatArray  # Columns of mounts, runs and stops, shape (n, q)
     chain: Chain
-    weight: FloatArray  # 1 over the standard deviation of each reading, over that of the channel; shape (n,)
+    made: FloatArray  # Variance by errors of the settings that are weighed as if each row had its own; shape (n,)
     residual: FloatArray  # Shape (n,)
+    resolution: float = 0.0  # Standard deviation that rounding makes
+    repeats: int = 0  # Readings beside the first of each setting, where they are enough to say a noise
+    sigma: float = 0.0  # Against which errors of the settings are weighed; 0 where all readings have one weight
+    declared: float = np.nan  # Standard deviation of a reading; NaN where nothing declares it
+    counts_like: float = 0.0  # So many readings
+    source: str = ""
+    place: tuple[int, int] = (0, 0)  # Numbers of the correlation and of the setting's share
     kept: dict[tuple[int, int], Contrasts] = field(default_factory=dict)
 
     @property
-    def repeats(self) -> int:
-        """Readings beside the first of each setting."""
-        return len(self.cell) - int(self.cell.max()) - 1
+    def _weight(self) -> FloatArray:
+        """1 over the standard deviation of each reading, over that of the channel; shape (n,)."""
+        return 1.0 / np.sqrt(1.0 + self.made / self.sigma**2) if self.sigma else np.ones(len(self.made))
 
     @property
     def variance(self) -> float:
-        """Of a reading, were all readings independent."""
-        return self.contrasts(0, 0).square / max(self.contrasts(0, 0).free, 1)
+        """Of a reading, random effects taken for fixed."""
+        contrasts, known = self.contrasts(*self.place), self.counts_like * self.declared**2 if self.counts_like else 0.0
+        return (known + contrasts.square) / (self.counts_like + max(contrasts.free, 1.0))
 
-    def likeliest(self, ratio: FloatArray, *, shared: bool) -> tuple[int, int]:
-        """Numbers of the correlation and of the setting's share that are likeliest.
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Of the variance, counted in independent readings; infinite where it is known.
 
-        Parameters
-        ----------
-        ratio : array, shape (q,)
-            Standard deviations of the random effects over that of a reading.
-        shared : bool
-            Whether a setting has a share.
+        Readings that follow each other by the correlation rho say it only as well as (1 - rho^2) / (1 + rho^2) times as
+        many independent ones; and slow patterns have (1 + rho) / (1 - rho) of it, which rho's own uncertainty,
+        (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance, and by 8 rho of these more since a
+        large correlation goes with a large variance.
         """
+        rho, free = rho_of(self.place[0]), max(self.contrasts(*self.place).free, 1.0)
+        if self.counts_like == EXACT:
+            return np.inf
+        independent = self.counts_like + free * (1.0 - rho**2) / (1.0 + rho**2)
+        return 1.0 / ((2.0 + 4.0 * rho) * (rho > 0.0) / ((1.0 - rho**2) * free) + 1.0 / independent)
+
+    def likeliest(self, ratio: FloatArray) -> Self:
+        """With the likeliest correlation and share of the setting where random effects are (q,) times a reading's.
+
+        Repeats, or a declaration, tell what a setting has from what a reading has; that is a misfit and no noise.
+        """
+        shared = bool(self.repeats or self.counts_like)
         most, best, step = (self._most_correlation, SHARES * shared), (0, 0), 8
         while step:
             near = [(best[0] + a * step, best[1] + b * step) for a, b in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
             tried = [(a, b) for a, b in near if 0 <= a <= most[0] and 0 <= b <= most[1]]
             better = min(tried, key=lambda place: self._whole_cost(place, ratio))
             best, step = (better, step) if better != best else (best, step // 2)
-        return best
+        return replace(self, place=best)
 
-    def mean_correlation(self, place: tuple[int, int], ratio: FloatArray) -> float:
+    def mean_correlation(self, ratio: FloatArray) -> float:
         """The correlation by which slow patterns scatter as they do over its posterior.
 
         They have (1 + rho) / (1 - rho) = exp(2 a) of the variance of independent readings, a = artanh(rho); few
         readings say little of it, and none that it is zero.
         """
-        around = range(place[0] % 4, self._most_correlation + 1, 4)
+        around = range(self.place[0] % 4, self._most_correlation + 1, 4)
         if len(around) < 2:
-            return rho_of(place[0])
-        costs = np.array([self._whole_cost((k, place[1]), ratio) for k in around])
+            return rho_of(self.place[0])
+        costs = np.array([self._whole_cost((k, self.place[1]), ratio) for k in around])
         a = np.arctanh([rho_of(k) for k in around])
         density = np.exp(-0.5 * (costs - costs.min())) * np.cosh(a)  # the prior is one of sinh(a)
         return float(np.tanh(0.5 * np.log(np.trapezoid(density * np.exp(2.0 * a), a) / np.trapezoid(density, a))))
@@ -97,7 +118,7 @@ class ChannelDesign:
     @property
     def _most_correlation(self) -> int:
         """Number of the largest correlation; 0 where too few readings follow each other."""
-        return CORRELATIONS if np.count_nonzero(~self.chain.first) >= LEAST_REPEATS else 0
+        return CORRELATIONS if np.isfinite(self.chain.gap).sum() >= LEAST_REPEATS else 0
 
     def _whole_cost(self, place: tuple[int, int], ratio: FloatArray) -> float:
         """-2 log of likelihood and prior at numbers of the correlation and of the share, the variance the likeliest.
@@ -114,7 +135,7 @@ class ChannelDesign:
         return free * float(np.log(max(square, 1e-300))) + log_det + self.cost(place)
 
     def cost(self, place: tuple[int, int]) -> float:
-        """What -2 log of likelihood and prior have of a correlation and a share beside that of the variances."""
+        """What -2 log of likelihood and prior have of a correlation and a share, beside that of the variances."""
         rho, share = rho_of(place[0]), share_of(place[1])
         memory = rho / np.sqrt(1.0 - rho**2)
         prior = 2.0 * np.log1p((memory / PRIOR_MEMORY) ** 2) + 2.0 * np.log1p((share / PRIOR_SHARE) ** 2)
@@ -134,7 +155,7 @@ class ChannelDesign:
         """
         size = np.linalg.norm(self.random, axis=0)
         moving = self.random[:, size > 0.0] / size[size > 0.0]
-        basis, random = orthonormal_basis(self.fixed * self.weight[:, None]), moving * self.weight[:, None]
+        basis, random = orthonormal_basis(self.fixed * self._weight[:, None]), moving * self._weight[:, None]
         beyond = random - basis @ (basis.T @ random)
         rank = int(np.count_nonzero(np.linalg.eigvalsh(beyond.T @ beyond) > SPANNED_SQUARE))
         return np.concatenate([self.fixed, moving, self.residual[:, None]], axis=1), size, rank
@@ -142,7 +163,7 @@ class ChannelDesign:
     def _contrasts(self, rho: float, share: float) -> Contrasts:
         """Least squares of readings with correlated noise: settings by a sparse factor, others by their products."""
         serial, (columns, size, rank), n = self.chain.whitening(rho), self._columns, len(self.cell)
-        whitening = serial @ sparse.diags_array(self.weight)
+        whitening = serial @ sparse.diags_array(self._weight)
         white = whitening @ columns
         products, log_det = white.T @ white, -2.0 * float(np.log(serial.diagonal()).sum())
         if share:
@@ -178,30 +199,31 @@ def share_of(k: int) -> float:
     return LEAST_SHARE * (LARGEST_SHARE / LEAST_SHARE) ** ((k - 1) / (SHARES - 1)) if k else 0.0
 
 
-def channel_design(observations: Observations, c: int, sigma: float = 0.0) -> ChannelDesign:
-    """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0."""
-    here = np.flatnonzero(observations.channel == c)
+def channel_design(observations: Observations, c: int) -> ChannelDesign:
+    """The design of a channel that has readings, of which nothing is declared."""
+    here, effects, patterns = (
+        np.flatnonzero(observations.channel == c),
+        random_effects(observations),
+        smooth_patterns(observations),
+    )
     cell = np.unique(setting_cells(observations)[here], return_inverse=True)[1]
-    effects = random_effects(observations)
-    made = made_by_settings(observations, c)
-    weight = 1.0 / np.sqrt(1.0 + made / sigma**2) if sigma else np.ones(len(here))
-    patterns = smooth_patterns(observations)
-    numbers = np.flatnonzero(patterns.channel == c)[: max(1, int(OF_SETTINGS * (int(cell.max()) + 1)))]
+    settings = int(cell.max()) + 1
+    numbers = np.flatnonzero(patterns.channel == c)[: max(1, int(OF_SETTINGS * settings))]
     # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it, or an
     # error of the stage that every run meets at the same place
     common = np.stack([observations.distance_slope[here], observations.distance_curvature[here]], axis=1)
     distance, stops_repeat = observations.column("distance_m")[here], effects.differences[-1] > 0.0
     places = (distance[:, None] == np.unique(distance)[: len(distance) * stops_repeat]) * common[:, :1]
-    fixed = orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1))
-    random = effects.columns[here] * (effects.differences > 0.0)[effects.group]
-    return ChannelDesign(cell, fixed, random, chain_of(observations, here), weight, observations.residual[here])
-
-
-def made_by_settings(observations: Observations, c: int) -> FloatArray:
-    """Variance of each reading of a channel by errors of its settings that are weighed as if each row had its own.
-
-    Those of stops of the stage are not among them where they have columns.
-    """
-    has_columns = random_effects(observations).differences[-1] > 0.0
-    columns = observations.setting_columns[observations.channel == c, int(has_columns) :]
-    return np.asarray(np.sum(columns**2, axis=1))
+    # Windows of a record that share a setting share no motion, and what their edges of a command are off by
+    repeats = 0 if observations.in_motion else len(cell) - settings
+    return ChannelDesign(
+        cell,
+        fixed=orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1)),
+        random=effects.columns[here] * (effects.differences > 0.0)[effects.group],
+        chain=chain_of(observations).of(here),
+        # Those of stops of the stage have columns, if any
+        made=np.sum(observations.setting_columns[here, int(stops_repeat) :] ** 2, axis=1),
+        residual=observations.residual[here],
+        resolution=quantisation_step(observations.value[here]) / np.sqrt(12.0),
+        repeats=repeats if repeats >= LEAST_REPEATS else 0,
+    )

@@ -50,31 +50,16 @@ class Contrasts:
 
 
 @dataclass(frozen=True, eq=False)
-class Priors:
-    """What is known of variances beforehand, each of shape (K + C,)."""
-
-    scale: FloatArray
-    weight: FloatArray  # Readings that a declared one counts like; 0 for none
-    from_zero: BoolArray  # Whether the prior is half-Cauchy, and ``weight`` has no meaning
-
-    def cost(self, x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """-2 log of the prior at log variances x, its slope and its expected curvature."""
-        ratio = np.exp(x) / self.scale
-        heavy = np.sum(2.0 * np.log1p(ratio[self.from_zero]))
-        chi = np.where(self.from_zero, 0.0, self.weight)
-        slope = np.where(self.from_zero, 2.0 * ratio / (1.0 + ratio), chi * (1.0 - 1.0 / ratio))
-        curvature = np.where(self.from_zero, 2.0 * ratio / (1.0 + ratio) ** 2, chi)
-        return float(heavy + np.sum(chi * (np.log(ratio) + 1.0 / ratio - 1.0))), slope, curvature
-
-
-@dataclass(frozen=True, eq=False)
 class Likelihood:
     """The likelihood of variances: first those of the random effects, then of the channels."""
 
     channels: Sequence[Contrasts]
     group: IntArray  # Number of the variance, 0 to K - 1, that each random effect's column has; shape (q,)
     second: BoolArray  # Whether its effect is the square of one of that variance; shape (q,)
-    priors: Priors
+    # Known beforehand of each variance; shape (K + C,)
+    scale: FloatArray
+    weight: FloatArray  # Readings that a declared one counts like; 0 for none
+    from_zero: BoolArray  # Whether the prior is half-Cauchy, and ``weight`` has no meaning
 
     def maximum(self, *near: FloatArray) -> FloatArray:
         """Log variances (K + C,) where it is the largest; those that end far below their scale are none.
@@ -82,13 +67,12 @@ class Likelihood:
         It is sought from places near it; without any from where the priors are and from ten times as large standard
         deviations: a large effect may be given to another one at first.
         """
-        scale = np.log(self.priors.scale)
-        usual = [scale + factor * self.priors.from_zero for factor in (0.0, np.log(100.0))]
-        ends = [self._climbed(start) for start in near or usual]
-        return min(ends, key=self.cost)
+        scale = np.log(self.scale)
+        usual = [scale + factor * self.from_zero for factor in (0.0, np.log(100.0))]
+        return min((self._climbed(start) for start in near or usual), key=self.cost)
 
     def _climbed(self, x: FloatArray) -> FloatArray:
-        low, cost = np.log(self.priors.scale) + np.log(NO_VARIANCE), self.cost(x)
+        low, cost = np.log(self.scale) + np.log(NO_VARIANCE), self.cost(x)
         for _ in range(SEARCH_STEPS):
             slope, curvature = self(x)
             free = (x > low + 1e-9) | (slope < 0.0)
@@ -117,9 +101,9 @@ class Likelihood:
         Up to a largest one, without which a half-Cauchy prior has no mean where the readings say next to nothing. Of a
         declared one the likeliest: it stands where the readings say nothing.
         """
-        if not self.priors.from_zero[k]:
+        if not self.from_zero[k]:
             return float(np.exp(x[k]))
-        largest = max(x[k], np.log(self.priors.scale[k])) + 2.0 * np.log(LARGEST_UNSEEN)
+        largest = max(x[k], np.log(self.scale[k])) + 2.0 * np.log(LARGEST_UNSEEN)
         tried = np.linspace(largest - np.log(512.0**2), largest, VARIANCES_TRIED)
         costs = np.array([self.cost(np.array([*x[:k], value, *x[k + 1 :]])) for value in tried])
         density = np.exp(-0.5 * (costs - costs.min()) + 0.5 * (tried - largest))  # of it, over its logarithm
@@ -148,13 +132,20 @@ class Likelihood:
         inverse = root[:, None] * cho_solve((lower, True), np.diag(root), check_finite=False)
         return total, vector, inverse, 2.0 * float(np.log(np.diag(lower)).sum())
 
+    def _prior(self, x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """-2 log of the prior at log variances x, its slope and its expected curvature."""
+        ratio, counted = np.exp(x) / self.scale, np.where(self.from_zero, 0.0, self.weight)
+        cost = np.sum(2.0 * self.from_zero * np.log1p(ratio) + counted * (np.log(ratio) + 1.0 / ratio - 1.0))
+        slope = np.where(self.from_zero, 2.0 * ratio / (1.0 + ratio), counted * (1.0 - 1.0 / ratio))
+        return float(cost), slope, np.where(self.from_zero, 2.0 * ratio / (1.0 + ratio) ** 2, counted)
+
     def cost(self, x: FloatArray) -> float:
         """-2 log of likelihood and prior at log variances x."""
         _, _, square, free = self._products
         _, vector, inverse, log_det = self._solved(x)
         of_channels = x[len(x) - len(self.channels) :]
         own = free @ of_channels + square @ np.exp(-of_channels)
-        return float(own + log_det - vector @ inverse @ vector + self.priors.cost(x)[0])
+        return float(own + log_det - vector @ inverse @ vector + self._prior(x)[0])
 
     def __call__(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slope and expected curvature of the cost at log variances x."""
@@ -171,7 +162,7 @@ class Likelihood:
         left = square - 2.0 * along @ mean + np.einsum("i,cij,j->c", mean, gram, mean)
         of_effects = change * (np.diag(inner) - outer**2)
         of_channels = free * precision - precision**2 * (trace + left)
-        _, prior_slope, prior_curvature = self.priors.cost(x)
+        _, prior_slope, prior_curvature = self._prior(x)
         slope = np.concatenate([in_group.T @ of_effects, of_channels]) * variance + prior_slope
         effects = in_group.T @ (np.outer(change, change) * inner**2) @ in_group
         squares = np.sum(beyond * (gram @ beyond), axis=1)  # of T beyond R M, column by column

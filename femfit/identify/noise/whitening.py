@@ -9,17 +9,17 @@ S. R. Searle, G. Casella and C. E. McCulloch, Variance Components (Wiley, 1992),
 G. E. P. Box, G. M. Jenkins and G. C. Reinsel, Time Series Analysis (Wiley, 2008), section 3.2: AR(1).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import MOST_STOPS, SAME_SETTING
-from femfit.identify.noise.shared_errors import SharedErrors
 from femfit.identify.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.patterns import own_misfit_columns
 from femfit.identify.settings import levels, setting_cells
@@ -29,13 +29,16 @@ from femfit.identify.settings import levels, setting_cells
 class Chain:
     """Each reading's predecessor in its run, among the readings that are used."""
 
-    before: IntArray  # Its own number where there is none; shape (n,)
-    first: BoolArray  # Whether there is none; shape (n,)
-    gap: FloatArray  # Readings since then, at least 1; shape (n,)
+    before: IntArray  # Any where there is none; shape (n,)
+    gap: FloatArray  # Readings since then, at least 1; infinite where there is none; shape (n,)
+
+    def of(self, here: IntArray) -> "Chain":
+        """The chain of some readings (m,), ascending, among which each has its predecessor."""
+        return Chain(np.searchsorted(here, self.before[here]), self.gap[here])
 
     def whitening(self, rho: FloatArray | float) -> sparse.csr_array:
         """The matrix W that makes readings independent which follow each other by a correlation, shape (n, n)."""
-        share, rows = np.where(self.first, 0.0, rho**self.gap), np.arange(len(self.gap))
+        share, rows = rho**self.gap, np.arange(len(self.gap))
         root = np.sqrt(1.0 - share**2)
         place = np.concatenate([rows, rows]), np.concatenate([rows, self.before])
         return sparse.csr_array((np.concatenate([1.0 / root, -share / root]), place), shape=(len(rows), len(rows)))
@@ -88,33 +91,20 @@ def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntA
 
 
 @once_for_settings
-def places(observations: Observations) -> FloatArray:
-    """Place of each reading along its channel, run after run in their sequence, shape (M,).
+def chain_of(observations: Observations) -> Chain:
+    """Link the readings that follow each other in a channel and run.
 
-    Readings that are missing between two count where a clock tells them.
+    Readings that are missing between two count where a clock tells them. Windows of a record share no samples: none
+    follows another one, and what lasts from one to the next is a misfit.
     """
     channel, run, order = observations.channel, observations.column("run"), sequence(observations)
+    before, gap = np.arange(len(run)), np.full(len(run), np.inf)
     sorting = np.lexsort((order, run, channel))
-    same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
-    steps = np.diff(order[sorting])
-    counted = observations.clocked and same.any() and np.median(steps[same]) == 1.0
-    place = np.zeros(len(run))
-    place[sorting[1:]] = np.cumsum(np.where(same & counted, np.maximum(steps, 1.0), 1.0))
-    return place
-
-
-def chain_of(observations: Observations, here: IntArray) -> Chain:
-    """Link those of some readings that follow each other in a channel and run.
-
-    Windows of a record share no samples: none follows another one, and what lasts from one to the next is a misfit.
-    """
-    channel, run, place = observations.channel[here], observations.column("run")[here], places(observations)[here]
-    sorting = np.argsort(place)
     same = (np.diff(channel[sorting]) == 0) & (np.diff(run[sorting]) == 0) & (not observations.in_motion)
-    later, before, gap = sorting[1:][same], np.arange(len(here)), np.ones(len(here))
+    steps, later = np.diff(order[sorting])[same], sorting[1:][same]
     before[later] = sorting[:-1][same]
-    gap[later] = np.diff(place[sorting])[same]
-    return Chain(before, before == np.arange(len(here)), gap)
+    gap[later] = np.maximum(steps, 1.0) if observations.clocked and len(later) and np.median(steps) == 1.0 else 1.0
+    return Chain(before, gap)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,14 +158,11 @@ def random_effects(observations: Observations) -> RandomEffects:
     )
 
 
-def random_columns(observations: Observations, mount_m: float, run: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Columns of mounts and runs, shape (M, q), and the standard deviation of each, shape (q,).
-
-    The offsets of a channel's runs scatter by ``run``, of shape (channels,).
-    """
+def random_columns(observations: Observations, mount_m: float, run: FloatArray) -> FloatArray:
+    """Columns of mounts and runs, each by one standard deviation, shape (M, q); offsets of runs have ``run``."""
     effects = random_effects(observations)
     deviations = effects.deviations(np.array([mount_m, *run, 0.0]))
-    return effects.columns[:, deviations > 0.0], deviations[deviations > 0.0]
+    return effects.columns[:, deviations > 0.0] * deviations[deviations > 0.0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,11 +221,10 @@ class Whitening(WithoutCache):
     @cached_property
     def along_runs(self) -> sparse.csr_array:
         """The map of readings that follow each other in a run, shape (M, M)."""
-        channel = self.observations.channel
-        return chain_of(self.observations, np.arange(len(channel))).whitening(self.noise.rho[channel])
+        return chain_of(self.observations).whitening(self.noise.rho[self.observations.channel])
 
     @cached_property
-    def _of_settings(self) -> SharedErrors:
+    def _of_settings(self) -> Callable[[FloatArray], FloatArray]:
         """What errors of the settings make, once readings are independent along the runs."""
         observations = self.observations
         errors = setting_errors(observations, self.noise.stop_m)
@@ -248,34 +234,56 @@ class Whitening(WithoutCache):
             each = setting_cells(observations) * len(observations.channels) + observations.channel
             errors.append((np.unique(each, return_inverse=True)[1], observations.tolerance))
         rows, sigma = np.arange(len(observations.value)), self.noise.sigma[observations.channel]
-        columns = [sparse.csr_array((len(rows), 0))]
-        columns += [sparse.csr_array((size / sigma, (rows, number))) for number, size in errors]
-        return SharedErrors(self.along_runs @ sparse.hstack(columns, format="csr"))
+        columns = [sparse.csr_array((size / sigma, (rows, number))) for number, size in errors]
+        if not columns:
+            return np.asarray
+        return without_shared(self.along_runs @ sparse.hstack(columns, format="csr"))
 
     def serial(self, x: FloatArray) -> FloatArray:
         """Only the noise of each setting and along the runs whitened, for x of shape (M,) or (M, k)."""
         scaled = (x.T / self.noise.sigma[self.observations.channel]).T
-        return self._of_settings.whitened(np.asarray(self.along_runs @ scaled))
+        return self._of_settings(np.asarray(self.along_runs @ scaled))
 
     @cached_property
     def _random(self) -> FloatArray:
         """Array V, shape (M, n), of random effects beside errors of settings: whitened readings x become x - V V' x."""
-        columns, deviations = random_columns(self.observations, self.noise.mount_m, self.noise.run)
-        columns = columns * deviations
+        columns = random_columns(self.observations, self.noise.mount_m, self.noise.run)
         if self.misfit is not None:
             columns = np.concatenate([columns, self.misfit], axis=1)
         if not columns.shape[1]:
             return columns
         columns = self.serial(columns)
         squares, vectors = np.linalg.eigh(columns.T @ columns)
-        counts = squares > 1e-3  # Less than a thousandth of the noise's own variance: the rest is no noise to speak of
-        squares = squares[counts]
-        return np.asarray(columns @ (vectors[:, counts] * np.sqrt((1.0 - 1.0 / np.sqrt(1.0 + squares)) / squares)))
+        # Of less than a thousandth of the noise's own variance there is none to speak of
+        squares, vectors = squares[squares > 1e-3], vectors[:, squares > 1e-3]
+        return np.asarray(columns @ (vectors * np.sqrt((1.0 - 1.0 / np.sqrt(1.0 + squares)) / squares)))
 
     def full(self, x: FloatArray) -> FloatArray:
         """All of the noise whitened, for x of shape (M,) or (M, k)."""
         serial = self.serial(x)
         return serial - self._random @ (self._random.T @ serial)
+
+
+def without_shared(shared: sparse.csr_array) -> Callable[[FloatArray], FloatArray]:
+    """The map to independent readings of those that share errors and are otherwise independent, of unit variance.
+
+    The covariance is I + H H', with a sparse column of H, shape (M, n), for each error by one standard deviation. With
+    the Cholesky factor L L' = I + H' H, the map T = I - H (I + L')^-1 L^-1 H' has T' T = (I + H H')^-1.
+
+    References
+    ----------
+    A. Andrews, AIAA Journal 6 (1968) 1165: the square root of a covariance that a vector of readings updates.
+    """
+    n = shared.shape[1]
+    normal = (shared.T @ shared + sparse.eye_array(n)).tocsc()
+    # No pivoting: the matrix is positive definite, so that its factors are L and the transpose of L by the pivots
+    symmetric: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    factors = splu(normal, permc_spec="MMD_AT_PLUS_A", **symmetric)
+    lower = factors.L @ sparse.diags_array(np.sqrt(factors.U.diagonal()))
+    triangular = lower, sparse.eye_array(n) + lower.T
+    inverse, beyond = (splu(each.tocsc(), permc_spec="NATURAL", **symmetric) for each in triangular)
+    columns = shared[:, np.argsort(factors.perm_c)]  # in the order of least fill
+    return lambda x: x - np.asarray(columns @ beyond.solve(inverse.solve(columns.T @ x)))
 
 
 def orthonormal_basis(columns: FloatArray) -> FloatArray:

@@ -1,41 +1,33 @@
-"""What a record says in each window, and what the model without any effect says, from every single sample.
+"""What a record says in each window, and how well, from every single sample.
 
 The noise of each sensor's sample becomes one of the balances of short windows.
 
 References
 ----------
 B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008), section 6 (dither).
-J. W. Tukey, Exploratory Data Analysis (Addison-Wesley, 1977), section 2: the median as a measure that few large values
-do not move.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from scipy import sparse
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
-from femfit.device.mechanics import Mechanics
-from femfit.effects.conditions import Nominal
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.friction import REST
-from femfit.estimate.constants import DECISIVE, NORMAL_MEDIAN
+from femfit.estimate.constants import DECISIVE
 from femfit.estimate.record import converter_step, white_noise
-from femfit.identify.constants import LEAST_REPEATS, LEAST_VARIANCE, METHOD_ACCURACY
-from femfit.identify.series.balances import FORCE_BALANCE, EddiesAlong, induced_along, pull_of, voltage_balances
+from femfit.identify.constants import LEAST_REPEATS, METHOD_ACCURACY
+from femfit.identify.series.motion import FORCE_BALANCE, Motion, model_readings, voltage_balances
 from femfit.identify.series.samples import Samples, between_samples, held_from
 from femfit.identify.series.views import View
 from femfit.identify.series.weights import Weights, Windows, held_weights, window_weights
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
-
-
-def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr_array:
-    """Weights of samples that are multiplied by a factor each before they are summed."""
-    return sparse.csr_array(weights.multiply(factor))
+from femfit.model.magnetics import MagneticState
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,263 +40,190 @@ class SensorNoise:
 
 
 def propagated(
-    mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorNoise], further: FloatArray | float = 0.0
+    mean: sparse.csr_array,
+    noise: Mapping[str, SensorNoise],
+    weights: Mapping[str, sparse.csr_array],
+    further: FloatArray | float = 0.0,
 ) -> FloatArray:
-    """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N).
+    """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N), by name.
 
     White noise adds up in squares. The error of a converter whose input hardly moves over a window, whose means have
     the weights ``mean``, is the same in all samples up to a few jumps; noise of the size of a step makes it white
     (dither), motion over several averages it. To these come errors of the variance ``further``, of shape (n,).
     """
     total = np.zeros(mean.shape[0]) + further
-    for weights, sensor in sensors:
-        total += sensor.white**2 * np.asarray(weights.power(2).sum(axis=1)).ravel()
+    for name, own in weights.items():
+        sensor = noise[name]
+        total += sensor.white**2 * np.asarray(own.power(2).sum(axis=1)).ravel()
         if sensor.step:
             values = np.nan_to_num(sensor.values)
             dither = max((sensor.white / sensor.step) ** 2 - 1.0 / 12.0, 0.0)
             spread = (mean @ values**2 - (mean @ values) ** 2) / sensor.step**2 - dither
             moved = 1.0 + 28.0 * np.maximum(spread, 0.0)  # 28: a ramp over k steps has a spread of k^2 / 28
             same = sensor.step**2 / 12.0 * np.exp(-4.0 * np.pi**2 * dither) / moved
-            total += same * _largest_partial_sum(weights) ** 2
+            total += same * _largest_partial_sum(own) ** 2
     return np.asarray(np.sqrt(total))
 
 
 def _largest_partial_sum(weights: sparse.csr_array) -> FloatArray:
     """Largest magnitude that the weights of a row add up to on the way: what a jump between two samples changes."""
-    result = np.zeros(weights.shape[0])
-    for k, (start, stop) in enumerate(pairwise(weights.indptr)):
-        if stop > start:
-            order = np.argsort(weights.indices[start:stop])
-            result[k] = np.abs(np.cumsum(weights.data[start:stop][order])).max()
-    return result
-
-
-def successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArray) -> float:
-    """Standard deviation from the median difference of successive windows; NaN for fewer than twelve.
-
-    The windows ``follows`` follow the one before them. White noise less its part along patterns that were removed, of
-    this orthonormal basis of shape (n, p), differs from one window to the next by a variance of 2 less the squared
-    difference of the basis' rows.
-    """
-    if len(follows) < LEAST_REPEATS:
-        return float("nan")
-    variance = 2.0 - np.sum((removed[follows] - removed[follows - 1]) ** 2, axis=1)
-    free = variance > LEAST_VARIANCE
-    scaled = (misfit[follows] - misfit[follows - 1])[free] / np.sqrt(variance[free])
-    return float(np.median(np.abs(scaled)) / NORMAL_MEDIAN) if len(scaled) >= LEAST_REPEATS else float("nan")
+    ordered = weights.sorted_indices()
+    rows = (ordered.data[start:stop] for start, stop in pairwise(ordered.indptr))
+    return np.array([np.abs(np.cumsum(row)).max(initial=0.0) for row in rows])
 
 
 @dataclass(frozen=True, eq=False)
-class SampleField:
-    """Magnetics and Hall voltage at the N samples with derivatives in distance and n currents; zero where unusable.
+class Measured:
+    """A channel's windows, and the weights of the model's side of its balance, valid where samples are enough.
 
-    What is in series with the circuits counts, and so do eddy currents of the drawing, but for the derivatives, which
-    weigh noise. -force_i is the flux linkages' derivative in distance.
-    """
-
-    force: FloatArray
-    force_d: FloatArray
-    force_i: FloatArray  # (N, n)
-    flux: FloatArray  # (N, n)
-    inductance: FloatArray  # (N, n, n)
-    hall: FloatArray
-    hall_d: FloatArray
-    hall_i: FloatArray  # (N, n)
-
-
-def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
-    """Evaluate a model at the samples of a record."""
-    here = samples.usable
-    d, each = samples.columns["distance_m"][here], samples.current[here].reshape(int(here.sum()), -1)
-    acting = each
-
-    def everywhere(values: FloatArray) -> FloatArray:
-        result = np.zeros((len(here), *values.shape[1:]))
-        result[here] = values
-        return result
-
-    slopes = base.magnetics.slopes(d, each)
-    series = base.series_inductances_H if base.circuits else np.zeros((each.shape[1],) * 2)
-    flux, pull, seen_T = base.magnetics.flux_linkage(d, each), np.zeros_like(d), np.zeros_like(d)
-    if base.eddy is not None:
-        first = np.diff(samples.run[here], prepend=np.nan) != 0.0
-        along = EddiesAlong.at(base.eddy, d)
-        induced = induced_along(along, samples.time[here], first, flux, slopes.inductance)
-        acting = along.acting(each, induced)
-        flux = base.magnetics.flux_linkage(d, acting)
-        pull, seen_T = pull_of(along, flux, induced), (along.forms.hall * induced).sum(axis=1)
-    flux = flux + each @ series
-    hall = [np.zeros_like(d), np.zeros_like(d), np.zeros_like(each)]
-    if base.sensor is not None:
-        hall = [base.sensor.sensitivity_V_per_T * derivative for derivative in base.sensor.field.derivatives(d, acting)]
-        hall[0] = hall[0] + base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * seen_T
-    force, inductance = base.magnetics.force(d, acting) + pull, slopes.inductance + series
-    parts = force, slopes.force_gradient, slopes.motional_constant, flux, inductance, *hall
-    return SampleField(*(everywhere(values) for values in parts))
-
-
-def sensor_noise(
-    base: ActuatorModel, samples: Samples, field: SampleField, declared: Mapping[str, float]
-) -> dict[str, SensorNoise]:
-    """Noise of every sensor: as declared, else from neighbouring samples beside what the model says of them.
-
-    For the current the driving voltage says it; no noise is smaller than the converter's step over sqrt(12).
-    """
-    driven = dict(zip(samples.currents, _driven(base, samples, field).T, strict=True))
-    explained = {"distance_m": np.zeros_like(field.force), **driven, "hall_V": field.hall, "force_N": field.force}
-    result = {}
-    for name, model in explained.items():
-        values = samples.recorded_m if name == "distance_m" else samples.columns[name]
-        step, misfit = converter_step(values), np.where(samples.usable, values - model, np.nan)
-        white = max(white_noise(misfit, samples.segment), step / np.sqrt(12.0))
-        result[name] = SensorNoise(float(declared.get(name, white)), step, values)
-    return result
-
-
-def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatArray:
-    """The currents (N, n) that commanded voltages and motion give, up to what is smooth; zeros where none is known."""
-    result = np.zeros((len(samples.time), len(samples.currents)))
-    if not base.circuits or all(np.isnan(samples.columns[name]).all() for name in samples.commands):
-        return result
-    volts = np.stack([samples.columns[name] for name in samples.commands], axis=1)
-    here, current = samples.usable, samples.current.reshape(result.shape)
-    step = np.diff(samples.time, prepend=samples.time[:1])[:, None]
-    held = np.concatenate([volts[:1], volts[:-1]])
-    moved = np.diff(samples.columns["distance_m"], prepend=samples.columns["distance_m"][:1])[:, None]
-    linked = (held - base.resistances_ohm * current) * step + field.force_i * moved
-    # The inverse of a force law's inductance, which is none, is none
-    result[here] = (np.linalg.pinv(field.inductance[here]) @ np.nan_to_num(linked[here])[..., None])[..., 0]
-    return np.cumsum(result, axis=0)
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredChannel:
-    """A channel's n windows: both sides of its balance, the model's without effects, and whether samples are enough.
-
-    ``sigma`` is what the sensors' noise makes of their difference; NaN where a sensor's noise is not known. The model's
-    side is linear in a part of its :class:`SampleField`.
+    ``sigma`` is what the sensors' noise makes of the difference of both sides; NaN where a sensor's noise is unknown.
     """
 
     name: str
-    measured: FloatArray
+    value: FloatArray
     sigma: FloatArray
-    valid: BoolArray
-    weights: sparse.csr_array  # Of the part, shape (n, N)
-    part: Literal["force", "flux", "hall"]
-    circuit: int | None = None  # Place of the circuit, of a flux linkage
-    fixed: FloatArray | float = 0.0  # What depends on no field
+    weights: Weights
     findings: tuple[Finding, ...] = ()
-
-    def predict(self, field: SampleField) -> FloatArray:
-        """The model's side in each window."""
-        values: FloatArray = getattr(field, self.part)
-        return np.asarray(self.fixed + self.weights @ (values if self.circuit is None else values[:, self.circuit]))
+    further: FloatArray | float = 0.0  # What the model's side has beside these weights, whatever the effects
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A record beside a model without effects, of which the balances and sensors of windows are measured."""
+    """A record's N usable samples beside a model without effects, of which balances and sensors are measured.
 
-    base: ActuatorModel
+    Slopes weigh noise, and are those without eddy currents.
+    """
+
+    motion: Motion  # At every sample
     nominal: Nominal
     samples: Samples
-    field: SampleField
+    # Of force and flux linkages, with what is in series with the circuits
+    slopes: MagneticState
+    hall_slopes: tuple[FloatArray, FloatArray]  # Of the Hall voltage in distance, (N,), and currents, (N, n)
     noise: Mapping[str, SensorNoise]
 
     def weights(self, windows: Windows, rows: BoolArray) -> Weights:
-        """Weights over the usable samples among some rows, of shape (N,)."""
-        return window_weights(windows, self.samples.time, self.samples.segment, self.samples.usable & rows)
+        """Weights over some samples, of shape (N,)."""
+        return window_weights(windows, self.samples["time_s"], self.samples["segment"], rows)
 
-    def of_distance(self, weights: sparse.csr_array, slope: FloatArray) -> tuple[sparse.csr_array, SensorNoise]:
-        """What the noise of the distance makes of a sum that changes by a slope (N,) with it: nothing at rest."""
-        return carried(weights, np.where(self.samples.rests, 0.0, slope)), self.noise["distance_m"]
+    def by_setting(
+        self, weights: sparse.csr_array, in_distance: FloatArray, in_currents: FloatArray
+    ) -> dict[str, sparse.csr_array]:
+        """Weights of each sensor's noise in a sum that changes by slopes (N,) with the distance, (N, n) with currents.
 
-    def of_currents(self, weights: sparse.csr_array, slope: FloatArray) -> list[tuple[sparse.csr_array, SensorNoise]]:
-        """What each ammeter's noise makes of a weighted sum that changes by slopes (N, n) with the currents."""
-        currents = zip(self.samples.currents, slope.T, strict=True)
-        return [(carried(weights, along), self.noise[name]) for name, along in currents]
+        The distance has none at rest.
+        """
+        in_distance = np.where(self.samples["free"] | self.samples["touches"], in_distance, 0.0)
+        columns = zip(("distance_m", *self.samples.currents), (in_distance, *in_currents.T), strict=True)
+        return {name: sparse.csr_array(weights.multiply(slope)) for name, slope in columns}
 
 
-def measure_balances(record: Recorded, view: View) -> Iterator[MeasuredChannel]:
+def recorded(base: ActuatorModel, samples: Samples, nominal: Nominal, declared: Mapping[str, float]) -> Recorded:
+    """Place usable samples beside a model, with the noise of every sensor that is not declared."""
+    d, currents, new = samples["distance_m"], samples.stacked(samples.currents), np.diff(samples["run"]) != 0.0
+    volts = samples.stacked(samples.commands)
+    motion = Motion(base, samples["time_s"], np.append(True, new), d, currents, volts, Conditions(nominal))
+    slopes, hall_slopes = base.magnetics.slopes(d, currents), (np.zeros_like(d), np.zeros_like(currents))
+    if base.circuits:
+        slopes = replace(slopes, inductance=slopes.inductance + base.series_inductances_H)
+    if base.sensor is not None:
+        _, *each = base.sensor.field.derivatives(d, currents)
+        hall_slopes = base.sensor.sensitivity_V_per_T * each[0], base.sensor.sensitivity_V_per_T * each[1]
+    explained = model_readings(motion, {"force_N", "hall_V"}, ()) | {"distance_m": np.zeros_like(d)}
+    noise = {}
+    for name, model in (explained | _driven(motion, samples, slopes)).items():
+        values = samples["recorded_m"] if name == "distance_m" else samples[name]
+        step = converter_step(values)
+        white = max(white_noise(values - model, samples["unbroken"]), step / np.sqrt(12.0))
+        noise[name] = SensorNoise(float(declared.get(name, white)), step, values)
+    return Recorded(motion, nominal, samples, slopes, hall_slopes, noise)
+
+
+def _driven(motion: Motion, samples: Samples, slopes: MagneticState) -> dict[str, FloatArray]:
+    """The currents that commanded voltages and motion give, up to what is smooth; zeros where none is known."""
+    currents, ohms = motion.currents_A, motion.base.resistances_ohm
+    if not len(ohms) or all(np.isnan(samples[name]).all() for name in samples.commands):
+        return {name: np.zeros(len(currents)) for name in samples.currents}
+    volts = np.stack([samples[name] for name in samples.commands], axis=1)
+    step, moved = (np.diff(x, prepend=x[:1])[:, None] for x in (samples["time_s"], motion.distance_m))
+    linked = (np.concatenate([volts[:1], volts[:-1]]) - ohms * currents) * step + slopes.motional_constant * moved
+    # The inverse of a force law's inductance, which is none, is none
+    driven = np.cumsum((np.linalg.pinv(slopes.inductance) @ np.nan_to_num(linked)[..., None])[..., 0], axis=0)
+    return dict(zip(samples.currents, driven.T, strict=True))
+
+
+def measure_balances(record: Recorded, view: View) -> Iterator[Measured]:
     """Both sides of every balance that the model allows."""
-    if record.base.motion is not None:
-        yield _force_balance(record, record.base.motion, view)
-    for k, name in enumerate(voltage_balances(record.base)):
+    if record.motion.base.motion is not None:
+        yield _force_balance(record, view)
+    for k, name in enumerate(voltage_balances(record.motion.base)):
         yield _voltage_balance(record, name, k, view.windows)
 
 
-def measure_sensors(record: Recorded, windows: Windows) -> Iterator[MeasuredChannel]:
-    """What every sensor of the model read, and what it should have read.
+def measure_sensors(record: Recorded, windows: Windows) -> Iterator[Measured]:
+    """What every sensor of the model read.
 
-    Where the body rests on a stop, the recorded distance should be where that is drawn.
+    Where the body rests on a stop, that is the recorded distance, which should be where the stop is drawn.
     """
-    nominal, samples, field, noise = record.nominal, record.samples, record.field, record.noise
-    parts: list[tuple[str, Literal["force", "hall"], FloatArray, FloatArray, float]]
-    parts = [("force_N", "force", field.force_d, field.force_i, nominal.force_N)]
-    if record.base.sensor is not None:
-        parts.append(("hall_V", "hall", field.hall_d, field.hall_i, nominal.hall_swing_V))
-    for name, kind, along_distance, along_current, scale in parts:
-        values, least = samples.columns[name], (METHOD_ACCURACY * scale) ** 2
-        weights = record.weights(windows, np.isfinite(values))
-        of_distance = record.of_distance(weights.mean, along_distance)
-        sensors = (weights.mean, noise[name]), of_distance, *record.of_currents(weights.mean, along_current)
-        sigma, measured = propagated(weights.mean, *sensors, further=least), weights.mean @ np.nan_to_num(values)
-        yield MeasuredChannel(name, measured, sigma, weights.valid, weights.mean, kind)
-    weights = record.weights(windows, np.isfinite(samples.stop_m))
-    measured, least = weights.mean @ np.nan_to_num(samples.recorded_m), METHOD_ACCURACY * nominal.travel_m
-    sigma = propagated(weights.mean, (weights.mean, noise["distance_m"]), further=least**2)
-    stop, none = weights.mean @ np.nan_to_num(samples.stop_m), sparse.csr_array(weights.mean.shape)
-    yield MeasuredChannel(REST, measured, sigma, weights.valid, none, "force", fixed=stop)
+    nominal, samples, slopes = record.nominal, record.samples, record.slopes
+    parts = {"force_N": (slopes.force_gradient, slopes.motional_constant, nominal.force_N)}
+    if record.motion.base.sensor is not None:
+        parts["hall_V"] = (*record.hall_slopes, nominal.hall_swing_V)
+    for name, (in_distance, in_currents, scale) in parts.items():
+        weights = record.weights(windows, np.isfinite(samples[name]))
+        by_sensor = {name: weights.mean, **record.by_setting(weights.mean, in_distance, in_currents)}
+        sigma = propagated(weights.mean, record.noise, by_sensor, (METHOD_ACCURACY * scale) ** 2)
+        yield Measured(name, weights.mean @ np.nan_to_num(samples[name]), sigma, weights)
+    weights = record.weights(windows, np.isfinite(samples["stop_m"]))
+    least = (METHOD_ACCURACY * nominal.travel_m) ** 2
+    sigma = propagated(weights.mean, record.noise, {"distance_m": weights.mean}, least)
+    yield Measured(REST, weights.mean @ samples["recorded_m"], sigma, weights)
 
 
-def _force_balance(record: Recorded, motion: Mechanics, view: View) -> MeasuredChannel:
+def _force_balance(record: Recorded, view: View) -> Measured:
     """Of windows whose friction is known: dry friction of a body that stands or turns is any force up to its size.
 
     Its size is what is drawn and what the misfit surely goes by with the direction of the motion.
     """
-    samples, field, nominal = record.samples, record.field, record.nominal
-    state = record.weights(view.windows, samples.free)
-    distance = np.nan_to_num(samples.columns["distance_m"])
-    stiffness = field.force_d - motion.static_gradient(distance)
-    of_distance = motion.mass_kg * state.curvature + carried(state.mean, stiffness), record.noise["distance_m"]
-    sensors = of_distance, *record.of_currents(state.mean, field.force_i)
-    sigma = propagated(state.mean, *sensors, further=(METHOD_ACCURACY * nominal.force_N) ** 2)
-    velocity = state.slope @ distance
-    load = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + motion.friction(velocity)
-    measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance) + load
-    along = np.sign(velocity)[:, None] * np.reshape(view.motion.at.velocity_m_s, (len(velocity), -1))
-    slides = along.min(axis=1) > DECISIVE * propagated(state.mean, (state.slope, record.noise["distance_m"]))
-    sliding, dry = state.valid & slides, motion.coulomb_N
-    way, misfit = np.sign(velocity[sliding]), (measured - state.mean @ field.force)[sliding]
+    body, slopes, distance = record.motion.base.require_motion(), record.slopes, record.motion.distance_m
+    weights = record.weights(view.windows, record.samples["free"])
+    stiffness = slopes.force_gradient - body.static_gradient(distance)
+    by_sensor = record.by_setting(weights.mean, stiffness, slopes.motional_constant)
+    by_sensor["distance_m"] = by_sensor["distance_m"] + body.mass_kg * weights.curvature
+    sigma = propagated(weights.mean, record.noise, by_sensor, (METHOD_ACCURACY * record.nominal.force_N) ** 2)
+    velocity = weights.slope @ distance
+    load = weights.mean @ (body.beside_weight(distance) + np.zeros_like(distance)) + body.friction(velocity)
+    measured = body.mass_kg * (body.gravity_m_s2 - weights.curvature @ distance) + load
+    along = np.sign(velocity)[:, None] * np.reshape(view.motion.conditions.velocity_m_s, (len(velocity), -1))
+    slides = along.min(axis=1) > DECISIVE * propagated(weights.mean, record.noise, {"distance_m": weights.slope}, 0.0)
+    sliding, dry = weights.valid & slides, body.coulomb_N
+    way, misfit = np.sign(velocity[sliding]), (measured - weights.mean @ record.motion.under(()).force)[sliding]
     if len(way) >= LEAST_REPEATS and abs(way.sum()) < len(way):  # it slides both ways
         fitted, spread = np.polyfit(way, misfit, 1, cov=True)
         dry += max(0.0, float(fitted[0] - DECISIVE * np.sqrt(spread[0, 0])))
-    valid = state.valid & (slides | (dry <= sigma))
-    unsure = int((state.valid & ~valid).sum())
+    valid = weights.valid & (slides | (dry <= sigma))
+    unsure = int((weights.valid & ~valid).sum())
     told = (finding("stands", force=dry, windows=unsure, size=float(unsure)),) if unsure else ()
-    return MeasuredChannel(FORCE_BALANCE, measured, sigma, valid, state.mean, "force", findings=told)
+    return Measured(FORCE_BALANCE, measured, sigma, replace(weights, valid=valid), told)
 
 
-def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> MeasuredChannel:
+def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> Measured:
     """Of the circuit with the place k."""
-    base, nominal, samples, field = record.base, record.nominal, record.samples, record.field
-    ohms, held = base.circuits[k].resistance_ohm, held_from(samples, k)
-    each = samples.current.reshape(len(held), -1)
-    driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, held)
-    of_currents = record.of_currents(slope, field.inductance[:, k])
-    of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
-    here, taken = np.flatnonzero(samples.usable), np.zeros(len(held))
-    resistive, step = ohms * each[here, k], np.diff(samples.time[here])
-    induced = np.divide(np.diff(field.flux[here, k]), step, out=np.zeros_like(step), where=step > 0.0)
-    taken[here[:-1]] = 0.5 * (resistive[1:] + resistive[:-1]) + induced
-    volts, variance = between_samples(samples, k, held, nominal.sample_time_s, taken)
-    of_distance = record.of_distance(slope, field.force_i[:, k])
-    further = driven.power(2) @ variance + (METHOD_ACCURACY * nominal.voltage_V) ** 2
-    sigma = propagated(mean, *of_currents, of_distance, further=further)
+    base, samples, slopes, currents = record.motion.base, record.samples, record.slopes, record.motion.currents_A
+    circuit, held = base.circuits[k], held_from(samples, k)
+    driven, weights = held_weights(windows, samples["time_s"], samples["segment"], held)
+    by_sensor = record.by_setting(weights.slope, slopes.motional_constant[:, k], slopes.inductance[:, k])
+    by_sensor[samples.currents[k]] = by_sensor[samples.currents[k]] + circuit.resistance_ohm * weights.mean
+    resistive, step = circuit.resistance_ohm * currents[:, k], np.diff(samples["time_s"])
+    linked = record.motion.under(()).seen.flux_linkage[:, k] + circuit.inductance_H * currents[:, k]
+    induced = np.divide(np.diff(linked), step, out=np.zeros_like(step), where=step > 0.0)
+    taken = np.append(0.5 * (resistive[1:] + resistive[:-1]) + induced, 0.0)
+    volts, variance = between_samples(samples, k, held, record.nominal.sample_time_s, taken)
+    least = (METHOD_ACCURACY * record.nominal.voltage_V) ** 2
+    sigma = propagated(weights.mean, record.noise, by_sensor, driven.power(2) @ variance + least)
     # Between samples currents settle towards the held commands, i'' = -L^-1 R i', by which a trapezoid over them is
     # h^2 i'' / 12 short
     usual = np.median(step) if len(step) else 0.0
-    rate = np.linalg.pinv(np.median(field.inductance[here], axis=0))[k] * base.resistances_ohm
-    settling = ohms * usual**2 / 12.0 * (each @ rate)
-    fixed = ohms * (mean @ each[:, k]) + slope @ settling
-    return MeasuredChannel(name, driven @ volts, sigma, valid, slope, "flux", k, fixed)
+    rate = np.linalg.pinv(np.median(slopes.inductance, axis=0))[k] * base.resistances_ohm
+    settling = circuit.resistance_ohm * usual**2 / 12.0 * (currents @ rate)
+    return Measured(name, driven @ volts, sigma, weights, further=weights.slope @ settling)

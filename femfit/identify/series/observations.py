@@ -7,12 +7,13 @@ but for how fast eddy currents decay, which is as fast as the samples.
 References
 ----------
 F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383: the median of magnitudes and its scatter.
+J. W. Tukey, Exploratory Data Analysis (Addison-Wesley, 1977), section 2: the median as a measure that few large values
+do not move.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from math import prod
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -20,34 +21,26 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns
+from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.effects.friction import REST
+from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import with_distance
-from femfit.identify.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, SLOPE_STEP, TURNS_OF_MISFIT
+from femfit.identify.constants import (
+    LEAST_REPEATS,
+    LEAST_VARIANCE,
+    MEDIAN_CHANCE,
+    RESTLESS,
+    SLOPE_STEP,
+    TURNS_OF_MISFIT,
+)
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
 from femfit.identify.patterns import smooth_patterns
-from femfit.identify.series.balances import (
-    FORCE_BALANCE,
-    RememberedPoints,
-    Side,
-    model_balances,
-    model_readings,
-    model_rests,
-    voltage_balances,
-)
-from femfit.identify.series.measured import (
-    MeasuredChannel,
-    Recorded,
-    measure_balances,
-    measure_sensors,
-    sample_field,
-    sensor_noise,
-    successive_scatter,
-)
+from femfit.identify.series.measured import measure_balances, measure_sensors, recorded
+from femfit.identify.series.motion import FORCE_BALANCE, Motion, model_side, voltage_balances
 from femfit.identify.series.samples import take_samples
-from femfit.identify.series.views import View, balance_view, sensor_view
-from femfit.identify.series.weights import lay_windows
+from femfit.identify.series.views import balance_view, sensor_view
+from femfit.identify.series.weights import Weights, lay_windows
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
@@ -67,75 +60,66 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     windows = lay_windows(base, samples)
     if not len(windows.centre_s):
         raise TableError(sentence("refusals", "no_stretch", series.source, windows.length_s))
-    nominal = nominal_of(model)
-    sampled = sample_field(base, samples)
-    noise = sensor_noise(base, samples, sampled, series.declared_noise)
-    views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
-    record = Recorded(base, nominal, samples, sampled, noise)
+    samples, nominal = replace(samples, rows=samples.rows[samples["usable"]]), nominal_of(model)
+    record = recorded(base, samples, nominal, series.declared_noise)
+    views = [view(base, samples, windows, nominal) for view in (balance_view, sensor_view)]
     every = [*measure_balances(record, views[0])], [*measure_sensors(record, views[1].windows)]
-    told = (finding for of_view in every for channel in of_view for finding in channel.findings)
-    series = replace(series, findings=(*series.findings, *told))
-    measured = [[channel for channel in of_view if channel.valid.any()] for of_view in every]
-    if not any(measured):
-        raise TableError(sentence("refusals", "no_balance", series))
-    return _with_scatter(_assembled(model, series, record, views, measured))
-
-
-def _assembled(
-    model: ActuatorModel,
-    series: TimeSeries,
-    record: Recorded,
-    views: tuple[View, View],
-    measured: Sequence[Sequence[MeasuredChannel]],
-) -> Observations:
-    """The channels that were measured in both views, one after the other."""
-    channels, nominal = [*measured[0], *measured[1]], record.nominal
-    rows = {channel.name: np.flatnonzero(channel.valid) for channel in channels}
+    told = tuple(finding for of_view in every for channel in of_view for finding in channel.findings)
+    measured = [{each.name: each for each in of_view if each.weights.valid.any()} for of_view in every]
+    channels = measured[0] | measured[1]
+    if not channels:
+        raise TableError(sentence("refusals", "no_balance", replace(series, findings=(*series.findings, *told))))
+    rows = {name: np.flatnonzero(channel.weights.valid) for name, channel in channels.items()}
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
-    sigma = {channel.name: channel.sigma[rows[channel.name]] for channel in channels}
+    sigma = {name: channel.sigma[rows[name]] for name, channel in channels.items()}
     usual = {name: float(np.median(values)) for name, values in sigma.items()}
-    scale = {name: np.where(np.isfinite(u), u / sigma[name], 1.0) for name, u in usual.items()}
-    names, stacked = tuple(rows), Stacking(rows, scale)
-    number = stacked.channel
-    offset = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
-    of_sensors = model_rests if [channel.name for channel in measured[1]] == [REST] else model_readings
-    sides = zip(views, (model_balances, of_sensors), measured, strict=True)
-    recorded = [(view, side) for view, side, of_view in sides if of_view]
-    prediction = _SeriesPrediction(model, recorded, record, channels, stacked)
-    change, present = prediction.change, model.effects
-    step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
+    stacked = Stacking(rows, {name: u / sigma[name] for name, u in usual.items() if np.isfinite(u)})
+    nodes = [(view.motion, dict.fromkeys(of_view, view.weights)) for view, of_view in zip(views, measured, strict=True)]
+    weights = {name: channel.weights for name, channel in channels.items()}
+    further = {name: np.zeros_like(channel.value) + channel.further for name, channel in channels.items()}
+    prediction = _SeriesPrediction(model, [(record.motion, weights)], nodes, stacked(further), stacked)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
+    below = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
+    step, offset = 1e-3 * nominal.travel_m, effect_by_name("distance_offset")
+    ahead, here, behind = (
+        prediction.change((AddedEffect(offset, {"offset_m": by}), *model.effects)) for by in (step, 0.0, -step)
+    )
     # What a bench would have to read to show as much as each balance does
-    fluxes = zip(voltage_balances(model.without_effects), flux_columns(model.circuit_names), strict=True)
+    fluxes = zip(voltage_balances(base), flux_columns(model.circuit_names), strict=True)
     tolerance, shown = _tolerance(model, covariates), {FORCE_BALANCE: "force_N", **dict(fluxes)}
-    return Observations(
-        channels=names,
-        channel=number,
-        row=np.concatenate([piece + start for piece, start in zip(rows.values(), offset, strict=True)]),
-        value=stacked({channel.name: channel.measured for channel in channels}),
+    observations = Observations(
+        channels=tuple(channels),
+        channel=stacked.channel,
+        row=np.concatenate([piece + start for piece, start in zip(rows.values(), below, strict=True)]),
+        value=stacked({name: channel.value for name, channel in channels.items()}),
         covariates=covariates,
-        given=(*series.given, *(shown[name] for name in names if name in shown)),
+        given=(*series.given, *(shown[name] for name in channels if name in shown)),
         prediction=prediction,
-        distance_slope=(change(present, step) - change(present, -step)) / (2.0 * step),
-        distance_curvature=(change(present, step) - 2.0 * change(present) + change(present, -step)) / step**2,
+        distance_slope=(ahead - behind) / (2.0 * step),
+        distance_curvature=(ahead - 2.0 * here + behind) / step**2,
         nominal=nominal,
         declared_noise={name: noise for name, noise in usual.items() if np.isfinite(noise)},
-        tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
-        setting_columns=np.zeros((len(number), 2)),
-        findings=(*series.findings, *record.samples.findings),
-        present=tuple(added.effect.name for added in present),
+        tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[stacked.channel],
+        setting_columns=np.zeros((len(stacked.channel), 2)),
+        weight=np.ones(len(stacked.channel)),
+        findings=(*series.findings, *told, *samples.findings),
+        present=tuple(added.effect.name for added in model.effects),
         noise_source="samples",
     )
+    return _with_scatter(observations)
 
 
 @dataclass(frozen=True, eq=False)
 class _SeriesPrediction(WithoutCache):
-    """What a model predicts of a record's windows, as one vector: the exact balances, and what effects change."""
+    """What a model predicts of a record's windows, as one vector: the exact balances, and what effects change.
+
+    Both from motions, each with the weights of the channels that are taken from it.
+    """
 
     model: ActuatorModel
-    sides: Sequence[tuple[View, Side]]  # Those of which a channel was recorded
-    record: Recorded
-    channels: Sequence[MeasuredChannel]
+    samples: Sequence[tuple[Motion, Mapping[str, Weights]]]
+    nodes: Sequence[tuple[Motion, Mapping[str, Weights]]]
+    further: FloatArray  # Beside these, whatever the effects; shape (M,)
     stacked: Stacking  # Of the windows that count, by the factor that gives them one noise
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
@@ -154,46 +138,27 @@ class _SeriesPrediction(WithoutCache):
             values.append((ahead - behind) / (ends[0] - ends[1]))
         return np.stack(values, axis=1)
 
-    def _predicted(self, effects: Iterable[AddedEffect]) -> FloatArray:
+    def _predicted(self, effects: Sequence[AddedEffect]) -> FloatArray:
         together = (*self.model.effects, *effects)
-        faster = prod(added.effect.eddy(added.parameters) for added in together if added.effect.eddy is not None)
+        eddy = tuple(added for added in together if added.effect.eddy is not None)
         slow = tuple(added for added in together if added.effect.eddy is None)
-        return self.exact(faster) + self.change(slow)
+        exact = self._side(self.samples, eddy) if eddy else self._without[0]
+        return self.further + exact + self.change(slow)
+
+    def change(self, effects: Sequence[AddedEffect]) -> FloatArray:
+        """What effects change, shape (M,)."""
+        return self._side(self.nodes, effects) - self._without[1]
 
     @cached_property
-    def exact(self) -> Callable[[float], FloatArray]:
-        """The model's side without effects, from every sample, where eddy currents decay so many times faster."""
+    def _without(self) -> tuple[FloatArray, FloatArray]:
+        return self._side(self.samples, ()), self._side(self.nodes, ())
 
-        @lru_cache(REMEMBERED)
-        def predicted(faster: float) -> FloatArray:
-            base, field = self.record.base, self.record.field
-            if base.eddy is not None and faster != 1.0:
-                eddy = replace(base.eddy, resistances_ohm=faster * base.eddy.resistances_ohm)
-                field = sample_field(replace(base, eddy=eddy), self.record.samples)
-            return self.stacked({channel.name: channel.predict(field) for channel in self.channels})
-
-        return predicted
-
-    def change(self, effects: Sequence[AddedEffect], shift: float = 0.0) -> FloatArray:
-        """What effects, and a shift of the recorded distance, change."""
-        return self._at(effects, shift) - self._without if effects or shift else np.zeros_like(self._without)
-
-    def _at(self, effects: Sequence[AddedEffect], shift: float) -> FloatArray:
-        values: dict[str, FloatArray] = {}
-        for (view, side), points in zip(self.sides, self._points, strict=True):
-            motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
-            values |= side(points, motion, view.weights, effects)
-        if shift and REST in values:
-            values[REST] = values[REST] - shift  # what is recorded there is the distance itself
-        return self.stacked(values)
-
-    @cached_property
-    def _without(self) -> FloatArray:
-        return self._at((), 0.0)
-
-    @cached_property
-    def _points(self) -> list[RememberedPoints]:
-        return [RememberedPoints(self.model.without_effects) for _ in self.sides]
+    def _side(
+        self, motions: Sequence[tuple[Motion, Mapping[str, Weights]]], effects: Sequence[AddedEffect]
+    ) -> FloatArray:
+        """The model's sides, of readings under effects."""
+        sides = [model_side(motion, weights, effects) for motion, weights in motions]
+        return self.stacked({name: values for side in sides for name, values in side.items()})
 
 
 def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:
@@ -211,16 +176,26 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
 
 
 def _with_scatter(observations: Observations) -> Observations:
-    """The noise of channels whose successive windows scatter more than their sensors' noise makes."""
+    """The noise of channels whose successive windows scatter more than their sensors' noise makes.
+
+    By the median difference of those that follow each other. White noise less its part along smooth patterns, of an
+    orthonormal basis (n, p), differs from one window to the next by a variance of 2 less the squared difference of the
+    basis' rows.
+    """
     noise, findings = dict(observations.declared_noise), []
     order, run, patterns = observations.column("order"), observations.column("run"), smooth_patterns(observations)
     for c, name in enumerate(observations.channels):
         here = np.flatnonzero(observations.channel == c)
         basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
         scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
-        follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
-        shown, declared = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
-        if np.isfinite(shown) and not shown <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * declared:
+        follows = (np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0)
+        variance = 2.0 - np.sum(np.diff(basis, axis=0) ** 2, axis=1)
+        free = follows & (variance > LEAST_VARIANCE)
+        if np.count_nonzero(free) < LEAST_REPEATS:
+            continue
+        shown = float(np.median(np.abs(np.diff(scatter)[free]) / np.sqrt(variance[free])) / NORMAL_MEDIAN)
+        declared, slack = noise.get(name, np.nan), MEDIAN_CHANCE / np.sqrt(np.count_nonzero(follows))
+        if not shown <= max(RESTLESS, 1.0 + slack) * declared:
             noise[name] = shown
             times = shown / declared if np.isfinite(declared) else None
             findings.append(finding("restless", name, name=name, shown=shown, times=times))

@@ -6,7 +6,7 @@ than the driver of the drawing one command of several may be seen: any change co
 scatter as the seen ones do.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns, voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
@@ -34,40 +34,29 @@ from femfit.tables.units import POSITION_IN_VOLTS
 class Samples:
     """A time series as arrays of length N; usable where distance and current lie in the model's validity domain.
 
+    A stretch is a part of a segment in which the body is free, stands still or touches; what is unbroken, one in which
+    all samples are usable or none is.
+
     The body is ``free`` where nothing but the model's forces acts on it, and ``touches`` a stop where it neither is nor
     stands still: it comes, bounces or goes. Where it stands still its distance is the mean over the rest: a velocity of
     its sensor's noise would look like one that induces less voltage.
     """
 
-    time: FloatArray
-    run: FloatArray
-    segment: IntArray
-    columns: Mapping[str, FloatArray]  # Of several circuits, ``current_A`` is that of the current that varied most
+    # With the record's columns, of several circuits ``current_A`` as that of the current that varied most; beside them
+    # ``since_start_s`` of the run, ``stretch``, ``unbroken``, ``usable``, ``free``, ``touches``, the distance as it was
+    # recorded at rest too, ``recorded_m``, and ``stop_m``, the drawn one of the stop that the body rests on, or NaN
+    rows: pd.DataFrame
     currents: tuple[str, ...]  # Columns of the model's currents and commands, in its order
     commands: tuple[str, ...]
-    usable: BoolArray
-    free: BoolArray
-    touches: BoolArray
-    recorded_m: FloatArray  # Distance as recorded, at rest too
-    stop_m: FloatArray  # Drawn distance of the stop that the body rests on; NaN elsewhere
     findings: tuple[Finding, ...]
 
-    @property
-    def current(self) -> FloatArray:
-        """Currents in the shape that the model takes, zero where unknown."""
-        each = [np.nan_to_num(self.columns[name]) for name in self.currents]
-        return each[0] if len(each) == 1 else np.stack(each, axis=1)
+    def __getitem__(self, name: str) -> Any:
+        """A column, shape (N,)."""
+        return self.rows[name].to_numpy()
 
-    @property
-    def rests(self) -> BoolArray:
-        """Where the body stands still and is not free."""
-        return ~(self.free | self.touches)
-
-    @property
-    def stretch(self) -> IntArray:
-        """Number of the stretch in which the body is free, stands still or touches; a segment has one or more."""
-        turns = (np.diff(self.segment) != 0) | np.diff(self.free) | np.diff(self.touches)
-        return np.cumsum(np.r_[False, turns])
+    def stacked(self, names: Sequence[str]) -> FloatArray:
+        """Columns of shape (N, n), zero where unknown; of currents one of zero where there is no winding."""
+        return np.nan_to_num(self.rows[[*names]].to_numpy(dtype=np.float64))
 
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
@@ -79,50 +68,46 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         volts = any(reading_of(model, name).column == "position_V" for name in sensors_of(model))
         further = POSITION_IN_VOLTS if volts and "distance_m" in missing else ""
         raise TableError(sentence("refusals", "no_path", needed, series.source, missing, further))
-    rows = series.rows
-    findings: list[Finding] = []
-    columns = {name: rows[name].to_numpy(copy=True) for name in rows.columns if name not in ("run", "time_s")}
-    columns |= {name: np.full(len(rows), np.nan) for name in commands if name not in columns}
+    rows = series.rows.assign(**{name: np.nan for name in commands if name not in series.rows})
     if not model.has_winding:
-        columns["current_A"] = np.zeros(len(rows))
-    distance, current = columns["distance_m"], currents_in(model, pd.DataFrame(columns))
+        rows["current_A"] = 0.0
+    distance, current = rows["distance_m"].to_numpy(), currents_in(model, rows)
     recorded = np.isfinite(distance) & np.isfinite(current).reshape(len(rows), -1).all(axis=1)
     usable = recorded & within_domain(model, distance, current)
     if not usable.any():
         raise TableError(nothing_in_domain(model, series.source, distance[recorded], current[recorded]))
-    outside = int((recorded & ~usable).sum())
-    if outside:
+    findings = list[Finding]()
+    if outside := int((recorded & ~usable).sum()):
         facts: dict[str, Any] = {"samples": outside, "recorded": int(recorded.sum())}
         findings.append(finding("outside-domain", words="samples_outside_domain", **facts))
     checked = check_record(model, series)
-    rests = checked.rests
+    rests, track, smooth = checked.rests, checked.track, distance.copy()
     findings += checked.findings
-    recorded_m = columns["distance_m"].copy()
     for rest in rests.rests:
         here = rest.first + np.flatnonzero(usable[rest.first : rest.last + 1])
-        columns["distance_m"][here] = recorded_m[here].sum() / max(len(here), 1)  # all of it may be out of the domain
+        smooth[here] = distance[here].sum() / max(len(here), 1)  # all of it may be out of the domain
     for command, volts, unsure in zip(commands, checked.voltage_V.T, checked.unsure.T, strict=True):
-        columns[command] = np.where(unsure, np.nan, volts)
-    columns["current_A"] = columns[leading_current(model, columns)]
-    if model.sensor is not None:
-        ended = at_ends_of_range(model.sensor, columns["hall_V"])
-        if ended.any():
-            findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
-            columns["hall_V"][ended] = np.nan
-    return Samples(
-        time=checked.track.time_s,
-        run=rows["run"].to_numpy(),
-        segment=checked.track.segment,
-        columns=columns,
-        currents=currents,
-        commands=commands,
+        rows[command] = np.where(unsure, np.nan, volts)
+    if model.sensor is not None and (ended := at_ends_of_range(model.sensor, rows["hall_V"].to_numpy())).any():
+        findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
+        rows["hall_V"] = rows["hall_V"].mask(ended)
+    free, touches, new = ~rests.contact, rests.contact & ~rests.held, np.diff(track.segment) != 0
+    rows = rows.assign(
+        time_s=track.time_s,
+        since_start_s=track.time_s
+        - pd.Series(track.time_s).groupby(rows["run"].to_numpy()).transform("min").to_numpy(),
+        segment=track.segment,
+        stretch=np.cumsum(np.append(False, new | np.diff(free) | np.diff(touches))),
+        unbroken=np.cumsum(np.append(False, new | np.diff(usable))),
+        current_A=rows[leading_current(model, rows)],
         usable=usable,
-        free=~rests.contact,
-        touches=rests.contact & ~rests.held,
-        recorded_m=recorded_m,
+        free=free,
+        touches=touches,
+        distance_m=smooth,
+        recorded_m=distance,
         stop_m=_stops(model, rests.rests, len(rows)),
-        findings=tuple(findings),
     )
+    return Samples(rows, currents, commands, tuple(findings))
 
 
 def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatArray:
@@ -140,14 +125,12 @@ def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatAr
 
 
 def held_from(samples: Samples, k: int) -> BoolArray:
-    """Whether the command of a circuit is known from each usable sample to the next one."""
-    here = np.flatnonzero(samples.usable)
-    result = np.zeros(len(samples.time), dtype=bool)
-    step, inside = np.diff(samples.time[here]), np.diff(samples.segment[here]) == 0
+    """Whether the command of a circuit is known from each of usable samples to the next one."""
+    step, inside = np.diff(samples["time_s"]), np.diff(samples["segment"]) == 0
     usual = np.median(step[inside]) if inside.any() else 0.0
     uneven = inside.any() and float(np.quantile(step[inside], 0.9)) > EVEN * usual
-    result[here[:-1]] = inside & (uneven | (step < EVEN * usual))
-    return np.asarray(result & np.isfinite(samples.columns[samples.commands[k]]))
+    held = np.append(inside & (uneven | (step < EVEN * usual)), False)
+    return np.asarray(held & np.isfinite(samples[samples.commands[k]]))
 
 
 def between_samples(
@@ -169,14 +152,12 @@ def between_samples(
     taken : array, shape (N,)
         Mean voltage from each sample to the next one that the model makes of currents and motion.
     """
-    volts = samples.columns[samples.commands[k]]
-    here, step = np.flatnonzero(samples.usable), np.diff(samples.time)
-    mean, rise = np.nan_to_num(volts), np.zeros(len(volts))
+    volts = samples[samples.commands[k]]
+    mean, rise = np.nan_to_num(volts), np.append(np.where(held[:-1], np.nan_to_num(np.diff(volts)), 0.0), 0.0)
     if not held.any():
         return mean, rise
-    rise[here[:-1]] = np.where(held[here[:-1]], np.nan_to_num(np.diff(volts[here])), 0.0)
     scatter = float(np.median(np.abs(rise[held]))) / NORMAL_MEDIAN
-    slow = float(np.median(step[np.flatnonzero(held)])) > EVEN * driver_step
+    slow = float(np.median(np.diff(samples["time_s"])[held[:-1]])) > EVEN * driver_step
     if slow and (scatter == 0.0 or rise @ (taken - mean) > ANYWHERE * (rise @ rise)):
         jump = np.where(np.abs(rise) > SPIKE * scatter, rise, 0.0)
         return mean + 0.5 * rise, jump**2 / 12.0 + 0.5 * scatter**2

@@ -17,7 +17,7 @@ H. A. Preisig and D. W. T. Rippin, Computers and Chemical Engineering 17 (1993) 
 D. A. Messenger and D. M. Bortz, Journal of Computational Physics 443 (2021) 110525: weak form and its noise.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,17 +66,11 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, usable
     powers = np.arange(EXACT_DEGREE + 1)
     even = 1.0 / (powers + 1) - 2.0 / (powers + 3) + 1.0 / (powers + 5)
     moments = np.where(powers % 2 == 0, even / (1.0 - 2.0 / 3.0 + 1.0 / 5.0), 0.0)  # int s^k phi ds / int phi ds
-    wanted = np.stack(
-        [
-            moments[: EXACT_DEGREE + 1],
-            powers * np.concatenate([[0.0], moments[:EXACT_DEGREE]]),
-            powers * (powers - 1) * np.concatenate([[0.0, 0.0], moments[: EXACT_DEGREE - 1]]),
-        ],
-        axis=1,
-    )
+    once, twice = np.append(0.0, moments[:-1]), np.append([0.0, 0.0], moments[:-2])
+    wanted = np.stack([moments, powers * once, powers * (powers - 1) * twice], axis=1)
     scale = np.array([1.0, 2.0 / windows.length_s, (2.0 / windows.length_s) ** 2])
-    entries: list[_Entry] = []
-    for k, here, s in _covered(windows, time, segment, usable):
+
+    def weigh(_: IntArray, s: FloatArray) -> FloatArray:
         spacing = np.diff(s)
         quadrature = 0.5 * (np.append(spacing, 1.0 - s[-1]) + np.append(1.0 + s[0], spacing))
         bump = (1.0 - s**2) ** 2
@@ -84,63 +78,65 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, usable
         basis = np.vander(s, EXACT_DEGREE + 1, increasing=True)
         carried = (quadrature * bump)[:, None] * basis
         raw += carried @ np.linalg.solve(basis.T @ carried, wanted - basis.T @ raw)
-        entries.append((k, here, raw * scale))
-    return Weights(*_arrays(entries, (len(windows.centre_s), len(time))))
+        return np.asarray(raw * scale)
+
+    return Weights(*_by_window(windows, time, segment, usable, weigh))
 
 
 def held_weights(
-    windows: Windows, time: FloatArray, segment: IntArray, usable_samples: BoolArray, held: BoolArray
-) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array, BoolArray]:
+    windows: Windows, time: FloatArray, segment: IntArray, held: BoolArray
+) -> tuple[sparse.csr_array, Weights]:
     """Weights of a balance x' = u with u held from each sample to the next, exact for a piecewise constant phi.
 
-    phi is replaced by its mean over each interval between known samples, so that sum of phi (x_next - x) is the
-    integral of phi x' to rounding, kinks of x at the samples included; phi is zero where u is not ``held`` from this
-    known sample to the next one. The weights, of shape (n, N), are for u, for the mean of what is smooth (trapezoidal),
-    and for x; then comes the validity of each window.
+    phi is replaced by its mean over each interval between samples, so that sum of phi (x_next - x) is the integral of
+    phi x' to rounding, kinks of x at the samples included; phi is zero where u is not ``held`` from this sample to the
+    next one. First come the weights of u, of shape (n, N); then those of the mean of what is smooth (trapezoidal) and
+    of x', without a second derivative.
     """
-    entries: list[_Entry] = []
-    for k, here, s in _covered(windows, time, segment, usable_samples):
-        spacing, usable = np.diff(s), held[here[:-1]]
+
+    def weigh(here: IntArray, s: FloatArray) -> FloatArray | None:
+        spacing = np.diff(s)
         primitive = s - 2.0 * s**3 / 3.0 + s**5 / 5.0  # of phi
-        bump = np.where(usable, np.diff(primitive) / spacing, 0.0)
+        bump = np.where(held[here[:-1]], np.diff(primitive) / spacing, 0.0)
         area = float(np.sum(bump * spacing))
         if area <= 0.5 * 16.0 / 15.0:
-            continue
+            return None
         share = bump * spacing / area
         jump = (np.append(0.0, bump) - np.append(bump, 0.0)) * (2.0 / windows.length_s / area)
         middle = 0.5 * (np.append(share, 0.0) + np.append(0.0, share))
-        entries.append((k, here, np.stack([np.append(share, 0.0), middle, jump], axis=1)))
-    return _arrays(entries, (len(windows.centre_s), len(time)))
+        return np.stack([np.append(share, 0.0), middle, jump], axis=1)
+
+    driven, mean, slope, valid = _by_window(windows, time, segment, np.ones(len(time), dtype=bool), weigh)
+    return driven, Weights(mean, slope, sparse.csr_array(mean.shape), valid)
 
 
-_Entry = tuple[int, IntArray, FloatArray]
-"""A window's number, the k samples that have a weight in it, and their three weights, (k, 3)."""
-
-
-def _arrays(
-    entries: Sequence[_Entry], shape: tuple[int, int]
+def _by_window(
+    windows: Windows,
+    time: FloatArray,
+    segment: IntArray,
+    usable: BoolArray,
+    weigh: Callable[[IntArray, FloatArray], FloatArray | None],
 ) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array, BoolArray]:
-    """The three arrays of weights, and which windows have an entry; the rows of the others are zero."""
-    windows = [k for k, _, _ in entries]
-    row = np.repeat(windows, [len(here) for _, here, _ in entries]).astype(int)
-    column = np.concatenate([np.zeros(0, dtype=int), *(here for _, here, _ in entries)])
-    value = np.concatenate([np.zeros((0, 3)), *(values for _, _, values in entries)])
-    first, second, third = (sparse.csr_array((weights, (row, column)), shape=shape) for weights in value.T)
-    return first, second, third, np.isin(np.arange(shape[0]), windows)
+    """Three weights of each sample in each window, and which windows have them; the rows of the others are zero.
 
-
-def _covered(
-    windows: Windows, time: FloatArray, segment: IntArray, usable: BoolArray
-) -> Iterator[tuple[int, IntArray, FloatArray]]:
-    """Of each window in which known samples stand densely enough its number, these samples, and their s."""
+    Those in which usable samples stand densely enough, and of which ``weigh`` makes weights (k, 3) of the numbers (k,)
+    of these samples and their s.
+    """
     half, slack = 0.5 * windows.length_s, 1e-9 * windows.length_s
+    row, column, value = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)], [np.zeros((0, 3))]
     for k, (number, centre) in enumerate(zip(windows.segment, windows.centre_s, strict=True)):
         first, last = np.searchsorted(segment, [number, number + 1])
         start, stop = first + np.searchsorted(time[first:last], [centre - half - slack, centre + half + slack])
         here = start + np.flatnonzero(usable[start:stop])
         s = 2.0 * (time[here] - centre) / windows.length_s
-        if len(s) >= LEAST_SAMPLES and np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * WIDEST_GAP:
-            yield k, here, s
+        dense = len(s) >= LEAST_SAMPLES and np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * WIDEST_GAP
+        if dense and (weights := weigh(here, s)) is not None:
+            row.append(np.full(len(here), k))
+            column.append(here)
+            value.append(weights)
+    places, shape = (np.concatenate(row), np.concatenate(column)), (len(windows.centre_s), len(time))
+    mean, slope, curvature = (sparse.csr_array((each, places), shape=shape) for each in np.concatenate(value).T)
+    return mean, slope, curvature, np.isin(np.arange(shape[0]), places[0])
 
 
 def lay_windows(model: ActuatorModel, samples: Samples) -> Windows:
@@ -148,25 +144,68 @@ def lay_windows(model: ActuatorModel, samples: Samples) -> Windows:
 
     There is no window where no stretch is long enough.
     """
-    time, stretch, usable = samples.time, samples.stretch, samples.usable
+    time, stretch, usable = samples["time_s"], samples["stretch"], samples["usable"]
     _, first = np.unique(stretch, return_index=True)
     last = np.append(first[1:], len(time)) - 1
     spans, spacing = time[last] - time[first], np.diff(time)[np.diff(stretch) == 0]
     total, usual = float(np.sum(spans)), float(np.median(spacing)) if len(spacing) else 0.0
-    pole = _pole(model, np.nan_to_num(samples.columns["distance_m"])[usable], samples.current[usable])
-    length = max(min(TIME_CONSTANTS / pole, total / LEAST_WINDOWS), USUAL_SAMPLES * usual, total / MOST_WINDOWS)
+    pole = 0.0  # Rate at which the body runs away from (or swings about) where it is
+    if model.motion is not None:
+        pick = np.flatnonzero(usable)[:: max(1, np.count_nonzero(usable) // 500)]
+        distance, currents = samples["distance_m"][pick], samples.stacked(samples.currents)[pick]
+        stiffness = model.motion.static_gradient(distance) - model.magnetics.force_gradient(distance, currents)
+        pole = float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg))
+    constant = 1.0 / (pole or 100.0)  # of nothing that moves: 10 ms
+    length = max(min(TIME_CONSTANTS * constant, total / LEAST_WINDOWS), USUAL_SAMPLES * usual, total / MOST_WINDOWS)
     counts = np.floor(spans / max(length, 1e-300) * (1.0 + 1e-9)).astype(int)
     centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(time[first], counts, strict=True)]
-    windows = Windows(np.concatenate(centre), np.repeat(samples.segment[first], counts), length)
-    valid = window_weights(windows, time, samples.segment, usable & ~samples.touches).valid
+    windows = Windows(np.concatenate(centre), np.repeat(samples["segment"][first], counts), length)
+    valid = window_weights(windows, time, samples["segment"], usable & ~samples["touches"]).valid
     return Windows(windows.centre_s[valid], windows.segment[valid], length)
 
 
-def _pole(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> float:
-    """Rate at which the body runs away from (or swings about) where it is, in 1/s; 100 where nothing moves."""
-    if model.motion is None or not len(distance):
-        return 100.0
-    pick = slice(None, None, max(1, len(distance) // 500))
-    gradient = model.magnetics.force_gradient(distance[pick], current[pick].reshape(len(distance[pick]), -1))
-    stiffness = model.motion.static_gradient(distance[pick]) - gradient
-    return float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg)) or 100.0
+def local_polynomials(
+    node_s: FloatArray,
+    node_stretch: IntArray,
+    time: FloatArray,
+    stretch: IntArray,
+    centre_s: FloatArray,
+    span_s: tuple[float, float],
+    degree: int,
+) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Weights of value and slope of a local polynomial at n nodes over N samples, two sparse arrays of shape (n, N).
+
+    The samples that count for a node stand around its centre, which is the node itself or before it, from so far behind
+    to so far ahead, by the weight (1 - s^2)^2; more, on the same sides, where there are too few of them. All stand in
+    the node's stretch: no path is smooth across an impact. Where it begins, what lacks behind is taken ahead.
+    """
+    behind_s, ahead_s = span_s
+    # One clock for all stretches, far enough apart that no node sees another stretch
+    span = float(time.max() - time.min()) + 10.0 * (behind_s + ahead_s)
+    clock, asked = time - time.min() + span * stretch, centre_s - time.min() + span * node_stretch
+    least, slack = 2 * (degree + 1), 1e-9 * (behind_s + ahead_s)
+    opens, closes = (np.searchsorted(stretch, node_stretch, side) for side in ("left", "right"))
+    first = np.searchsorted(clock, asked - behind_s - slack)
+    last = np.searchsorted(clock, np.maximum(asked + ahead_s, clock[opens] + behind_s) + slack)
+    few = last - first < least
+    shift = np.where(ahead_s > 0.0, least // 2, least)
+    begin = np.searchsorted(clock, asked + slack) - shift
+    begin = np.clip(begin, opens, np.maximum(closes - least, opens))
+    first, last = np.where(few, begin, first), np.where(few, np.minimum(begin + least, closes), last)
+    picked = first[:, None] + np.arange(int((last - first).max()))
+    inside = picked < last[:, None]
+    picked = np.minimum(picked, len(clock) - 1)
+    distance = clock[picked] - asked[:, None]
+    farthest = np.abs(np.where(inside, distance, 0.0)).max(axis=1, keepdims=True)
+    width = np.maximum(max(behind_s, ahead_s), 1.01 * farthest)
+    weight = np.where(inside, (1.0 - (distance / width) ** 2) ** 2, 0.0)
+    s = (distance - (node_s - centre_s)[:, None]) / width
+    basis = s[:, :, None] ** np.arange(degree + 1)
+    carried = weight[:, :, None] * basis
+    gram = np.einsum("nka,nkb->nab", carried, basis)
+    unit = np.zeros((len(asked), degree + 1, 2))
+    unit[:, 0, 0], unit[:, 1, 1] = 1.0, 1.0 / width[:, 0]
+    value = carried @ np.linalg.solve(gram, unit)
+    places, shape = (np.nonzero(inside)[0], picked[inside]), (len(asked), len(time))
+    level, slope = (sparse.csr_array((value[:, :, j][inside], places), shape=shape) for j in (0, 1))
+    return level, slope
