@@ -17,7 +17,7 @@ _PLACES = {
     "CalibrationResult": "femfit.identify.calibration.result:CalibrationResult",
     "CoilIntegral": "femfit.integrate.methods:CoilIntegral",
     "Comparison": "femfit.identify.compare:Comparison",
-    "Diagnosis": "femfit.identify.decision.diagnosis:Diagnosis",
+    "Diagnosis": "femfit.identify.decision.diagnose:Diagnosis",
     "ErrorBound": "femfit.estimate.error_bound:ErrorBound",
     "FemfitError": "femfit.core.errors:FemfitError",
     "Filter": "femfit.estimate.filter:Filter",

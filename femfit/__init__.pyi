@@ -24,7 +24,7 @@ from femfit.identify.calibration.result import CalibrationResult as CalibrationR
 from femfit.identify.compare import Comparison as Comparison
 from femfit.identify.compare import compare as compare
 from femfit.identify.decision.diagnose import diagnose as diagnose
-from femfit.identify.decision.diagnosis import Diagnosis as Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis as Diagnosis
 from femfit.identify.suggest import suggest as suggest
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.integrate.methods import CoilIntegral as CoilIntegral

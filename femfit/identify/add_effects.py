@@ -16,7 +16,7 @@ from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.add_result import AddResult, fit_facts, run_facts, suspicious_values
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.decision.campaign import gather, guessed_noises
-from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects

@@ -58,6 +58,11 @@ class Start:
         """Number of amplitudes."""
         return len(self.columns.amplitudes)
 
+    @property
+    def half_ranges(self) -> FloatArray:
+        """Half of the plausible ranges of the amplitudes, shape (k,)."""
+        return np.array([0.5 * p.width for p in self.columns.amplitudes])
+
     def continued(self, added: AddedEffect) -> "Start":
         """The start at the parameters where a fit ended."""
         nonlinear = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}

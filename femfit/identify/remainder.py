@@ -38,7 +38,7 @@ from femfit.identify.constants import (
     REMAINDER_SIZES,
     SPLINE_DEGREE,
 )
-from femfit.identify.decision.campaign import guessed_noises
+from femfit.identify.decision.campaign import Block, guessed_noises
 from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.left_out import cross_validated
 from femfit.identify.noise.components import beside_effects
@@ -218,7 +218,7 @@ def given(target: FloatArray, blocks: Sequence[FloatArray], roots: Sequence[Floa
 
 def likeliest_root(beside: Linear, block: FloatArray, tried: Sequence[FloatArray]) -> tuple[float, FloatArray]:
     """The largest log evidence with further columns (M, count), and the root of their covariance, times its size."""
-    gram, along = beside.products(block)
+    gram, along = beside.products(Block(block))
     best = -np.inf, tried[0]
     for root in tried:
         inner = root.T @ gram @ root

@@ -24,7 +24,7 @@ from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
 from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
-from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import TEMPERATURES

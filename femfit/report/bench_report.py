@@ -13,7 +13,7 @@ from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.add_result import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.constants import LEVEL_AFTER
-from femfit.identify.decision.diagnosis import Diagnosis, said_of
+from femfit.identify.decision.diagnose import Diagnosis, said_of
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.remainder import RemainderResult
 from femfit.identify.settings import setting_cells

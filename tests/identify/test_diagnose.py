@@ -14,7 +14,7 @@ from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import said_of
+from femfit.identify.decision.diagnose import said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
