@@ -16,7 +16,7 @@ from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Refit, at_bounds, is_plausible
+from femfit.identify.refit import Refit, is_plausible
 from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import Measurement, TimeSeries
@@ -28,7 +28,12 @@ def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]
     unusual = [
         (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
     ]
-    ends = [(fit.effects[k], _clocked(p, observations)) for k, p in at_bounds(fit)]
+    stuck = [fit.free[j] for j in np.flatnonzero(fit.active)]
+    ends = [
+        (fit.effects[k], _clocked(p, observations))
+        for k, p in stuck
+        if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * p.width
+    ]
     limits = {
         a.effect.name: [(p.null, a.ci95.get(p.name, (p.null,))) for p in a.effect.amplitudes] for a in fit.effects
     }

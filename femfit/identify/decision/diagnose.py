@@ -27,7 +27,7 @@ from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Refit, bounded_amplitudes, plausible
+from femfit.identify.refit import Refit, fitted_together, plausible
 from femfit.identify.signatures import CHANGES_NOTHING
 from femfit.identify.where import Where, where_it_fails
 from femfit.identify.words import Result, finding, printed, sentence
@@ -312,7 +312,7 @@ def _scored(campaign: Campaign) -> tuple[ScoredEffect, ...]:
     """Every effect alone to first order, at its best nonlinear parameters; what lowers the misfit most stands first."""
     best: dict[str, tuple[float, int]] = {}
     for start in campaign.effects:
-        _, fall = bounded_amplitudes(campaign.whitening.residual, start.whitened, start.columns.bounds)
+        _, fall = fitted_together(campaign.whitening.residual, [start])
         best[start.name] = max(best.get(start.name, (0.0, start.count)), (fall, start.count))
     scores = [ScoredEffect(name, *fall_and_count) for name, fall_and_count in best.items()]
     absent = (ScoredEffect(name, 0.0, 0, note=why) for name, why in campaign.untestable.items())
