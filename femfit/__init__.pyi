@@ -23,8 +23,8 @@ from femfit.identify.calibration.calibrate import calibrate as calibrate
 from femfit.identify.calibration.result import CalibrationResult as CalibrationResult
 from femfit.identify.compare import Comparison as Comparison
 from femfit.identify.compare import compare as compare
-from femfit.identify.decision.diagnose import diagnose as diagnose
 from femfit.identify.decision.diagnose import Diagnosis as Diagnosis
+from femfit.identify.decision.diagnose import diagnose as diagnose
 from femfit.identify.suggest import suggest as suggest
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.integrate.methods import CoilIntegral as CoilIntegral

@@ -11,46 +11,47 @@ from femfit.core.results import Finding, Plotted
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
 from femfit.estimate.follow import followed
-from femfit.identify.constants import FILTER_WORSE, HARMS
+from femfit.identify.constants import FILTER_WORSE, HARMS, HELPS
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, is_plausible
-from femfit.identify.words import Result, printed
+from femfit.identify.words import Result, plain, printed
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import Measurement, TimeSeries
+from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
+
+COENERGY = "coenergy"
+READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
+PARTS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
+    name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
+}
+"""What a remainder may change."""
 
 
 def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]:
     """What is unusual of fitted parameters, one sentence each."""
-    nominal = observations.nominal
-    unusual = [
-        (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
-    ]
-    stuck = [fit.free[j] for j in np.flatnonzero(fit.active)]
-    ends = [
-        (fit.effects[k], _clocked(p, observations))
-        for k, p in stuck
-        if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * p.width
-    ]
+
+    def clocked(p: EffectParameter) -> EffectParameter:
+        """A time with the unit that these data count it in."""
+        unit = "s" if "time_s" in observations.given else "readings"
+        return replace(p, unit=unit) if p.unit == "readings or s" else p
+
+    every = [(added, p) for added in fit.effects for p in added.effect.parameters]
+    stuck = [(fit.effects[k], p) for k, p in (fit.free[j] for j in np.flatnonzero(fit.active))]
     limits = {
         a.effect.name: [(p.null, a.ci95.get(p.name, (p.null,))) for p in a.effect.amplitudes] for a in fit.effects
     }
-    absent = [name for name, known in limits.items() if all(min(ci) <= null <= max(ci) for null, ci in known)]
-    text = printed("suspicious", fit=fit, unusual=unusual, ends=ends, absent=absent, nominal=nominal, alone=_alone)
+    text = printed(
+        "suspicious",
+        fit=fit,
+        unusual=[(added, clocked(p)) for added, p in every if not is_plausible(added, p)],
+        ends=[(a, clocked(p)) for a, p in stuck if abs(a.parameters[p.name] - p.null) > 1e-3 * p.width],
+        absent=[name for name, known in limits.items() if all(min(ci) <= null <= max(ci) for null, ci in known)],
+        nominal=observations.nominal,
+        alone=lambda added, p: AddedEffect(added.effect, added.effect.null() | {p.name: added.parameters[p.name]}),
+    )
     return tuple(text.splitlines())
-
-
-def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
-    """A time with the unit that these data count it in."""
-    unit = "s" if "time_s" in observations.given else "readings"
-    return replace(p, unit=unit) if p.unit == "readings or s" else p
-
-
-def _alone(added: AddedEffect, p: EffectParameter) -> AddedEffect:
-    """An effect with one of its parameters alone."""
-    return AddedEffect(added.effect, added.effect.null() | {p.name: added.parameters[p.name]})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,6 +84,13 @@ class AddResult(Plotted, Result):
         for the record.
     inductance_H : dict of str to float
         Least inductance over the validity domain ``before`` and ``after``, of several circuits the least eigenvalue.
+    parts : tuple of str, or None
+        What a remainder, the effect ``unexplained``, changes: ``coenergy``, or the channel that is read wrongly; none
+        where nothing beyond the noise is left, and None where none was sought.
+    fall_unseen : float
+        By how much the remainder lowers the weighted sum of squares on runs left out.
+    beside : AddResult or None
+        Effects that were added before the remainder.
 
     Examples
     --------
@@ -117,6 +125,9 @@ class AddResult(Plotted, Result):
     beyond_noise: Mapping[str, float] = field(default_factory=dict)
     filter: Mapping[str, Mapping[str, float | None]] | None = None
     inductance_H: Mapping[str, float] = field(default_factory=dict)
+    parts: tuple[str, ...] | None = None
+    fall_unseen: float = 0.0
+    beside: "AddResult | None" = None
 
     @property
     def accepted(self) -> bool:
@@ -125,22 +136,29 @@ class AddResult(Plotted, Result):
 
     @property
     def objections(self) -> tuple[str, ...]:
-        """What speaks against the new model: :attr:`worse`, and what keeps it from running that did not before.
+        """What speaks against the new model: the error on runs left out, and what keeps it from running.
 
-        ``inductance``: it is not positive everywhere; ``lost``: the filter does not run through; ``filter``: the mean
-        square of its innovations is farther from 1 by more than a factor.
+        ``risen``: that error is larger in some channel, and smaller in none; ``inductance``: it is not positive
+        everywhere, as it was before; ``lost``: the filter does not run through; ``filter``: the mean square of its
+        innovations is farther from 1 by more than a factor. Of a remainder ``unseen``: the error does not fall;
+        ``risen``: it is larger in some channel; ``nothing``: none was learnt, nor are effects beside it accepted. What
+        keeps a model with these alone from running counts as well.
         """
+        if self.parts == ():
+            return () if self.beside and self.beside.accepted else ("nothing",)
         before, after = self.filter["mean_square"].values() if self.filter else (1.0, 1.0)
         farther = before and after and abs(np.log(after)) > abs(np.log(before)) + np.log(FILTER_WORSE)
         turned = self.inductance_H.get("after", 1.0) <= 0.0 < self.inductance_H["before"]
-        tests = {"inductance": turned, "lost": after is None, "filter": farther} | self.worse
+        begun = self.beside.objections if self.beside else ()
+        falls = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
+        tests = {
+            "inductance": turned or "inductance" in begun,
+            "lost": after is None or "lost" in begun,
+            "filter": farther,
+            "unseen": self.parts is not None and self.fall_unseen <= HELPS,
+            "risen": bool(self.risen) and (self.parts is not None or not falls),
+        }
         return tuple(code for code, fails in tests.items() if fails)
-
-    @property
-    def worse(self) -> dict[str, bool]:
-        """Whether the error on runs left out has ``risen`` in some channel and falls in none."""
-        helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
-        return {"risen": bool(self.risen) and not helps}
 
     @property
     def risen(self) -> tuple[str, ...]:
@@ -148,8 +166,15 @@ class AddResult(Plotted, Result):
         channels = self.fall.channels
         return tuple(c.channel for c in channels if self.left_out[c.channel] > HARMS * c.rms_before)
 
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the model."""
+        learnt = {"parts": plain(self.parts), "fall_unseen": self.fall_unseen}
+        of_remainder = {"remainder": learnt, "beside": plain(self.beside)} if self.parts is not None else {}
+        return super().to_dict() | of_remainder
+
     def __str__(self) -> str:
-        return titled(printed("add", r=self), titles_of(self.observations.nominal.drawn))
+        text = printed("add" if self.parts is None else "remainder", r=self, words=PARTS)
+        return titled(text, titles_of(self.observations.nominal.drawn))
 
 
 def run_facts(before: ActuatorModel, after: ActuatorModel, measured: Measurement) -> dict[str, Any]:

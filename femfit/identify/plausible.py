@@ -20,18 +20,6 @@ from femfit.core.text import rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.estimate.record_checks import suspect_settings
-from femfit.identify.constants import (
-    BEYOND_MOUNTING,
-    CLEARLY,
-    DOMAIN_SLACK,
-    EXACTLY,
-    KEPT_ROWS,
-    LARGEST_SHIFT,
-    NOTHING_LEFT,
-    SHIFTS,
-    WELL,
-    WRONG_FACTOR,
-)
 from femfit.identify.settings import currents_in
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -44,6 +32,31 @@ from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable, Measurement
 from femfit.tables.measurement_checks import without_outliers
 from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion
+
+CLEARLY, WELL = 0.2, 0.3
+"""Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
+
+WRONG_FACTOR = 1.5
+"""Assumed: a factor nearer to 1 is a tolerance of the drawing, which the diagnosis names."""
+
+EXACTLY = 0.05
+"""Assumed: the part of the misfit that a wrong column leaves; an effect that resembles a factor leaves more."""
+
+BEYOND_MOUNTING = 1.2
+"""Assumed: times the usual range of the effect distance_offset from which a shift is a wrong zero and no mounting."""
+
+LARGEST_SHIFT, SHIFTS = 0.5, 41
+"""Assumed: part of the travel up to which the zero of the distance is looked for, and at how many places."""
+
+NOTHING_LEFT = 1e9
+"""Numerical: left where too few rows remain, so that no such shift is taken."""
+
+KEPT_ROWS = 0.7
+"""Assumed: part of the rows that must lie in the validity domain after a shift."""
+
+DOMAIN_SLACK = 0.02
+"""Assumed: by how much of its width a validity domain may be left; a stage's zero error at the border of the sweep."""
+
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 

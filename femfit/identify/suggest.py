@@ -23,12 +23,12 @@ from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
 from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE
-from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnose import Diagnosis
+from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import TEMPERATURES
-from femfit.identify.plan import Experiment, noise_for, pair_clauses, possible_experiments, separation
+from femfit.identify.plan import Experiment, pair_clauses, planned_noise, possible_experiments, separation
 from femfit.identify.plausible import plausible_table
 from femfit.identify.refit import Refit, Start, starting_point
 from femfit.identify.settings import currents_in, with_currents
@@ -179,7 +179,7 @@ def _joint_distances(
 ) -> list[float | None]:
     """How far apart explanations are by a further run: the smaller of the distances from the other's best refit."""
     observations = bench_observations(model, joined(table, experiment))
-    whitening = Whitening.granting(observations, noise_for(noise, observations))
+    whitening = Whitening.granting(observations, planned_noise(observations, noise))
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
         predicted = whitening.with_values(observations.predict(truth.effects))

@@ -15,7 +15,6 @@ from femfit.identify.compare import Comparison
 from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnose import Diagnosis, said_of
 from femfit.identify.misfit import finer_sweep
-from femfit.identify.remainder import RemainderResult
 from femfit.identify.settings import setting_cells
 from femfit.identify.suggest import Suggestion
 from femfit.identify.words import sentence
@@ -112,7 +111,7 @@ def render_added(result: AddResult) -> str:
         "hashes": (),
     }
     sections = ["curves", "fall", "provenance"]
-    if isinstance(result, RemainderResult) and result.parts:
+    if result.parts:
         sections.insert(1, "remainder")
         facts["remainder"] = str(result).splitlines()[:1]
     return titled(_render(result, facts, sections), titles_of(result.observations.nominal.drawn))

@@ -13,8 +13,7 @@ from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import detectable_magnitudes, gather
-from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnose import said_of
+from femfit.identify.decision.diagnose import diagnose, said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
@@ -241,7 +240,7 @@ def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(pot, name,
 
     clean = gathered()
     assert decide(clean).own_misfit
-    size = -1.5 * detectable_magnitudes(clean)[name][amplitude]
+    size = -1.5 * detectable_magnitudes(clean.effects)[name][amplitude]
     assert decide(gathered(hidden(name, **{amplitude: size}))).verdict != "nothing_missing"
 
 

@@ -32,8 +32,7 @@ from femfit.identify.calibration.result import CalibratedNumber, CalibrationResu
 from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
 from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
 from femfit.identify.decision.campaign import guessed_noises
-from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnose import Diagnosis, said_of
+from femfit.identify.decision.diagnose import Diagnosis, diagnose, said_of
 from femfit.identify.lack_of_fit import pattern_space
 from femfit.identify.left_out import unseen_error
 from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall

@@ -278,8 +278,8 @@ def guessed_noises(noise: NoiseModel) -> list[Finding]:
     return [finding("guessed-noise", sizes=sizes)] if sizes else []
 
 
-def detectable_magnitudes(campaign: Campaign) -> dict[str, dict[str, float]]:
-    """The smallest magnitude of each effect's amplitudes that these settings and this noise show nine times in ten.
+def detectable_magnitudes(effects: Sequence[Start]) -> dict[str, dict[str, float]]:
+    """The smallest magnitude of each effect's amplitudes that settings and noise show nine times in ten.
 
     The model's own misfit to its table counts as noise.
 
@@ -289,16 +289,14 @@ def detectable_magnitudes(campaign: Campaign) -> dict[str, dict[str, float]]:
         Effect -> amplitude -> magnitude in its unit, each amplitude taken alone; infinite where the bounds end
         before. Nonlinear parameters have their usual values.
     """
-    effects = {start.name for start in campaign.effects}
-    threshold = stats.chi2.isf(LEVEL / max(len(effects), 1), 1)
-    needed = (np.sqrt(threshold) + stats.norm.ppf(POWER)) ** 2  # of one degree of freedom; its other tail is nothing
-    result: dict[str, dict[str, float]] = {}
-    for start in campaign.effects:
-        if start.name in result:
-            continue
-        result[start.name] = {}
-        for k, p in enumerate(start.columns.amplitudes):
-            length = float(np.linalg.norm(start.whitened[:, k]))
-            magnitude = float(np.sqrt(needed)) / length if length > 0.0 else np.inf
-            result[start.name][p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
+    usual = {start.name: start for start in reversed(effects)}  # the first of each
+    names = dict.fromkeys(start.name for start in effects)
+    threshold = stats.chi2.isf(LEVEL / max(len(names), 1), 1)
+    needed = np.sqrt(threshold) + stats.norm.ppf(POWER)  # of one degree of freedom; its other tail is nothing
+    result: dict[str, dict[str, float]] = {name: {} for name in names}
+    for name, magnitudes in result.items():
+        start = usual[name]
+        for p, length in zip(start.columns.amplitudes, np.linalg.norm(start.whitened, axis=0).tolist(), strict=True):
+            magnitude = float(needed) / length if length > 0.0 else np.inf
+            magnitudes[p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
     return result

@@ -290,7 +290,7 @@ def diagnose_observations(
         where=where,
         error_fall=error_fall(observations, observations.base, after, noise.known),
         noise_floor=noise.known,
-        detectable=detectable_magnitudes(campaign),
+        detectable=detectable_magnitudes(campaign.effects),
         model=model,
         observations=observations,
         probability=decision.probability,
