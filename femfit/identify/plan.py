@@ -159,7 +159,7 @@ def planned_noise(observations: Observations, known: NoiseModel | None = None) -
     planned = pd.DataFrame({"sigma": sigma, "rho": 0.0, "run": PRIOR_RUN * sigma}, index=channels)
     planned["repeats"] = planned["degrees_of_freedom"] = np.inf
     if known:
-        estimated = pd.DataFrame({name: getattr(known, name) for name in planned}, index=known.channels)
+        estimated = pd.DataFrame({name: getattr(known, str(name)) for name in planned}, index=known.channels)
         planned.update(estimated.assign(run=estimated["run"].where(known.run > 0.0, PRIOR_RUN * known.sigma)))
     columns: dict[str, Any] = {str(name): values.to_numpy() for name, values in planned.items()}
     if known:

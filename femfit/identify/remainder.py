@@ -13,7 +13,7 @@ References
 S. N. Wood, Journal of the Royal Statistical Society B 73 (2011) 3: smoothing by restricted likelihood.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,9 +23,8 @@ from scipy import linalg
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.identify.add_result import COENERGY, PARTS, READINGS, AddResult, fit_facts, run_facts
 from femfit.identify.bench import placed
-from femfit.identify.decision.campaign import Block, guessed_noises
+from femfit.identify.decision.campaign import Block
 from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.left_out import cross_validated
 from femfit.identify.noise.components import beside_effects
@@ -37,7 +36,7 @@ from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
-from femfit.tables.measurement import Measurement
+from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
 PRICE = 4.5
 """Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
@@ -61,6 +60,13 @@ REMAINDER_SIZES = 50
 
 NAME = "unexplained"
 """What the remainder is called as an effect; no cause is."""
+
+COENERGY = "coenergy"
+READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
+PARTS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
+    name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
+}
+"""What a remainder may change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,28 +236,26 @@ def likeliest_root(beside: Linear, block: FloatArray, tried: Sequence[FloatArray
     return best
 
 
-def add_remainder(
-    model: ActuatorModel,
-    measured: Measurement,
-    whitening: Whitening,
-    beside: AddResult | None = None,
-    named: Collection[str] = (),
-    progress: Callable[[str], None] = lambda _: None,
-) -> AddResult:
+def learn_remainder(
+    model: ActuatorModel, measured: Measurement, whitening: Whitening, named: Collection[str] = ()
+) -> tuple[Learnt, Whitening, dict[str, float], float]:
     """Learn what a model with all its effects leaves of the readings, and check it on runs left out.
 
     Parameters
     ----------
     whitening : Whitening
         Of the readings beside this model.
-    beside : AddResult or None
-        What was added to it before.
     named : collection of str
         Effects of the model that are fitted to the same readings: what they can explain is left to them.
+
+    Returns
+    -------
+    tuple of (Learnt, Whitening, dict of str to float, float)
+        What was learnt; the readings with the noise beside it; on runs left out the error per channel, and by how much
+        the weighted sum of squares falls.
     """
     if len(model.without_effects.validity.current_limits_A) > 1:
         raise MissingPartError(sentence("refusals", "several_circuits", model))
-    progress("Learning the remainder")
     observations = whitening.observations
     staying = [present for present in model.effects if present.effect.name not in named]
     fitted = [present for present in model.effects if present.effect.name in named]
@@ -263,28 +267,12 @@ def add_remainder(
     if learnt.effects:
         whitening = Whitening(observations, beside_effects(whitening, learnt.effects).noise)
         learnt = learn(whitening, parts, columns, by_names)
-    noise = whitening.noise
 
     def learnt_from(keep: BoolArray) -> tuple[AddedEffect, ...]:
         """The same without some readings, choice and smoothness too."""
-        some = Whitening(observations.select(keep), noise)
+        some = Whitening(observations.select(keep), whitening.noise)
         return learn(some, parts, [block[keep] for block in columns], by_names[keep]).effects
 
-    effects, (rms, before) = learnt.effects, cross_validated(whitening, lambda _: ())
-    rms, chi2 = cross_validated(whitening, learnt_from) if effects else (rms, before)
-    after = with_effects(model, (*model.effects, *effects))
-    if effects:
-        progress("Running the filter before and after")
-    return AddResult(
-        model=after,
-        added=effects,
-        kept=tuple(present.effect.name for present in model.effects),
-        left_out=rms,
-        suspicious=beside.suspicious if beside else (),
-        findings=(*observations.findings, *guessed_noises(noise)),
-        parts=learnt.kinds,
-        fall_unseen=before - chi2,
-        beside=beside,
-        **(run_facts(model, after, measured) if effects else {}),
-        **fit_facts(whitening, (), effects, learnt.decided),
-    )
+    left_out, before = cross_validated(whitening, lambda _: ())
+    left_out, chi2 = cross_validated(whitening, learnt_from) if learnt.effects else (left_out, before)
+    return learnt, whitening, left_out, before - chi2

@@ -247,7 +247,7 @@ def _settings(device: Device, rng: np.random.Generator, extent: Extent) -> tuple
     denser = np.geomspace(*ends, count) if low > 0.0 else np.linspace(*ends, count)
     distance = np.round(0.5 * (np.linspace(*ends, count) + denser), 6)
     each = count * len(cycle)
-    run, number = np.repeat(np.arange(runs), each), np.arange(runs * each)
+    run, number = np.repeat(np.arange(runs), each), np.arange(runs * each, dtype=np.float64)
     current = np.tile(cycle, count * runs)
     ambient = (rng.uniform(18.0, 25.0) + rng.normal(0.0, 2.0, runs))[run]
     rise = rng.uniform(10.0, 40.0) * (current / largest) ** 2
@@ -256,7 +256,7 @@ def _settings(device: Device, rng: np.random.Generator, extent: Extent) -> tuple
     dials = pd.DataFrame(
         {
             "run": run + 1,
-            "order": number + 1,
+            "order": number.astype(int) + 1,
             "current_A": np.round(current, 6),
             "distance_m": np.tile(np.repeat(distance, len(cycle)), runs),
             "branch": np.tile(branch, count * runs).astype(int),
