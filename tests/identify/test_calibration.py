@@ -257,7 +257,7 @@ def number(key):
 def decision(*classes, **runs):
     """Named are these classes; effects act in runs that are counted from 0."""
     effects = [SimpleNamespace(effect=SimpleNamespace(name=names[0]), runs=runs.get(names[0])) for names in classes]
-    return SimpleNamespace(classes=classes, chosen=SimpleNamespace(fit=SimpleNamespace(effects=effects)))
+    return SimpleNamespace(classes=classes, fit=SimpleNamespace(effects=effects))
 
 
 def diagnosed(named):

@@ -143,8 +143,8 @@ def with_named(choice: Choice, decision: Decision, suspects: Sequence[NumberFact
     numbers were asked for, effects alone are fitted beside these. What changes between runs is no number of a drawing.
     """
     by_name = {number.name: number for number in suspects}
-    fits = decision.chosen.fit.effects if decision.chosen and decision.chosen.fit else ()
-    acts = {added.effect.name: (added.runs[0] + 1, added.runs[1] + 1) for added in fits if added.runs}
+    fitted_effects = decision.fit.effects if decision.fit else ()
+    acts = {added.effect.name: (added.runs[0] + 1, added.runs[1] + 1) for added in fitted_effects if added.runs}
     numbers, beside, fitted = list(choice.numbers), dict(choice.beside), {number.key for number in choice.numbers}
     remarks = {k: text for k, text in choice.remarks.items() if k in fitted | beside.keys()}  # others are named anew
     for members in decision.classes:
