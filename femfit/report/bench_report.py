@@ -67,7 +67,7 @@ def render_diagnosis(
         "findings": observations.findings if evidence is None else diagnosis.findings,
     }
     sections = ["curves", "measured", "misfit", "provenance"]
-    if diagnosis.decision is not None:
+    if evidence is not None:
         sections += ["explained", "alternatives"]
         facts |= _explained(diagnosis)
     if diagnosis.verdict != "nothing_missing":

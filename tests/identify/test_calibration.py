@@ -262,7 +262,7 @@ def decision(*classes, **runs):
 
 def diagnosed(named):
     """A diagnosis with this decision."""
-    return SimpleNamespace(decision=named, observations=SimpleNamespace(nominal=SimpleNamespace(drawn=())))
+    return SimpleNamespace(**vars(named), observations=SimpleNamespace(nominal=SimpleNamespace(drawn=())))
 
 
 REMANENCE, MAGNET = "materials.hard.remanence_T", "magnet_temperature"
@@ -303,7 +303,7 @@ def test_whoever_asks_for_a_number_decides_its_class():
 def test_nothing_is_calibrated_where_no_number_is_named(monkeypatch):
     monkeypatch.setattr(calibration, "said_of", lambda *_: "The verdict.")
     with pytest.raises(TableError, match="The verdict"):
-        _diagnosed(diagnosed(None), KNOWN)
+        _diagnosed(diagnosed(decision()), KNOWN)
     with pytest.raises(TableError, match="hall_offset"):
         _diagnosed(diagnosed(decision(("hall_offset",))), KNOWN)
     changing = decision((HEIGHT,), **{HEIGHT: (1, 2)})

@@ -152,7 +152,7 @@ def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     turns = hidden("turns", turns_error=-0.03)
     noise = {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
     found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0, **LARGE))
-    alone = found.decision.posterior.explanations
+    alone = found.posterior.explanations
     behind = alone[frozenset({"turns"})].log_evidence - alone[frozenset({"current_gain"})].log_evidence
     assert 50.0 < behind < 0.005 * found.excess
     assert [one.members for one in found.missing] == [("turns",)]

@@ -177,7 +177,7 @@ def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
     assert not {"patterns", "unknown", "variants"} & set(vars(campaign))
     np.testing.assert_array_equal(campaign.patterns.groups[0].basis, basis)
     np.testing.assert_array_equal(campaign.unknown.columns, columns)
-    assert found.decision.fits
+    assert found.fits
 
 
 def test_what_comes_back_predicts_steps_and_explains_as_before(results):

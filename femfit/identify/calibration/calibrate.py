@@ -114,7 +114,7 @@ def calibrate(
 
 def _diagnosed(diagnosis: Diagnosis, suspects: Sequence[NumberFacts]) -> Choice:
     """What the diagnosis of a drawing names; TableError where that is no number that it can have."""
-    choice = with_named(Choice(), diagnosis.decision, suspects) if diagnosis.decision else Choice()
+    choice = with_named(Choice(), diagnosis, suspects)
     if choice.numbers:
         return choice
     titles = titles_of(diagnosis.observations.nominal.drawn)
@@ -157,7 +157,7 @@ class _Task:
             now = self.settled(now, 1)
             self.say("Diagnosing what is left")
             decision, choice = decide_beside(now, self.measured), now.choice
-            wider = with_named(choice, decision, self.source.suspects, asked=asked) if decision else choice
+            wider = with_named(choice, decision, self.source.suspects, asked=asked)
             drawn = [number.value for number in wider.numbers[len(now.values) :]]
             now = estimate(now.redrawn, wider, np.append(now.values, drawn))
             if (wider.numbers, wider.beside) == (choice.numbers, choice.beside):

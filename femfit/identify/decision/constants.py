@@ -46,9 +46,6 @@ SHARE_DEGREE = 2
 IN_PART = 0.1
 """Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
 
-SETTLED = 1e-3
-"""Numerical: gain of the log evidence from which sizes are tried once more."""
-
 LOOKED_AT = 0.002
 """Numerical: an explanation is refitted where it may have this part of the probability: a fifth of a class's end."""
 

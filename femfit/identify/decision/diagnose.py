@@ -22,8 +22,7 @@ from femfit.identify.decision.campaign import (
     stage_errors,
 )
 from femfit.identify.decision.constants import CERTAIN
-from femfit.identify.decision.naming import Decision, Verdict, decide, look_alikes
-from femfit.identify.lack_of_fit import LackOfFit
+from femfit.identify.decision.naming import Decision, decide, look_alikes
 from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
@@ -75,9 +74,9 @@ class ScoredEffect:
     error_left: float = float("nan")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Plotted, Result):
-    """The result of a diagnosis; printed, it is what ``femfit diagnose`` prints.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Diagnosis(Plotted, Result, Decision):
+    """The decision about a measurement with its words; printed, it is what ``femfit diagnose`` prints.
 
     Parameters
     ----------
@@ -95,8 +94,6 @@ class Diagnosis(Plotted, Result):
         Smallest magnitude of each effect's parameters that these data would have shown.
     probability : mapping of str to float
         Of each verdict but ``compare_only``.
-    p_value : float
-        Of the model's lack of fit, as in ``femfit compare``.
     own_misfit : bool
         Whether the model misses the readings by more than noise, but as its misfit to its own table may.
     excess : float
@@ -110,7 +107,7 @@ class Diagnosis(Plotted, Result):
         considered where ``dimensions_suspected`` says so.
     excluded : tuple of str
         Effects that were not considered: nothing is certain beside them.
-    campaign, decision : Campaign and Decision, or None
+    campaign : Campaign or None
         What the result rests on; None for ``compare_only``.
 
     Examples
@@ -127,7 +124,6 @@ class Diagnosis(Plotted, Result):
         *("lack_of_fit_before", "lack_of_fit_after", "findings", "rms=error_fall.rms_before"),
     )
 
-    verdict: Verdict
     ranking: tuple[ScoredEffect, ...]
     where: Where
     error_fall: ErrorFall
@@ -136,18 +132,12 @@ class Diagnosis(Plotted, Result):
     missing: tuple[NamedEffect, ...] = ()
     noise_floor: Mapping[str, float] = field(default_factory=dict)
     detectable: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    probability: Mapping[Verdict, float] = field(default_factory=dict)
-    p_value: float = 1.0
-    own_misfit: bool = False
     excess: float = 0.0
-    lack_of_fit_before: LackOfFit | None = None
-    lack_of_fit_after: LackOfFit | None = None
     look_alikes: tuple[str, ...] = ()
     confident: bool = False
     excluded: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     campaign: Campaign | None = None
-    decision: Decision | None = None
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -162,7 +152,7 @@ class Diagnosis(Plotted, Result):
     @property
     def explanations(self) -> tuple[Refit, ...]:
         """What was named, then each other explanation that the data leave."""
-        return tuple(explanation.fit for explanation in self.decision.left if explanation.fit) if self.decision else ()
+        return tuple(explanation.fit for explanation in self.left if explanation.fit)
 
     @property
     def noise(self) -> NoiseModel | None:
@@ -264,7 +254,7 @@ def diagnose_observations(
     decision = decide(campaign)
     again = campaign.beside(decision.fit.effects) if decision.fit else None
     if again is not None:  # a large misfit looks like scatter of mounts and runs
-        second = replace(decide(again), lack_of_fit=decision.lack_of_fit)
+        second = replace(decide(again), lack_of_fit_before=decision.lack_of_fit_before)
         campaign, decision = (again, second) if second.chosen else (campaign, decision)
     observations, noise, fit = campaign.observations, campaign.noise, decision.fit
     scores = _scored(campaign)
@@ -284,7 +274,7 @@ def diagnose_observations(
     sure = decision.verdict == "named" and not alike and decision.probability_of_chosen > CERTAIN
     sure = sure and "guess" not in noise.source.values() and all(named.plausible for named in missing)
     return Diagnosis(
-        verdict=decision.verdict,
+        **vars(decision),
         missing=missing,
         ranking=_ranking(campaign, decision, scores, excess),
         where=where,
@@ -293,18 +283,12 @@ def diagnose_observations(
         detectable=detectable_magnitudes(campaign.effects),
         model=model,
         observations=observations,
-        probability=decision.probability,
-        p_value=decision.lack_of_fit.p_value,
-        own_misfit=decision.own_misfit,
         excess=excess,
-        lack_of_fit_before=decision.lack_of_fit,
-        lack_of_fit_after=decision.left_after,
         look_alikes=alike,
         confident=bool(sure and fit and fit.converged),
         excluded=excluded,
         findings=(*observations.findings, *remarks),
         campaign=campaign,
-        decision=decision,
     )
 
 

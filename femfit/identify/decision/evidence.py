@@ -19,8 +19,9 @@ import numpy as np
 from scipy import linalg
 
 from femfit.core.numerics import FloatArray, IntArray, root_beside_one
+from femfit.identify.constants import ROUNDING
 from femfit.identify.decision.campaign import Block, Campaign
-from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
+from femfit.identify.decision.constants import FORM_SPREAD, SIZES, UNKNOWN_SIZES
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ def of_sizes(
         scale = np.ones(columns.shape[1])
         scale[form], scale[np.concatenate(families)] = spread, sizes[0][-2]
         best, gain = -np.inf, np.inf
-        while gain > SETTLED:
+        while gain > ROUNDING:
             before = best
             for family, values in zip(families, sizes, strict=True):
                 logs = tried(scale, family, values)

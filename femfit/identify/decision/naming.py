@@ -8,7 +8,7 @@ than any list holds, so that a constant error of each channel is always among th
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -37,22 +37,27 @@ _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What is missing, before it is put into words."""
+    """What is missing, before it is put into words; ``compare_only`` where that cannot be tested."""
 
     verdict: Verdict
-    probability: Mapping[Verdict, float]
-    lack_of_fit: LackOfFit  # Of the model before anything is added
+    probability: Mapping[Verdict, float] = field(default_factory=dict)
+    lack_of_fit_before: LackOfFit | None = None
     # Whether the model misses the readings by more than noise, but as the table that it was fitted to
-    own_misfit: bool
-    posterior: Posterior
+    own_misfit: bool = False
+    posterior: Posterior = field(default_factory=Posterior)
     probability_of_chosen: float = 0.0  # Of exactly the effects that are named
-    left_after: LackOfFit | None = None  # The lack of fit with what is named
+    lack_of_fit_after: LackOfFit | None = None  # With what is named
     chosen: Explanation | None = None
     classes: tuple[tuple[str, ...], ...] = ()  # Per named effect, what cannot be told from it, itself first
     # The same of what is of a usual size and as likely, by odds of up to three; the simplest first
     ties: tuple[tuple[str, ...], ...] = ()
     # All that these data leave, what was named first: as probable as the members of a class
     left: tuple[Explanation, ...] = ()
+
+    @property
+    def p_value(self) -> float:
+        """Of the model's lack of fit, as in ``femfit compare``."""
+        return self.lack_of_fit_before.p_value if self.lack_of_fit_before else 1.0
 
     @property
     def fit(self) -> Refit | None:
@@ -79,7 +84,7 @@ def decide(campaign: Campaign) -> Decision:
     if probability[verdict] <= NOTHING_MISSING:
         verdict = max((word for word in _KINDS if word != verdict), key=lambda word: probability[word])
     test = campaign.patterns.test(campaign.whitening.residual)
-    decision = Decision(verdict, probability, test, own_misfit=False, posterior=posterior)
+    decision = Decision(verdict, probability, test, posterior=posterior)
     if _KINDS[verdict][0]:
         decision = _named(campaign, decision)
     own = _as_its_own(campaign)
@@ -116,7 +121,7 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
         decision,
         verdict=verdict,
         probability_of_chosen=posterior.probability[near[0], unknown],
-        left_after=after,
+        lack_of_fit_after=after,
         chosen=chosen,
         classes=tuple((name, *_exchanged(name, near)) for name in chosen.names),
         ties=tuple((name, *_exchanged(name, tie)) for name in chosen.names),

@@ -4,7 +4,7 @@ From each explanation the search goes on to first order: by one more effect, thr
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, count
 from operator import attrgetter, itemgetter
 
@@ -138,8 +138,9 @@ def pairs_of_two(campaign: Campaign, linear: Linear, alone: Sequence[Explanation
 class Posterior:
     """How probable every explanation is that was looked at."""
 
-    explanations: Mapping[Names, Explanation]
-    probability: Mapping[tuple[Names, bool], float]  # With an unknown cause beside, and without
+    explanations: Mapping[Names, Explanation] = field(default_factory=dict)
+    # With an unknown cause beside, and without
+    probability: Mapping[tuple[Names, bool], float] = field(default_factory=dict)
     ended: bool = False  # Whether sets were left to first order since so many had been refitted
 
     def of(self, *, effects: bool, unknown: bool) -> float:
