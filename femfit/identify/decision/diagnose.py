@@ -167,10 +167,10 @@ class Diagnosis(Plotted, Result, Decision):
     def __str__(self) -> str:
         after, nominal = self.allowed, self.observations.nominal
         effects, named = device_effects(nominal.circuits, nominal.drawn), {effect.name for effect in self.missing}
-        hidden: dict[str, list[str]] = {}
-        for score in self.ranking:
-            if score.note:
-                hidden.setdefault(score.note, []).append(score.name)
+        hidden = {
+            note: [score.name for score in self.ranking if score.note == note]
+            for note in dict.fromkeys(score.note for score in self.ranking if score.note)
+        }
         text = printed(
             "diagnosis",
             d=self,

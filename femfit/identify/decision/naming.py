@@ -208,19 +208,16 @@ def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]
     for added in fit.effects:
         change = together - observations.predict([effect for effect in fit.effects if effect is not added])
         lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
-    examples = [
-        (name, column, 2.0 * float(np.linalg.norm(column)))  # the whole of its plausible range
-        for name, blocks in campaign.variants.items()
-        if name not in fit.names
-        for block in blocks
-        for column in block.amplitudes.T
-    ]
-    for name in observations.channels:
-        constant = campaign.whitening.full(observations.of(name).astype(np.float64))
-        examples.append((f"a constant error of the {CHANNEL_WORDS.get(name, name)}", constant, np.inf))
+    others = [block for name, blocks in campaign.variants.items() if name not in fit.names for block in blocks]
+    names = [block.start.name for block in others for _ in block.amplitudes.T]
+    names += [f"a constant error of the {CHANNEL_WORDS.get(name, name)}" for name in observations.channels]
+    constants = (observations.channel[:, None] == np.arange(len(observations.channels))).astype(np.float64)
+    columns = np.concatenate([*(block.amplitudes for block in others), campaign.whitening.full(constants)], axis=1)
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns / np.maximum(size, 1e-300)
+    # Of an effect the whole of its plausible range
+    longest = np.where(np.arange(len(names)) < len(names) - constants.shape[1], 2.0 * size, np.inf)
     result: dict[str, float] = {}
-    columns = np.stack([column for _, column, _ in examples], axis=1)
-    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     of_columns, of_unknown = linear.beside(columns), linear.beside(campaign.unknown.columns)
     gram = campaign.unknown.gram - of_unknown.T @ of_unknown
     along = campaign.unknown.columns.T @ columns - of_unknown.T @ of_columns
@@ -228,7 +225,7 @@ def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]
     for length in lengths:  # readings that are noise of its usual length and so much of an example
         square = len(columns) + length**2 * unexplained
         every = odds_of_unknown(campaign, linear.density, gram, length * along, square)
-        for (name, _, longest), odds in zip(examples, every, strict=True):
-            if longest >= length:
+        for name, most, odds in zip(names, longest, every, strict=True):
+            if most >= length:
                 result[name] = min(result.get(name, np.inf), float(odds))
     return result
