@@ -126,10 +126,12 @@ Form = Callable[[Device, Conditions, FloatArray], FloatArray | float]
 """(device, settings, values) -> change of the values by an error, over its size."""
 
 
-def _reads(channel: str, form: Form) -> Callable[[Device, float, Conditions, Readings], Readings]:
-    """A channel to which an error adds its size times a form."""
+def _reads(
+    channel: str, form: Form, of_size: Callable[[float], float] = float
+) -> Callable[[Device, float, Conditions, Readings], Readings]:
+    """A channel to which an error adds its size, or its magnitude, times a form."""
     return lambda device, size, settings, values: {
-        channel: values[channel] + size * form(device, settings, values[channel])
+        channel: values[channel] + of_size(size) * form(device, settings, values[channel])
     }
 
 
@@ -142,16 +144,6 @@ def _sets(name: str, form: Form) -> Callable[[Device, float, Conditions], Condit
 
 def _ohmic(device: Device, settings: Conditions, _values: FloatArray) -> FloatArray:
     return device.actuator.coil.resistance_ohm * settings.current
-
-
-def _warm(device: Device, settings: Conditions, values: FloatArray) -> FloatArray:
-    return COPPER_TEMPERATURE_COEFFICIENT * (settings.coil_C - 20.0) * _ohmic(device, settings, values)
-
-
-def _lost(settings: Conditions) -> FloatArray:
-    """Relative change of a magnet's remanence by its temperature."""
-    rise = settings.magnet_C - 20.0
-    return rise * (MAGNET_PER_K + MAGNET_PER_K2 * rise)
 
 
 _FIELD, _FORCE = ("force_N", "flux_linkage_Wb", "hall_V"), ("force_N",)
@@ -175,13 +167,23 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
     "coil_temperature": HiddenError(
         lambda _: 1.3,  # of copper's coefficient
         ("voltage_V",),
-        reading=lambda device, size, *rest: _reads("voltage_V", _warm)(device, abs(size), *rest),
+        reading=_reads(
+            "voltage_V",
+            lambda device, settings, values: (
+                COPPER_TEMPERATURE_COEFFICIENT * (settings.coil_C - 20.0) * _ohmic(device, settings, values)
+            ),
+            abs,
+        ),
     ),
     "magnet_temperature": HiddenError(
         lambda _: 2.5,
         _FIELD,
         _MAGNET,
-        fields=lambda device, size, settings: device.change("remanence", abs(size) * _lost(settings), settings),
+        fields=lambda device, size, settings: device.change(
+            "remanence",
+            abs(size) * (settings.magnet_C - 20.0) * (MAGNET_PER_K + MAGNET_PER_K2 * (settings.magnet_C - 20.0)),
+            settings,
+        ),
     ),
     "core_saturation": HiddenError(
         lambda _: 2.0,
