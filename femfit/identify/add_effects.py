@@ -155,7 +155,7 @@ class AddResult(Plotted, Result):
         return super().to_dict() | of_remainder
 
     def __str__(self) -> str:
-        text = printed("add" if self.parts is None else "remainder", r=self, words=PARTS)
+        text = printed("add", r=self) if self.parts is None else printed("remainder", r=self, words=PARTS)
         return titled(text, titles_of(self.observations.nominal.drawn))
 
 
