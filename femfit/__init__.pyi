@@ -17,14 +17,14 @@ from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
 from femfit.heat.find_temperatures import Temperatures as Temperatures
 from femfit.heat.find_temperatures import find_temperatures as find_temperatures
+from femfit.identify.add_effects import AddResult as AddResult
 from femfit.identify.add_effects import add_effects as add_effects
-from femfit.identify.add_result import AddResult as AddResult
 from femfit.identify.calibration.calibrate import calibrate as calibrate
 from femfit.identify.calibration.result import CalibrationResult as CalibrationResult
 from femfit.identify.compare import Comparison as Comparison
 from femfit.identify.compare import compare as compare
+from femfit.identify.decision.diagnose import Diagnosis as Diagnosis
 from femfit.identify.decision.diagnose import diagnose as diagnose
-from femfit.identify.decision.diagnosis import Diagnosis as Diagnosis
 from femfit.identify.suggest import suggest as suggest
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.integrate.methods import CoilIntegral as CoilIntegral

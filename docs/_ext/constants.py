@@ -7,9 +7,12 @@ from typing import NamedTuple
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
     "What is missing, and what to measure next": PACKAGE / "identify" / "decision" / "constants.py",
-    "The noise, the fit of effects, where a model fails, a drawing's numbers, what is left and records": PACKAGE
+    "The noise, the fit of effects, where a model fails, a drawing's numbers and records": PACKAGE
     / "identify"
     / "constants.py",
+    "Which readings beside a model cannot be right": PACKAGE / "identify" / "plausible.py",
+    "A remainder of unknown cause": PACKAGE / "identify" / "remainder.py",
+    "What a measurement costs, and shows": PACKAGE / "identify" / "plan.py",
     "What a record shows, and what a filter makes of it": PACKAGE / "estimate" / "constants.py",
     "A table to a model": PACKAGE / "fit" / "constants.py",
     "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",

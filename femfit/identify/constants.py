@@ -170,30 +170,6 @@ the others have about one noise."""
 MOST_DROPPED = 0.1
 """Assumed: part of the stretches that may be left out as too short; more of them are settings of their own."""
 
-CLEARLY, WELL = 0.2, 0.3
-"""Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
-
-WRONG_FACTOR = 1.5
-"""Assumed: a factor nearer to 1 is a tolerance of the drawing, which the diagnosis names."""
-
-EXACTLY = 0.05
-"""Assumed: the part of the misfit that a wrong column leaves; an effect that resembles a factor leaves more."""
-
-BEYOND_MOUNTING = 1.2
-"""Assumed: times the usual range of the effect distance_offset from which a shift is a wrong zero and no mounting."""
-
-LARGEST_SHIFT, SHIFTS = 0.5, 41
-"""Assumed: part of the travel up to which the zero of the distance is looked for, and at how many places."""
-
-NOTHING_LEFT = 1e9
-"""Numerical: left where too few rows remain, so that no such shift is taken."""
-
-KEPT_ROWS = 0.7
-"""Assumed: part of the rows that must lie in the validity domain after a shift."""
-
-DOMAIN_SLACK = 0.02
-"""Assumed: by how much of its width a validity domain may be left; a stage's zero error at the border of the sweep."""
-
 IN_ORDER = 0.75
 """Assumed: part of the current's steps that must agree with the branches where rows stand in the order of measuring."""
 
@@ -314,25 +290,6 @@ SLOPE_STEP = 1e-3
 """Numerical: step of a difference over the width of a parameter's plausible range."""
 
 # What is left unexplained
-
-PRICE = 4.5
-"""Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
-
-SPLINE_DEGREE = 4
-"""Derived: force gradients and inductance gradients, third derivatives of W', are continuous with quartic splines."""
-
-FIELD_CELLS, CURVE_CELLS = (12, 3), 8
-"""Numerical: cells of a function of distance and current, and of a curve. Smoothness is chosen by the data; these are
-the finest that it can be."""
-
-FIELD_SCALES, CURVE_SCALES = ((0.05, 0.15, 0.4), (0.6, 1.8, 6.0)), (0.15, 0.6)
-"""Numerical: correlation lengths that are tried, over the range of the data; the longest is next to a straight line."""
-
-JITTER = 1e-8
-"""Numerical: added to the correlation of a coefficient with itself, so that its root exists."""
-
-REMAINDER_SIZES = 50
-"""Numerical: sizes of a part that are tried, from a tenth of the noise to 1e4 times as much."""
 
 HELPS = 9.0
 """Conventional: fall of the weighted error on runs left out from which a remainder is used (three deviations)."""

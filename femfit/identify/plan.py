@@ -13,7 +13,7 @@ A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, groupby, permutations
+from itertools import combinations, groupby
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -21,26 +21,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.numerics import ROUNDING
+from femfit.core.numerics import ROUNDING, FloatArray
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
 from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
-from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
-from femfit.identify.decision.constants import (
-    CHANNEL_COST,
-    CURRENTS,
-    DISTANCES,
-    GUESSED_NOISE,
-    HEAT_COST,
-    HEATED_K,
-    LARGEST_BENDING,
-    NEAR_SHARE,
-    NEEDED_DISTANCE,
-    VISIBLE,
-)
+from femfit.identify.decision.campaign import detectable_magnitudes
+from femfit.identify.decision.constants import HEATED_K, NEEDED_DISTANCE
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit
@@ -50,6 +39,23 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_bench_table
+
+VISIBLE = 4.0
+"""Conventional: standard deviations from which a whole signal is seen, where nobody asks for its form."""
+
+GUESSED_NOISE = 2e-3
+"""Assumed: noise of a channel that was never measured and has none declared, over its largest reading in the validity
+domain."""
+
+LARGEST_BENDING = 0.5
+"""Assumed: what first-order columns at the trial values of the nonlinear parameters leave of a signal, a refit of these
+parameters may lower from up to this share."""
+
+NEAR_SHARE, DISTANCES, CURRENTS = 0.25, 24, 6
+"""Assumed: a usual sweep has so many distances and currents; most effects are largest in its nearest quarter."""
+
+CHANNEL_COST, HEAT_COST = 60.0, 120.0
+"""Assumed: readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,9 +93,7 @@ def examine_plan(
     for name in [name for name, starts in families.items() if not any(map(_signals, starts))]:
         invisible[name] = "its largest plausible size stays within the noise"
         del families[name]
-    starts = tuple(start for variants in families.values() for start in variants)
-    campaign = Campaign(whitening, starts, invisible)
-    detectable = detectable_magnitudes(campaign)
+    detectable = detectable_magnitudes([start for variants in families.values() for start in variants])
     return PlanReport(
         noise=noise.floor,
         detectable=detectable,
@@ -101,23 +105,23 @@ def examine_plan(
     )
 
 
-def _signals(start: Start) -> list[tuple[float, int]]:
-    """(value, number) of each amplitude that can be seen at the further end of its plausible range."""
+def _signals(start: Start) -> list[FloatArray]:
+    """Change of the readings by each amplitude that can be seen at the further end of its plausible range."""
     ends = [max((end - p.null for end in p.plausible), key=abs) for p in start.columns.amplitudes]
-    return [(end, k) for k, end in enumerate(ends) if np.linalg.norm(start.whitened[:, k] * end) > VISIBLE]
+    seen = np.linalg.norm(start.whitened * ends, axis=0) > VISIBLE
+    return list((start.columns.columns * ends)[:, seen].T)
 
 
 def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> tuple[tuple[str, str], ...]:
     """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
-    base, signals = whitening.observations.base, {name: _signals(starts[0]) for name, starts in families.items()}
+    base = whitening.observations.base
 
     def hidden(effect: str, rival: str) -> bool:
-        changes = [value * families[effect][0].columns.columns[:, k] for value, k in signals[effect]]
         rivals = [[start] for start in families[rival]]
-        return bool(changes) and all(separation(whitening.with_values(base + c), rivals) is None for c in changes)
+        signals = _signals(families[effect][0])
+        return bool(signals) and all(separation(whitening.with_values(base + s), rivals) is None for s in signals)
 
-    taken_for = {pair for pair in permutations(families, 2) if hidden(*pair)}
-    return tuple((a, b) for a, b in combinations(families, 2) if {(a, b), (b, a)} & taken_for)
+    return tuple((a, b) for a, b in combinations(families, 2) if hidden(a, b) or hidden(b, a))
 
 
 def separation(whitening: Whitening, rivals: Sequence[Sequence[Start]]) -> float | None:
@@ -145,35 +149,31 @@ def pair_clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
     return clauses
 
 
-def planned_noise(observations: Observations) -> NoiseModel:
-    """The noise model of a plan: declared noise, and the priors of mounts and runs that estimates start from."""
-    channels, declared = observations.channels, observations.declared_noise
+def planned_noise(observations: Observations, known: NoiseModel | None = None) -> NoiseModel:
+    """The noise of a plan as declared or estimated, and the priors of mounts and runs that estimates start from.
+
+    What is assumed stands for channels of which neither is known; beside an estimate no declaration counts.
+    """
+    channels, declared = observations.channels, {} if known else observations.declared_noise
     sigma = np.array([declared.get(name, assumed_noise(name, observations.nominal)) for name in channels])
-    zeros, many = np.zeros(len(channels)), np.full(len(channels), np.inf)
+    planned = pd.DataFrame({"sigma": sigma, "rho": 0.0, "run": PRIOR_RUN * sigma}, index=channels)
+    planned["repeats"] = planned["degrees_of_freedom"] = np.inf
+    if known:
+        estimated = pd.DataFrame({name: getattr(known, str(name)) for name in planned}, index=known.channels)
+        planned.update(estimated.assign(run=estimated["run"].where(known.run > 0.0, PRIOR_RUN * known.sigma)))
+    columns: dict[str, Any] = {str(name): values.to_numpy() for name, values in planned.items()}
+    if known:
+        return replace(known, channels=channels, mount_m=known.mount_m or PRIOR_MOUNT_M, **columns)
     source = {name: "declared" if name in declared else "assumed" for name in channels}
-    run = PRIOR_RUN * sigma
-    return NoiseModel(channels, sigma, zeros, PRIOR_MOUNT_M, run, many, many, source)
-
-
-def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
-    """An estimated noise model, with what is assumed for channels that were never measured."""
-    planned, channels = planned_noise(replace(observations, declared_noise={})), list(observations.channels)
-    estimated = replace(noise, run=np.where(noise.run > 0.0, noise.run, PRIOR_RUN * noise.sigma))
-    filled: dict[str, Any] = {"mount_m": noise.mount_m or PRIOR_MOUNT_M}
-    for name in ("sigma", "rho", "run", "repeats", "degrees_of_freedom"):
-        measured = pd.Series(getattr(estimated, name), noise.channels).reindex(channels)
-        filled[name] = measured.fillna(pd.Series(getattr(planned, name), channels)).to_numpy()
-    return replace(noise, channels=observations.channels, **filled)
+    return NoiseModel(channels, mount_m=PRIOR_MOUNT_M, source=source, **columns)
 
 
 def assumed_noise(channel: str, nominal: Nominal) -> float:
     """The noise of a channel that was never measured, by its largest reading in the validity domain."""
-    if channel == "hall_V":
-        return GUESSED_NOISE * nominal.hall_swing_V
     quantity, _ = parts_of(channel)
     if quantity == "voltage_V":
         return GUESSED_NOISE * nominal.resistance_ohm * nominal.peak_current_A
-    return GUESSED_NOISE * float(getattr(nominal, quantity))
+    return GUESSED_NOISE * float(getattr(nominal, "hall_swing_V" if channel == "hall_V" else quantity))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,46 +193,41 @@ def possible_experiments(
 ) -> list[Experiment]:
     """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here."""
     nominal, measured = observations.nominal, observations.channels
-    direct = [
-        Experiment(calibration.instruction, calibration.cost, effect=effect.name, calibration=calibration)
-        for effect in effects
-        for calibration in effect.calibrations
-    ]
+    runs, direct = list[Experiment](), list[Experiment]()
+    for effect in effects:
+        direct += [Experiment(c.instruction, c.cost, effect=effect.name, calibration=c) for c in effect.calibrations]
     if observations.of_impedances:
         return sorted(direct, key=attrgetter("cost"))
+
+    def add(macro: str, rows: pd.DataFrame, *facts: Any, cost: float = 0.0, channels: Sequence[str] = measured) -> None:
+        """Rows to be measured, in the words of a macro of ``experiments.j2``."""
+        text = sentence("experiments", macro, rows["distance_m"], *facts)
+        runs.append(Experiment(text, len(rows) + cost, rows.reset_index(drop=True), tuple(channels)))
+
     current, branch = observations.covariates["current_A"], observations.covariates["branch"]
     low, high = np.clip([current.min(), current.max()], nominal.current_min_A, nominal.current_max_A).tolist()
     within_domain = (low, high) if low > current.min() or high < current.max() else None
     usual = _grid(nominal, low, high)
     near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
-    result = [_run(usual, measured, "once_more", within_domain), _run(near, measured, "nearer", within_domain)]
+    add("once_more", usual, within_domain)
+    add("nearer", near, within_domain)
     if not ((branch > 0).any() and (branch < 0).any()):
-        result.append(_run(usual.assign(branch=-1.0), measured, "falling"))
+        add("falling", usual.assign(branch=-1.0))
     # Currents of the other sign, and larger ones, as far as the validity domain has them
     within = near["current_A"].between(-nominal.current_max_A, -nominal.current_min_A)
     turned = near[within].assign(current_A=-near.loc[within, "current_A"])
     if (low >= 0.0 or high <= 0.0) and (turned["current_A"] != 0.0).any():
-        result.append(_run(turned, measured, "reversed"))
+        add("reversed", turned)
     for bound, reached in ((nominal.current_max_A, high), (nominal.current_min_A, low)):
         if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
             larger = _grid(nominal, *sorted((0.7 * bound, bound)))
-            larger = larger[larger["distance_m"] <= near["distance_m"].max()]
-            result.append(_run(larger, measured, "larger", bound))
+            add("larger", larger[larger["distance_m"] <= near["distance_m"].max()], bound)
     for name in (name for name in CHANNELS if name in available and name not in measured):
-        read = _run(near, (*measured, name), "read", name, assumed_noise(name, nominal))
-        result.append(replace(read, cost=read.cost + CHANNEL_COST))
+        add("read", near, name, assumed_noise(name, nominal), cost=CHANNEL_COST, channels=(*measured, name))
     for name, body in {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}.items():
         if body != "magnet" or nominal.has_magnet:
-            warm = near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K})
-            heated = _run(warm, measured, "heated", name, body)
-            result.append(replace(heated, cost=heated.cost + HEAT_COST))
-    return sorted([*result, *direct], key=attrgetter("cost"))
-
-
-def _run(rows: pd.DataFrame, channels: tuple[str, ...], macro: str, *facts: Any) -> Experiment:
-    """Rows to be measured in the words of a macro of ``experiments.j2``."""
-    text = sentence("experiments", macro, rows["distance_m"], *facts)
-    return Experiment(text, len(rows), rows.reset_index(drop=True), channels)
+            add("heated", near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K}), name, body, cost=HEAT_COST)
+    return sorted([*runs, *direct], key=attrgetter("cost"))
 
 
 def _grid(nominal: Nominal, low: float, high: float) -> pd.DataFrame:

@@ -20,18 +20,6 @@ from femfit.core.text import rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.estimate.record_checks import suspect_settings
-from femfit.identify.constants import (
-    BEYOND_MOUNTING,
-    CLEARLY,
-    DOMAIN_SLACK,
-    EXACTLY,
-    KEPT_ROWS,
-    LARGEST_SHIFT,
-    NOTHING_LEFT,
-    SHIFTS,
-    WELL,
-    WRONG_FACTOR,
-)
 from femfit.identify.settings import currents_in
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -44,6 +32,31 @@ from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable, Measurement
 from femfit.tables.measurement_checks import without_outliers
 from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion
+
+CLEARLY, WELL = 0.2, 0.3
+"""Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
+
+WRONG_FACTOR = 1.5
+"""Assumed: a factor nearer to 1 is a tolerance of the drawing, which the diagnosis names."""
+
+EXACTLY = 0.05
+"""Assumed: the part of the misfit that a wrong column leaves; an effect that resembles a factor leaves more."""
+
+BEYOND_MOUNTING = 1.2
+"""Assumed: times the usual range of the effect distance_offset from which a shift is a wrong zero and no mounting."""
+
+LARGEST_SHIFT, SHIFTS = 0.5, 41
+"""Assumed: part of the travel up to which the zero of the distance is looked for, and at how many places."""
+
+NOTHING_LEFT = 1e9
+"""Numerical: left where too few rows remain, so that no such shift is taken."""
+
+KEPT_ROWS = 0.7
+"""Assumed: part of the rows that must lie in the validity domain after a shift."""
+
+DOMAIN_SLACK = 0.02
+"""Assumed: by how much of its width a validity domain may be left; a stage's zero error at the border of the sweep."""
+
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 
@@ -83,13 +96,6 @@ def suspected_zero(
     if abs(shift) < BEYOND_MOUNTING * usual_range or not minimum.fun < min(WELL, EXACTLY * before):
         return None
     return finding("suspected-zero", "distance_m", shift, shift=shift)
-
-
-def ratio(read: FloatArray, usual: FloatArray) -> float | None:
-    """How many times the prediction the readings are, by least squares; None where nothing is predicted."""
-    here = np.isfinite(read) & np.isfinite(usual)
-    square = float(usual[here] @ usual[here])
-    return float(read[here] @ usual[here]) / square if square > 0.0 else None
 
 
 def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
@@ -150,21 +156,22 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
 
 def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
     """A unit, a sign or a factor by which all readings of a channel differ from the model's."""
+    base = model.without_effects  # whose factor is one that no tolerance of a drawing makes
+    zero = base.sensor.quiescent_V if name == "hall_V" and base.sensor is not None else 0.0
+    here = np.isfinite(read) & np.isfinite(usual)
+    square = float(np.sum((usual - zero)[here] ** 2))
+    factor = float((read - zero)[here] @ (usual - zero)[here]) / square if square > 0.0 else None
     for words, candidate in _candidates(name, usual, model.sensor).items():
         if _explains(read, usual, candidate):
-            times = None if name == "hall_V" else ratio(read, usual)
             why = "it would then fit the model"
-            if times:
-                why = f"it is {rounded(times)} times the model's, and would then fit"
+            if name != "hall_V" and factor:
+                why = f"it is {rounded(factor)} times the model's, and would then fit"
             if words.startswith("in ") and " " not in words[3:]:
                 return suspicion(name, words[3:], why)
             return finding("suspected-unit", name, name=name, other=words, why=why)
-    base = model.without_effects  # else a factor that no tolerance of a drawing makes
-    zero = base.sensor.quiescent_V if name == "hall_V" and base.sensor is not None else 0.0
-    factor = ratio(read - zero, usual - zero)
     if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
         return None
-    if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, None):
+    if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, np.inf):
         return None
     ohms = None if base.circuit is None else base.circuit.resistance_ohm
     return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
@@ -179,35 +186,32 @@ def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> 
     """What a channel would read if something usual were wrong with it."""
     result = {"of the other sign": -predicted}
     if name == "hall_V" and sensor is not None:
-        field = (predicted - sensor.quiescent_V) / sensor.sensitivity_V_per_T
+        field, turned = (
+            (predicted - sensor.quiescent_V) / sensor.sensitivity_V_per_T,
+            2.0 * sensor.quiescent_V - predicted,
+        )
         result = {
-            "of the other polarity": np.clip(
-                2.0 * sensor.quiescent_V - predicted, sensor.output_min_V, sensor.output_max_V
-            ),
+            "of the other polarity": np.clip(turned, sensor.output_min_V, sensor.output_max_V),
             "without its quiescent voltage": predicted - sensor.quiescent_V,
             "a field in T": field,
             "a field in mT": 1e3 * field,
             "a field in gauss": 1e4 * field,
         }
     for unit, factor in common_factors(name).items():
-        result[f"in {unit}"] = predicted / factor
-        result[f"in {unit} and {OTHER_SIGN}"] = -predicted / factor
+        result |= {f"in {unit}": predicted / factor, f"in {unit} and {OTHER_SIGN}": -predicted / factor}
     return result
 
 
 def _explains(
-    read: FloatArray,
-    usual: FloatArray,
-    candidate: FloatArray,
-    of_misfit: float = CLEARLY,
-    of_spread: float | None = WELL,
+    read: FloatArray, usual: FloatArray, candidate: FloatArray, of_misfit: float = CLEARLY, of_spread: float = WELL
 ) -> bool:
     """Whether a candidate leaves less than these parts of the misfit as it stands, and of the readings' spread."""
     here = np.isfinite(read)
     if here.sum() < LEAST_READINGS:
         return False
     misfit, before = (float(np.sqrt(np.mean((read - values)[here] ** 2))) for values in (candidate, usual))
-    return misfit < of_misfit * before and (of_spread is None or misfit < of_spread * float(np.std(read[here])))
+    spread = float(np.std(read[here]))
+    return misfit < of_misfit * before and (np.isinf(of_spread) or misfit < of_spread * spread)
 
 
 def at_ends_of_range(sensor: HallSensor, volts: FloatArray) -> BoolArray:

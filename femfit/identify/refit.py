@@ -10,7 +10,7 @@ M. A. Branch, T. F. Coleman and Y. Li, SIAM Journal on Scientific Computing 21 (
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -58,6 +58,11 @@ class Start:
         """Number of amplitudes."""
         return len(self.columns.amplitudes)
 
+    @property
+    def half_ranges(self) -> FloatArray:
+        """Half of the plausible ranges of the amplitudes, shape (k,)."""
+        return np.array([0.5 * p.width for p in self.columns.amplitudes])
+
     def continued(self, added: AddedEffect) -> "Start":
         """The start at the parameters where a fit ended."""
         nonlinear = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
@@ -81,46 +86,25 @@ def starting_point(whitening: Whitening, effects: Sequence[Effect]) -> list[Star
 
 
 def fitted_together(target: FloatArray, starts: Sequence[Start]) -> tuple[list[Start], float]:
-    """Starts with the bounded amplitudes that together fit a whitened target best, and the fall of its square."""
-    columns = np.concatenate([start.whitened for start in starts], axis=1)
-    amplitude, fall = bounded_amplitudes(
-        target, columns, np.concatenate([start.columns.bounds for start in starts], axis=1)
-    )
-    parts = np.split(amplitude, np.cumsum([start.count for start in starts])[:-1])
-    return [replace(start, amplitude=values) for start, values in zip(starts, parts, strict=True)], fall
-
-
-def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
-    """Bounded linear least squares in few unknowns.
-
-    Parameters
-    ----------
-    target : array, shape (M,)
-        Whitened residual, or its projection onto the columns' space.
-    columns : array, shape (M, k)
-        Whitened.
-    bounds : array, shape (2, k)
-        Lower and upper.
-
-    Returns
-    -------
-    tuple of (array of shape (k,), float)
-        Amplitudes, and by how much they lower the sum of squares.
+    """Starts with the bounded amplitudes that together fit a whitened target, (M,), best, and the fall of its square.
 
     References
     ----------
     P. B. Stark and R. L. Parker, Computational Statistics 10 (1995) 129: bounded-variable least squares.
     """
+    columns = np.concatenate([start.whitened for start in starts], axis=1)
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
+    low, high = np.concatenate([start.columns.bounds for start in starts], axis=1) * size
     orthonormal, triangle = np.linalg.qr(columns / size)
     y = orthonormal.T @ target
     scaled = np.linalg.lstsq(triangle, y, rcond=1e-9)[0]
-    if np.any(scaled < bounds[0] * size) or np.any(scaled > bounds[1] * size):
-        low, high = bounds[0] * size, bounds[1] * size
+    if np.any(scaled < low) or np.any(scaled > high):
         scaled = optimize.lsq_linear(triangle, y, bounds=(low, np.maximum(high, low + 1e-300)), method="bvls").x
     left_over = y - triangle @ scaled
-    return scaled / size, float(y @ y - left_over @ left_over)
+    parts = np.split(scaled / size, np.cumsum([start.count for start in starts])[:-1])
+    begun = [replace(start, amplitude=values) for start, values in zip(starts, parts, strict=True)]
+    return begun, float(y @ y - left_over @ left_over)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,21 +153,20 @@ class Refit:
         return [start.continued(added) for start, added in zip(self.start, self.effects, strict=True)]
 
 
-def plausible(added: AddedEffect) -> bool:
-    """Whether every fitted parameter of an effect may be as large as it usually is."""
-    return all(is_plausible(added, p) for p in added.effect.parameters)
-
-
 def is_plausible(added: AddedEffect, parameter: EffectParameter) -> bool:
     """Whether a fitted parameter, or part of its interval, lies in its plausible range.
 
     An amplitude that is not there is plausible as well.
     """
     value = added.parameters[parameter.name]
-    if value == parameter.null:
-        return True
     low, high = added.ci95.get(parameter.name, (value, value))
-    return low <= parameter.plausible[1] and high >= parameter.plausible[0]
+    within = low <= parameter.plausible[1] and high >= parameter.plausible[0]
+    return within or value == parameter.null
+
+
+def plausible(added: AddedEffect) -> bool:
+    """Whether every fitted parameter of an effect may be as large as it usually is."""
+    return all(is_plausible(added, p) for p in added.effect.parameters)
 
 
 def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
@@ -201,47 +184,47 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
         usual = {p.name: p.null for p in effect.columns.effect.parameters if p.nonlinear and p.name not in moved}
         initial.append(effect.columns.parameters(effect.amplitude) | usual | dict(effect.held))
     width = np.array([p.width for _, p in free])
-    low = np.array([p.lower for _, p in free]) / width
-    high = np.array([p.upper for _, p in free]) / width
+    low, high = (np.array([getattr(p, end) for _, p in free]) / width for end in ("lower", "upper"))
     expected = np.array([p.null + start[k].prior_mean for k, p in free]) / width
     root = width / np.array([start[k].prior_sd for k, _ in free])
     x0 = np.clip(np.array([initial[k][p.name] for k, p in free]) / width, low, high)
+    places = [(k, p.name) for k, p in free]
 
     def effects_at(x: FloatArray) -> tuple[AddedEffect, ...]:
         values = [dict(parameters) for parameters in initial]
-        for (k, p), scaled, w in zip(free, x, width, strict=True):
-            values[k][p.name] = float(scaled * w)
+        for (k, name), scaled in zip(places, x * width, strict=True):
+            values[k][name] = float(scaled)
         return tuple(
             AddedEffect(effect.columns.effect, v, runs=effect.columns.runs)
             for effect, v in zip(start, values, strict=True)
         )
 
-    places = [(k, p.name) for k, p in free]
-    last: list[tuple[FloatArray, FloatArray]] = []  # slopes are asked for where the residual was
-
-    def predicted(x: FloatArray) -> FloatArray:
+    @lru_cache(maxsize=1)  # slopes are asked for where the residual was
+    def predicted(x: tuple[float, ...]) -> FloatArray:
         """Readings, and their slopes by the free parameters."""
-        if not last or not np.array_equal(last[0][0], x):
-            last[:] = [(x.copy(), observations.predicted(effects_at(x), places))]
-        return last[0][1]
-
-    def residual(x: FloatArray) -> FloatArray:
-        return whitening.full(observations.value - predicted(x)[:, 0])
+        return observations.predicted(effects_at(np.array(x)), places)
 
     def with_prior(x: FloatArray) -> FloatArray:
-        return np.concatenate([residual(x), root * (x - expected)])
+        return np.concatenate([whitening.full(observations.value - predicted(tuple(x))[:, 0]), root * (x - expected)])
 
     def slopes(x: FloatArray) -> FloatArray:
-        return np.concatenate([whitening.full(-width * predicted(x)[:, 1:]), np.diag(root)])
+        return np.concatenate([whitening.full(-width * predicted(tuple(x))[:, 1:]), np.diag(root)])
 
     inner = np.clip(x0, low + 1e-6, high - 1e-6)
     limits: dict[str, Any] = {"xtol": 1e-6, "ftol": 1e-8, "max_nfev": MOST_EVALUATIONS}
     solution = optimize.least_squares(with_prior, inner, slopes, bounds=(low, high), x_scale="jac", **limits)
     x = _at_bounds(with_prior, solution.x, low, high)
-    best = residual(x)
-    active, jacobian = (x == low) | (x == high), np.asarray(solution.jac)[: len(best)]
-    fit = Refit(effects_at(x), free, best, jacobian, active, root**2, tuple(start), bool(solution.status > 0))
-    return replace(fit, effects=_with_intervals(fit, x, width))
+    active, readings = (x == low) | (x == high), len(observations.value)
+    residual, jacobian = with_prior(x)[:readings], np.asarray(solution.jac)[:readings]
+    fit = Refit(effects_at(x), free, residual, jacobian, active, root**2, tuple(start), bool(solution.status > 0))
+    # 95 % intervals of what moves the prediction and is off its bounds, from the curvature
+    half = stats.norm.isf(0.025) * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    intervals: list[dict[str, tuple[float, float]]] = [{} for _ in start]
+    for j in np.flatnonzero(~active & np.any(fit.jacobian != 0.0, axis=0)):
+        k, name = places[j]
+        intervals[k][name] = (float((x[j] - half[j]) * width[j]), float((x[j] + half[j]) * width[j]))
+    effects = tuple(replace(added, ci95=ci95) for added, ci95 in zip(fit.effects, intervals, strict=True))
+    return replace(fit, effects=effects)
 
 
 def _at_bounds(
@@ -275,19 +258,3 @@ def _seen_nonlinear(start: Start, whitening: Whitening) -> list[EffectParameter]
     changes = np.column_stack([predicted[:, 0] - observations.base, predicted[:, 1:] * [p.width for p in nonlinear]])
     effect, *lengths = np.linalg.norm(whitening.full(changes), axis=0)
     return [p for p, length in zip(nonlinear, lengths, strict=True) if length > SEEN_SHARE * effect]
-
-
-def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[AddedEffect, ...]:
-    """The effects with 95 % intervals of what moves the prediction and is off its bounds, from the curvature."""
-    intervals: list[dict[str, tuple[float, float]]] = [{} for _ in fit.effects]
-    half = stats.norm.isf(0.025) * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    for j in np.flatnonzero(~fit.active & np.any(fit.jacobian != 0.0, axis=0)):
-        k, p = fit.free[j]
-        intervals[k][p.name] = (float((x[j] - half[j]) * width[j]), float((x[j] + half[j]) * width[j]))
-    return tuple(replace(a, ci95=ci) for a, ci in zip(fit.effects, intervals, strict=True))
-
-
-def at_bounds(fit: Refit) -> list[tuple[int, EffectParameter]]:
-    """Parameters that stand at a bound other than their null, each with the number of its effect."""
-    ends = [fit.free[j] for j in np.flatnonzero(fit.active)]
-    return [(k, p) for k, p in ends if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * p.width]

@@ -13,10 +13,9 @@ References
 S. N. Wood, Journal of the Royal Statistical Society B 73 (2011) 3: smoothing by restricted likelihood.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import linalg
@@ -24,27 +23,14 @@ from scipy import linalg
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.effects.words import titled, titles_of
-from femfit.identify.add_result import AddResult, fit_facts, run_facts
 from femfit.identify.bench import placed
-from femfit.identify.constants import (
-    CURVE_CELLS,
-    CURVE_SCALES,
-    FIELD_CELLS,
-    FIELD_SCALES,
-    HELPS,
-    JITTER,
-    PRICE,
-    REMAINDER_SIZES,
-    SPLINE_DEGREE,
-)
-from femfit.identify.decision.campaign import guessed_noises
+from femfit.identify.decision.campaign import Block
 from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.left_out import cross_validated
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.observations import Observations
-from femfit.identify.words import plain, printed, sentence
+from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis
@@ -52,14 +38,35 @@ from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
+PRICE = 4.5
+"""Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
+
+SPLINE_DEGREE = 4
+"""Derived: force gradients and inductance gradients, third derivatives of W', are continuous with quartic splines."""
+
+FIELD_CELLS, CURVE_CELLS = (12, 3), 8
+"""Numerical: cells of a function of distance and current, and of a curve. Smoothness is chosen by the data; these are
+the finest that it can be."""
+
+FIELD_SCALES, CURVE_SCALES = ((0.05, 0.15, 0.4), (0.6, 1.8, 6.0)), (0.15, 0.6)
+"""Numerical: correlation lengths that are tried, over the range of the data; the longest is next to a straight line."""
+
+JITTER = 1e-8
+"""Numerical: added to the correlation of a coefficient with itself, so that its root exists."""
+
+REMAINDER_SIZES = 50
+"""Numerical: sizes of a part that are tried, from a tenth of the noise to 1e4 times as much."""
+
+
 NAME = "unexplained"
 """What the remainder is called as an effect; no cause is."""
 
 COENERGY = "coenergy"
 READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
-WORDS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
+PARTS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
     name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
 }
+"""What a remainder may change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +151,7 @@ def effect_of(parts: Sequence[Part], coefficients: Sequence[FloatArray]) -> Adde
         bounds=(0.0, 2.0),
         plausible=(0.0, 1.0),
         description="How much of what was learnt acts.",
-        words=f"of no known cause; {' and '.join(WORDS[part.kind] for part in parts)}",
+        words=f"of no known cause; {' and '.join(PARTS[part.kind] for part in parts)}",
     )
     symptom = "The readings depart smoothly from the model, as no effect of the catalogue makes them."
     carried = Carried(magnetics=terms or None, readings=readings)
@@ -218,7 +225,7 @@ def given(target: FloatArray, blocks: Sequence[FloatArray], roots: Sequence[Floa
 
 def likeliest_root(beside: Linear, block: FloatArray, tried: Sequence[FloatArray]) -> tuple[float, FloatArray]:
     """The largest log evidence with further columns (M, count), and the root of their covariance, times its size."""
-    gram, along = beside.products(block)
+    gram, along = beside.products(Block(block))
     best = -np.inf, tried[0]
     for root in tried:
         inner = root.T @ gram @ root
@@ -229,74 +236,26 @@ def likeliest_root(beside: Linear, block: FloatArray, tried: Sequence[FloatArray
     return best
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class RemainderResult(AddResult):
-    """A remainder added to a model as the effect ``unexplained``; printed, it is what ``femfit add`` prints.
-
-    Parameters
-    ----------
-    parts : tuple of str
-        What it changes: ``coenergy``, or the channel that is read wrongly; none where nothing beyond the noise is left.
-    fall_unseen : float
-        By how much it lowers the weighted sum of squares on runs left out.
-    beside : AddResult or None
-        Effects that were added first.
-
-    Examples
-    --------
-    >>> import femfit as ff
-    >>> better = ff.add_effects(ff.read_model("model.json"), "bench.csv", "unexplained")
-    >>> better.model.effects[-1].effect.name
-    'unexplained'
-    """
-
-    parts: tuple[str, ...] = ()
-    fall_unseen: float = 0.0
-    beside: AddResult | None = None
-
-    @property
-    def worse(self) -> dict[str, bool]:
-        """Whether the error does not fall on runs left out, as ``unseen``, or that of a channel has ``risen``.
-
-        Where nothing is learnt: whether the effects beside it are not accepted, or none are there. What keeps a model
-        with these alone from running counts as well.
-        """
-        if not self.parts:
-            return {"nothing": self.beside is None or not self.beside.accepted}
-        begun = {code: True for code in ("inductance", "lost") if self.beside and code in self.beside.objections}
-        return {"unseen": self.fall_unseen <= HELPS, "risen": bool(self.risen)} | begun
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without the model."""
-        learnt = {"parts": list(self.parts), "fall_unseen": self.fall_unseen}
-        return super().to_dict() | {"remainder": learnt, "beside": plain(self.beside)}
-
-    def __str__(self) -> str:
-        return titled(printed("remainder", r=self, words=WORDS), titles_of(self.observations.nominal.drawn))
-
-
-def add_remainder(
-    model: ActuatorModel,
-    measured: Measurement,
-    whitening: Whitening,
-    beside: AddResult | None = None,
-    named: Collection[str] = (),
-    progress: Callable[[str], None] = lambda _: None,
-) -> RemainderResult:
+def learn_remainder(
+    model: ActuatorModel, measured: Measurement, whitening: Whitening, named: Collection[str] = ()
+) -> tuple[Learnt, Whitening, dict[str, float], float]:
     """Learn what a model with all its effects leaves of the readings, and check it on runs left out.
 
     Parameters
     ----------
     whitening : Whitening
         Of the readings beside this model.
-    beside : AddResult or None
-        What was added to it before.
     named : collection of str
         Effects of the model that are fitted to the same readings: what they can explain is left to them.
+
+    Returns
+    -------
+    tuple of (Learnt, Whitening, dict of str to float, float)
+        What was learnt; the readings with the noise beside it; on runs left out the error per channel, and by how much
+        the weighted sum of squares falls.
     """
     if len(model.without_effects.validity.current_limits_A) > 1:
         raise MissingPartError(sentence("refusals", "several_circuits", model))
-    progress("Learning the remainder")
     observations = whitening.observations
     staying = [present for present in model.effects if present.effect.name not in named]
     fitted = [present for present in model.effects if present.effect.name in named]
@@ -308,28 +267,12 @@ def add_remainder(
     if learnt.effects:
         whitening = Whitening(observations, beside_effects(whitening, learnt.effects).noise)
         learnt = learn(whitening, parts, columns, by_names)
-    noise = whitening.noise
 
     def learnt_from(keep: BoolArray) -> tuple[AddedEffect, ...]:
         """The same without some readings, choice and smoothness too."""
-        some = Whitening(observations.select(keep), noise)
+        some = Whitening(observations.select(keep), whitening.noise)
         return learn(some, parts, [block[keep] for block in columns], by_names[keep]).effects
 
-    effects, (rms, before) = learnt.effects, cross_validated(whitening, lambda _: ())
-    rms, chi2 = cross_validated(whitening, learnt_from) if effects else (rms, before)
-    after = with_effects(model, (*model.effects, *effects))
-    if effects:
-        progress("Running the filter before and after")
-    return RemainderResult(
-        model=after,
-        added=effects,
-        kept=tuple(present.effect.name for present in model.effects),
-        left_out=rms,
-        suspicious=beside.suspicious if beside else (),
-        findings=(*observations.findings, *guessed_noises(noise)),
-        parts=learnt.kinds,
-        fall_unseen=before - chi2,
-        beside=beside,
-        **(run_facts(model, after, measured) if effects else {}),
-        **fit_facts(whitening, (), effects, learnt.decided),
-    )
+    left_out, before = cross_validated(whitening, lambda _: ())
+    left_out, chi2 = cross_validated(whitening, learnt_from) if learnt.effects else (left_out, before)
+    return learnt, whitening, left_out, before - chi2

@@ -8,6 +8,7 @@ of it, over its uncertainty and theirs.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -23,12 +24,12 @@ from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
 from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE
+from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.decision.diagnose import diagnose as diagnosed
-from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.misfit import finer_sweep
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import TEMPERATURES
-from femfit.identify.plan import Experiment, noise_for, pair_clauses, possible_experiments, separation
+from femfit.identify.plan import Experiment, pair_clauses, planned_noise, possible_experiments, separation
 from femfit.identify.plausible import plausible_table
 from femfit.identify.refit import Refit, Start, starting_point
 from femfit.identify.settings import currents_in, with_currents
@@ -107,33 +108,25 @@ def suggest(
     """
     if not isinstance(diagnosis, Diagnosis | None):
         raise TableError(sentence("refusals", "no_diagnosis", type(diagnosis).__name__))
-    say = progress or (lambda _: None)
-    model = model_of(model)
-    measured = measurement_of(data)
-    diagnosis_of_data = diagnosed(model, measured, progress=say) if diagnosis is None else diagnosis
-    guesses = tuple(str(finding) for finding in diagnosis_of_data.findings if finding.code == "guessed-noise")
-    titles = titles_of(diagnosis_of_data.observations.nominal.drawn)
-    return replace(_advice(model, measured, diagnosis_of_data, say), remarks=guesses, titles=titles)
-
-
-def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, say: Callable[[str], None]) -> Advice:
-    nominal, named = diagnosis.observations.nominal, {effect.name for effect in diagnosis.missing}
-    every = tuple(fit for fit in diagnosis.explanations if not named < set(fit.names))  # what adds to it alone is not
+    say, model, measured = progress or (lambda _: None), model_of(model), measurement_of(data)
+    found = diagnosed(model, measured, progress=say) if diagnosis is None else diagnosis
+    nominal, named = found.observations.nominal, [effect.name for effect in found.missing]
+    every = tuple(fit for fit in found.explanations if not set(named) < set(fit.names))  # what adds to it alone is not
     names = tuple(" + ".join(fit.names) for fit in every)
-    if diagnosis.campaign is None or len(every) < 2:
-        sure = diagnosis.confident and not diagnosis.excluded
-        unsure = [] if sure else [effect.name for effect in diagnosis.missing]
-        note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
-        return Advice(names, isolating=_isolating([unsure], nominal), note=note)
+    guesses = tuple(str(finding) for finding in found.findings if finding.code == "guessed-noise")
+    advice = Advice(names, remarks=guesses, titles=titles_of(nominal.drawn))
+    if found.campaign is None or len(every) < 2:
+        unsure = [] if found.confident and not found.excluded else [named]
+        note = sentence("advice", "nothing", found, found.allowed, finer_sweep(found.model))
+        return replace(advice, isolating=_isolating(unsure, nominal), note=note)
     if not isinstance(measured, BenchTable) or nominal.circuits:
-        return Advice(names, isolating=_isolating([fit.names for fit in every], nominal))
-    explanations, unlisted = every[:COMPARED], max(0, len(every) - COMPARED)
+        return replace(advice, isolating=_isolating([fit.names for fit in every], nominal))
     say("Trying measurements")
-    noise = diagnosis.campaign.noise
-    suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations)
-    apart = {pair[:2] for suggestion in suggestions for pair in suggestion.separates}
+    compared = suggest_measurements(model, plausible_table(model, measured), found.campaign.noise, every[:COMPARED])
+    apart = {pair[:2] for suggestion in compared for pair in suggestion.separates}
     never = tuple(pair for pair in combinations(names[:COMPARED], 2) if pair not in apart)
-    return Advice(names[:COMPARED], tuple(suggestions), never, further=unlisted)
+    further = max(0, len(every) - COMPARED)
+    return replace(advice, explanations=names[:COMPARED], suggestions=tuple(compared), never=never, further=further)
 
 
 def _isolating(explanations: Sequence[Sequence[str]], nominal: Nominal) -> tuple[tuple[str, str], ...]:
@@ -153,33 +146,26 @@ def suggest_measurements(
     d, i = observations.covariates["distance_m"].to_numpy()[:1], currents_in(model, observations.covariates)[:1]
     available = tuple(predict_readings(model, d, i, Conditions(observations.nominal), channels=CHANNELS))
     named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
-    result = []
-    pairs = list(combinations(explanations, 2))
+    names, result = combinations([" + ".join(fit.names) for fit in explanations], 2), []
+    pairs = dict(zip(names, combinations(explanations, 2), strict=True))
     for experiment in possible_experiments(observations, available, list(named.values())):
-        if experiment.calibration:
-            apart = [apart_by_direct_reading(experiment.effect, experiment.calibration, a, b) for a, b in pairs]
-            distances = [distance if distance >= NEEDED_DISTANCE else None for distance in apart]
-        else:
-            distances = _joint_distances(model, table, noise, experiment, pairs)
-        names = [" + ".join(fit.names) for fit in explanations]
-        both = list(zip(combinations(names, 2), distances, strict=True))
-        separates = tuple((*pair, round(distance, 1)) for pair, distance in both if distance is not None)
-        remains = tuple(pair for pair, distance in both if distance is None)
+        apart = _apart_by(model, table, noise, experiment)
+        distances = {both: apart(*fits) for both, fits in pairs.items()}
+        separates = tuple((*both, round(distance, 1)) for both, distance in distances.items() if distance is not None)
+        remains = tuple(both for both, distance in distances.items() if distance is None)
         if separates:
             result.append(Suggestion(experiment.text, experiment.cost, separates, remains, experiment))
     return sorted(result, key=lambda suggestion: (suggestion.cost / len(suggestion.separates), suggestion.cost))
 
 
-def _joint_distances(
-    model: ActuatorModel,
-    table: BenchTable,
-    noise: NoiseModel,
-    experiment: Experiment,
-    pairs: Sequence[tuple[Refit, Refit]],
-) -> list[float | None]:
-    """How far apart explanations are by a further run: the smaller of the distances from the other's best refit."""
+def _apart_by(
+    model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment
+) -> Callable[[Refit, Refit], float | None]:
+    """How far apart an experiment brings two explanations, in standard deviations; None where that is too little."""
+    if experiment.calibration:
+        return partial(_apart_by_direct_reading, experiment.effect, experiment.calibration)
     observations = bench_observations(model, joined(table, experiment))
-    whitening = Whitening.granting(observations, noise_for(noise, observations))
+    whitening = Whitening.granting(observations, planned_noise(observations, noise))
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
         predicted = whitening.with_values(observations.predict(truth.effects))
@@ -187,12 +173,13 @@ def _joint_distances(
         starts = [starting_point(predicted, [added.effect for added in rival.effects])]
         return separation(predicted, [*starts, Start.at_null(fitted, predicted)])
 
-    result: list[float | None] = []
-    for a, b in pairs:
+    def nearer(a: Refit, b: Refit) -> float | None:
+        """By a further run: the smaller of the distances from the other's best refit."""
         there = one_way(a, b)
         back = None if there is None else one_way(b, a)
-        result.append(None if there is None or back is None else min(there, back))
-    return result
+        return None if there is None or back is None else min(there, back)
+
+    return nearer
 
 
 def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
@@ -208,14 +195,15 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     return replace(table, rows=rows[columns], given=(*columns_given, *varied))
 
 
-def apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float:
+def _apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float | None:
     """What two explanations say of a direct reading, over its uncertainty and theirs."""
-    uncertainty = np.array(list(calibration.reads.values()))
-    (value, error), (other, other_error) = (direct_reading(effect, calibration, fit.effects) for fit in (a, b))
-    return float(np.linalg.norm((value - other) / np.sqrt(uncertainty**2 + error**2 + other_error**2)))
+    values, errors = zip(*(_direct_reading(effect, calibration, fit.effects) for fit in (a, b)), strict=True)
+    uncertainty = np.sqrt(np.square(list(calibration.reads.values())) + np.sum(np.square(errors), axis=0))
+    distance = float(np.linalg.norm((values[0] - values[1]) / uncertainty))
+    return distance if distance >= NEEDED_DISTANCE else None
 
 
-def direct_reading(
+def _direct_reading(
     effect: str, calibration: Calibration, effects: Iterable[AddedEffect]
 ) -> tuple[FloatArray, FloatArray]:
     """What a direct reading of an effect's parameters shows where some effects act, and how well their fit knows it.

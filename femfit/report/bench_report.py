@@ -10,12 +10,11 @@ import numpy as np
 from femfit import __version__
 from femfit.effects.catalogue import device_effects
 from femfit.effects.words import smallest_visible, titled, titles_of
-from femfit.identify.add_result import AddResult
+from femfit.identify.add_effects import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.constants import LEVEL_AFTER
-from femfit.identify.decision.diagnosis import Diagnosis, said_of
+from femfit.identify.decision.diagnose import Diagnosis, said_of
 from femfit.identify.misfit import finer_sweep
-from femfit.identify.remainder import RemainderResult
 from femfit.identify.settings import setting_cells
 from femfit.identify.suggest import Suggestion
 from femfit.identify.words import sentence
@@ -68,7 +67,7 @@ def render_diagnosis(
         "findings": observations.findings if evidence is None else diagnosis.findings,
     }
     sections = ["curves", "measured", "misfit", "provenance"]
-    if diagnosis.decision is not None:
+    if evidence is not None:
         sections += ["explained", "alternatives"]
         facts |= _explained(diagnosis)
     if diagnosis.verdict != "nothing_missing":
@@ -112,7 +111,7 @@ def render_added(result: AddResult) -> str:
         "hashes": (),
     }
     sections = ["curves", "fall", "provenance"]
-    if isinstance(result, RemainderResult) and result.parts:
+    if result.parts:
         sections.insert(1, "remainder")
         facts["remainder"] = str(result).splitlines()[:1]
     return titled(_render(result, facts, sections), titles_of(result.observations.nominal.drawn))

@@ -10,9 +10,9 @@ from femfit.device.parts import Actuator
 from femfit.estimate.observe import Observation
 from femfit.fit.build import swept_rows
 from femfit.fit.result import FitResult
-from femfit.identify.add_result import AddResult
+from femfit.identify.add_effects import AddResult
 from femfit.identify.compare import Comparison
-from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.drawing import actuator_figure
 from femfit.report.field_figures import PICTURES, field_figure, middle_point, view_figure

@@ -12,9 +12,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import remembered
 from femfit.core.text import axis_scale
 from femfit.effects.effect import AddedEffect
-from femfit.identify.add_result import AddResult
+from femfit.identify.add_effects import AddResult
 from femfit.identify.compare import Comparison
-from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.misfit import MeasuredCurves, measured_curves
 from femfit.identify.observations import Observations
 from femfit.identify.settings import setting_cells

@@ -11,9 +11,9 @@ from femfit.core.files import PAGE, path_of, require_outputs
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
 from femfit.heat.find_temperatures import temperatures_at_supply
-from femfit.identify.add_result import AddResult
+from femfit.identify.add_effects import AddResult
 from femfit.identify.compare import Comparison
-from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.report.actuator_report import draw_figures, render_report

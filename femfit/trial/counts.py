@@ -1,6 +1,6 @@
 """What was said of a campaign beside what was hidden in it, and how often the diagnosis was right on a device."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -28,21 +28,18 @@ class Outcome:
 
 def judge(number: int, key: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Outcome:
     """Compare the diagnosis with what was hidden."""
-    hidden = tuple(key["hidden"])
-    right = right_names(key)
+    right, level, shown = right_names(key), key["level"], key.get("shown", {})
     every = [name for names in right.values() for name in names]
     classes = tuple(tuple(cause["class"]) for cause in diagnosis["missing"])
+    unless_said = COULD_BE_SHOWN if level >= LEAST_LEVEL else 0.0
     return Outcome(
         number=number,
-        hidden=hidden,
-        level=key["level"],
-        could_be_shown=tuple(
-            key.get("shown", {}).get(name, COULD_BE_SHOWN if key["level"] >= 1.0 else 0.0) >= COULD_BE_SHOWN
-            for name in hidden
-        ),
+        hidden=tuple(right),
+        level=level,
+        could_be_shown=tuple(shown.get(name, unless_said) >= COULD_BE_SHOWN for name in right),
         verdict=diagnosis["verdict"],
         classes=classes,
-        found=tuple(any(says(members, right[name]) for members in classes) for name in hidden),
+        found=tuple(any(says(members, names) for members in classes) for names in right.values()),
         named_first=bool(classes) and says(diagnosis["missing"][0]["tie"], every),
         certain=bool(diagnosis["confident"]),
         spurious=sum(not says(members, every) for members in classes),
@@ -63,8 +60,6 @@ def says(names: Iterable[str], right: Iterable[str]) -> bool:
 def _subject(name: str) -> str:
     return name.rpartition(".")[0] if name.startswith("materials.") else name
 
-
-Hit = Callable[[Outcome], bool]
 
 LEAST_LEVEL = 1.0
 """Smallest size, in standard deviations of a reading, of the hidden errors that are counted together."""
@@ -108,60 +103,59 @@ def is_shown(outcome: Outcome) -> bool:
     return bool(outcome.hidden) and outcome.level >= LEAST_LEVEL and all(outcome.could_be_shown)
 
 
-_WRONG: Mapping[str, Hit] = {"a wrong name was called certain": lambda o: o.certain and o.spurious > 0}
-"""A diagnosis that was called certain holds a class without any hidden error."""
+def _groups(outcome: Outcome) -> Iterator[str]:
+    """What a campaign is counted in."""
+    if not outcome.hidden:
+        yield "Nothing hidden"
+    elif is_shown(outcome) and len(outcome.hidden) == 1:
+        yield "One error hidden"
+        if all(outcome.found) and all(len(names) == 1 for names in outcome.classes):
+            yield "One error hidden, named alone in its class"
+    elif is_shown(outcome):
+        yield "Two errors hidden"
+    yield "All campaigns"
 
-_COUNTED: Mapping[str, tuple[Hit, Mapping[str, Hit]]] = {
-    "Nothing hidden": (
-        lambda outcome: not outcome.hidden,
-        {
-            "an effect was named": lambda outcome: bool(outcome.classes),
-            '"nothing missing" was said': lambda outcome: outcome.verdict == "nothing_missing",
-            "no verdict was given": lambda outcome: outcome.verdict in {"compare_only", "refused"},
-        },
-    ),
-    "One error hidden": (
-        lambda outcome: len(outcome.hidden) == 1 and is_shown(outcome),
-        {
-            "it stood among the names": lambda outcome: all(outcome.found),
-            "it was named first, or as likely as the first": lambda outcome: outcome.named_first,
-            "it was named and called certain": lambda outcome: all(outcome.found) and outcome.certain,
-            **_WRONG,
-        },
-    ),
-    "One error hidden, named alone in its class": (
-        lambda o: len(o.hidden) == 1 and is_shown(o) and all(o.found) and all(len(names) == 1 for names in o.classes),
-        {"it was called certain": lambda outcome: outcome.certain},
-    ),
-    "Two errors hidden": (
-        lambda outcome: len(outcome.hidden) == 2 and is_shown(outcome),
-        {
-            "both stood among the names": lambda outcome: all(outcome.found),
-            "a third was named beside them": lambda outcome: outcome.spurious > 0,
-        },
-    ),
-    "All campaigns": (lambda _outcome: True, _WRONG),
+
+_COUNTED: Mapping[str, Mapping[str, Callable[[Outcome], bool]]] = {
+    "Nothing hidden": {
+        "an effect was named": lambda outcome: bool(outcome.classes),
+        '"nothing missing" was said': lambda outcome: outcome.verdict == "nothing_missing",
+        "no verdict was given": lambda outcome: outcome.verdict in {"compare_only", "refused"},
+    },
+    "One error hidden": {
+        "it stood among the names": lambda outcome: all(outcome.found),
+        "it was named first, or as likely as the first": lambda outcome: outcome.named_first,
+        "it was named and called certain": lambda outcome: all(outcome.found) and outcome.certain,
+        "a wrong name was called certain": lambda outcome: outcome.certain and outcome.spurious > 0,
+    },
+    "One error hidden, named alone in its class": {"it was called certain": lambda outcome: outcome.certain},
+    "Two errors hidden": {
+        "both stood among the names": lambda outcome: all(outcome.found),
+        "a third was named beside them": lambda outcome: outcome.spurious > 0,
+    },
+    "All campaigns": {
+        "a wrong name was called certain": lambda outcome: outcome.certain and outcome.spurious > 0,
+    },
 }
 """What is counted of each group of campaigns, in the order of printing."""
 
 
 def counts(outcomes: Sequence[Outcome]) -> list[Count]:
     """Count a trial; groups without any campaign are left out."""
-    result: list[Count] = []
-    for group, (belongs, hits) in _COUNTED.items():
-        members = [outcome for outcome in outcomes if belongs(outcome)]
-        found = {name: sum(map(hit, members)) for name, hit in hits.items()}
-        result += [Count(group, name, Share(count, len(members))) for name, count in found.items() if members]
-    return result
+    members = {group: [outcome for outcome in outcomes if group in _groups(outcome)] for group in _COUNTED}
+    return [
+        Count(group, name, Share(sum(map(hit, members[group])), len(members[group])))
+        for group, hits in _COUNTED.items()
+        for name, hit in hits.items()
+        if members[group]
+    ]
 
 
 def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:
     """How often each single hidden error that the readings can show stood among the names."""
-    hits: dict[str, list[bool]] = {}
-    for outcome in outcomes:
-        if len(outcome.hidden) == 1 and is_shown(outcome):
-            hits.setdefault(outcome.hidden[0], []).append(outcome.found[0])
-    return {name: Share(sum(hits[name]), len(hits[name])) for name in sorted(hits)}
+    found = [(outcome.hidden[0], outcome.found[0]) for outcome in outcomes if "One error hidden" in _groups(outcome)]
+    hits = {name: [hit for hidden, hit in found if hidden == name] for name in sorted(dict(found))}
+    return {name: Share(sum(each), len(each)) for name, each in hits.items()}
 
 
 def trial_data(outcomes: Sequence[Outcome]) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.polynomial.chebyshev import chebvander
 from scipy.interpolate import CubicSpline
 
@@ -46,32 +45,27 @@ class FieldTable:
     """Fields of a drawing."""
 
     distances: tuple[float, float]  # Range in m
-    # For force, flux linkage and Hall field: Chebyshev polynomials in (log) distance times, for a linear drawing,
-    # powers of the current, else values at the solved currents; shape (3, N_d, N_i)
+    currents: tuple[float, ...]  # Those that were solved, in A, ascending; three of a linear drawing
+    # Of force, flux linkage and Hall field: Chebyshev polynomials in (log) distance at each current, (3, N_d, N_i)
     coefficients: FloatArray
-    currents: tuple[float, ...] = ()  # Those that were solved, in A, ascending; empty for a linear drawing
 
     def at(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """Force (N), flux linkage (Wb) and Hall field (T, 0 without an element) at n points in m and A, shape (3, n).
 
-        DomainError outside of what was solved.
+        DomainError outside of what was solved; a parabola through three currents holds at any.
         """
         coordinate = _coordinate(self.distances)
         first, last = map(coordinate, self.distances)
-        count, x = self.coefficients.shape[1:], (2.0 * coordinate(distance) - first - last) / (last - first)
-        within = np.abs(x).max(initial=0.0) <= _EDGE
-        if self.currents and current.size:
-            within = within and self.currents[0] <= current.min() and current.max() <= self.currents[-1]
-        if not within:
+        x = (2.0 * coordinate(distance) - first - last) / (last - first)
+        known = self.currents if len(self.currents) > 3 else ()
+        outside = known and current.size and not known[0] <= current.min() <= current.max() <= known[-1]
+        if outside or np.abs(x).max(initial=0.0) > _EDGE:
             low, high = 1e3 * np.array(self.distances)
-            reach = f" and {self.currents[0]:.3g} to {self.currents[-1]:.3g} A" if self.currents else ""
+            reach = f" and {known[0]:.3g} to {known[-1]:.3g} A" if known else ""
             raise DomainError(f"A virtual bench must stay where it was solved, {low:.3g} to {high:.3g} mm{reach}.")
-        if self.currents:
-            in_current = CubicSpline(self.currents, np.eye(count[1]))(current)
-        else:
-            in_current = np.vander(current, count[1], increasing=True)
-        basis = chebvander(x, count[0] - 1)
-        return np.asarray(np.einsum("na,cab,nb->cn", basis, self.coefficients, in_current, optimize=True))
+        in_distance = chebvander(x, self.coefficients.shape[1] - 1)
+        in_current = CubicSpline(self.currents, np.eye(len(self.currents)))(current)
+        return np.asarray(np.einsum("na,cab,nb->cn", in_distance, self.coefficients, in_current, optimize=True))
 
 
 def solve_drawings(
@@ -94,23 +88,14 @@ def solve_drawings(
             f"The virtual bench must solve {first.name} ({row['form']}) at {1e3 * row['distance_m']:.3g} mm; it "
             f"{row['status']}. Let the sweep begin at a larger distance, or end at a smaller one."
         )
-    return {name: _table(form, distances, rows[rows["form"] == name]) for name, form in planned.items()}
-
-
-def _table(actuator: Actuator, distances: tuple[float, float], rows: pd.DataFrame) -> FieldTable:
-    """The table of a form, of which the rows of its sweep are given."""
-    axes = actuator.sweep
-    currents, count = np.array(axes.currents_A), len(axes.distances_m)
-    values = np.zeros((3, count, len(currents)))
-    for k, column in enumerate(("force_N", "flux_linkage_Wb", "hall_T")):
-        if column in rows:
-            values[k] = rows[column].to_numpy().reshape(len(currents), -1).T
-    in_distance = np.linalg.inv(chebvander(_chebyshev(count), count - 1))
-    coefficients = np.einsum("ak,ckj->caj", in_distance, values)
-    if not actuator.saturates:
-        basis = np.linalg.inv(np.vander(currents, 3, increasing=True))
-        return FieldTable(distances, np.einsum("caj,bj->cab", coefficients, basis))
-    return FieldTable(distances, coefficients, tuple(currents.tolist()))
+    fields = rows.reindex(columns=["force_N", "flux_linkage_Wb", "hall_T"], fill_value=0.0)
+    tables = {}
+    for name, form in planned.items():
+        currents, count = form.sweep.currents_A, len(form.sweep.distances_m)
+        values = fields[rows["form"] == name].to_numpy(dtype=np.float64).T.reshape(3, len(currents), count)
+        coefficients = np.linalg.solve(chebvander(_chebyshev(count), count - 1), values.swapaxes(1, 2))
+        tables[name] = FieldTable(distances, currents, coefficients)
+    return tables
 
 
 def dialled_currents(actuator: Actuator) -> tuple[float, ...]:
@@ -127,14 +112,11 @@ def _nodes(actuator: Actuator, distances: tuple[float, float], free: bool) -> Sw
     x = _chebyshev(SATURATING_DISTANCES if actuator.saturates else LINEAR_DISTANCES)
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * x
     largest = (1.0 + _CURRENT_MARGIN) * max(map(abs, actuator.sweep.currents_A))
-    currents: tuple[float, ...] = (-largest, 0.0, largest)
-    if actuator.saturates and free:
-        currents = tuple(np.linspace(-largest, largest, _FREE_CURRENTS).tolist())
-    elif actuator.saturates:
+    currents = np.linspace(-largest, largest, _FREE_CURRENTS if actuator.saturates else 3)
+    if actuator.saturates and not free:
         dialled = dialled_currents(actuator)
-        first = dialled[0] - _CURRENT_MARGIN * dialled[-1]
-        currents = (first, *dialled, largest)
-    return SweepAxes(currents, tuple((np.exp(nodes) if distances[0] > 0.0 else nodes).tolist()))
+        currents = np.array([dialled[0] - _CURRENT_MARGIN * dialled[-1], *dialled, largest])
+    return SweepAxes(tuple(currents.tolist()), tuple((np.exp(nodes) if distances[0] > 0.0 else nodes).tolist()))
 
 
 def _range(swept: tuple[float, ...]) -> tuple[float, float]:
@@ -168,36 +150,23 @@ class Conditions:
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
-    """Fields of a drawing as a function of one number p, which is 0 where nothing is changed."""
-
-    values: tuple[float, ...]  # Of p, one a solution; never 0
-    tables: tuple[FieldTable, ...]
-    reference: FieldTable  # At p = 0
-
-    def change(self, p: FloatArray | float, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """The fields at p less those at 0, by the polynomial through the solutions; p may be one number a point."""
-        base = self.reference.at(distance, current)
-        total = np.zeros_like(base)
-        for k, (value, table) in enumerate(zip(self.values, self.tables, strict=True)):
-            weight = np.asarray(1.0)
-            for node in (0.0, *self.values[:k], *self.values[k + 1 :]):
-                weight = weight * (p - node) / (value - node)
-            total += (table.at(distance, current) - base) * weight
-        return total
-
-
-@dataclass(frozen=True, eq=False)
 class Device:
     """A drawing's fields, and those of its changed forms."""
 
     actuator: Actuator
     drawn: FieldTable
-    families: Mapping[str, Family]
+    families: Mapping[str, Mapping[float, FieldTable]]  # By a number p, never 0, that changes the drawing
 
     def change(self, family: str, p: FloatArray | float, settings: Conditions) -> FloatArray:
-        """What the change of a family adds to the drawn fields."""
-        return self.families[family].change(p, settings.distance, settings.current)
+        """What a change p adds to the drawn fields, by the polynomial through the solutions; also one p a point."""
+        base, tables = self.drawn.at(settings.distance, settings.current), self.families[family]
+        total = np.zeros_like(base)
+        for value, table in tables.items():
+            weight = np.asarray(p / value)
+            for node in tables:
+                weight = weight if node == value else weight * (p - node) / (value - node)
+            total += (table.at(settings.distance, settings.current) - base) * weight
+        return total
 
     def with_turns(self, change: float, settings: Conditions) -> FloatArray:
         """What 1 + change times the turns add to the drawn fields: they are those of as much more current."""
@@ -230,14 +199,14 @@ Readings = Mapping[str, FloatArray]
 
 @dataclass(frozen=True)
 class HiddenError:
-    """One thing that is wrong, up to its size."""
+    """One thing that is wrong, up to its size: what it changes of settings, of fields and of readings."""
 
     limit: Callable[[Device], float]  # Takes the device; the largest size that is still believable
     channels: tuple[str, ...]  # Those that show it, of which a campaign records at least one
     needs: str = ""  # What the drawing must have; empty for nothing
-    setting: Callable[[Device, float, Conditions], Conditions] | None = None
-    fields: Callable[[Device, float, Conditions], FloatArray] | None = None
-    reading: Callable[[Device, float, Conditions, Readings], Readings] | None = None
+    setting: Callable[[Device, float, Conditions], Conditions] = lambda *given: given[-1]
+    fields: Callable[[Device, float, Conditions], FloatArray | float] = lambda *_: 0.0
+    reading: Callable[[Device, float, Conditions, Readings], Readings] = lambda *_: {}
     names: tuple[str, ...] | None = None  # Of the diagnosis that are right; None: what it is called here
 
 
@@ -247,17 +216,17 @@ def true_readings(
     """What the sensors would read without noise; hidden errors by name, with their sizes."""
     wrong = [(errors[name], size) for name, size in hidden.items()]
     for error, size in wrong:
-        settings = error.setting(device, size, settings) if error.setting else settings
-    fields = device.drawn.at(settings.distance, settings.current)
+        settings = error.setting(device, size, settings)
+    fields, hall = device.drawn.at(settings.distance, settings.current), device.actuator.hall
     for error, size in wrong:
-        fields = fields + error.fields(device, size, settings) if error.fields else fields
+        fields = fields + error.fields(device, size, settings)
     values = {
         "force_N": fields[0],
         "flux_linkage_Wb": fields[1],
         "voltage_V": device.actuator.coil.resistance_ohm * settings.current,
     }
-    if device.actuator.hall is not None:
-        values["hall_V"] = device.actuator.hall.quiescent_V + device.actuator.hall.sensitivity_V_per_T * fields[2]
+    if hall is not None:
+        values["hall_V"] = hall.quiescent_V + hall.sensitivity_V_per_T * fields[2]
     for error, size in wrong:
-        values |= error.reading(device, size, settings, values) if error.reading else {}
+        values |= error.reading(device, size, settings, values)
     return values

@@ -13,7 +13,7 @@ import numpy as np
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, MU_0, FloatArray
 from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region, is_iron
 from femfit.field.sweep import Progress
-from femfit.trial.field_table import Conditions, Device, Family, HiddenError, Readings, solve_drawings
+from femfit.trial.field_table import Conditions, Device, HiddenError, Readings, solve_drawings
 
 REMANENCE_STEP = 0.1
 """Relative change that is solved, either way; in linear materials the parabola through three solutions is exact."""
@@ -26,8 +26,6 @@ MAGNET_PER_K, MAGNET_PER_K2 = -1.15e-3, -2e-6
 
 BEND = 0.1
 """A load cell's or a shunt's gain error is larger by this part at full scale than at zero: no meter is quite linear."""
-
-Stage = Callable[[Device, float, Conditions, Readings], Readings]
 
 _IRON_PERMEABILITY = 600.0
 """Tells iron from ferrite."""
@@ -113,72 +111,72 @@ def possible_errors(actuator: Actuator) -> list[str]:
 
 def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:
     """Solve a drawing and the changed forms that its usual errors need."""
-    possible, steps = possible_errors(actuator), (-REMANENCE_STEP, REMANENCE_STEP)
-    changed: dict[str, dict[float, Actuator]] = {}
+    possible, changed = possible_errors(actuator), dict[str, dict[float, Actuator]]()
     if "remanence" in possible:
-        changed["remanence"] = {step: scaled_magnets(actuator, step) for step in steps}
+        changed["remanence"] = {p: scaled_magnets(actuator, p) for p in (-REMANENCE_STEP, REMANENCE_STEP)}
     if "core_saturation" in possible:
         changed["saturating"] = {1.0: saturable_core(actuator, FERRITE_T)}
     named = {f"{name}{p:+g}": form for name, forms in changed.items() for p, form in forms.items()}
     tables = solve_drawings({"drawn": actuator} | named, directory, workers=workers, progress=progress)
-    families = {
-        name: Family(tuple(forms), tuple(tables[f"{name}{p:+g}"] for p in forms), tables["drawn"])
-        for name, forms in changed.items()
-    }
+    families = {name: {p: tables[f"{name}{p:+g}"] for p in forms} for name, forms in changed.items()}
     return Device(actuator, tables["drawn"], families)
 
 
-def _added(channel: str, change: Callable[[Device, Conditions, FloatArray], FloatArray | float]) -> Stage:
-    """A reading of a channel to which its size times ``change(device, settings, reading)`` is added."""
+Form = Callable[[Device, Conditions, FloatArray], FloatArray | float]
+"""(device, settings, values) -> change of the values by an error, over its size."""
+
+
+def _reads(
+    channel: str, form: Form, of_size: Callable[[float], float] = float
+) -> Callable[[Device, float, Conditions, Readings], Readings]:
+    """A channel to which an error adds its size, or its magnitude, times a form."""
     return lambda device, size, settings, values: {
-        channel: values[channel] + size * change(device, settings, values[channel])
+        channel: values[channel] + of_size(size) * form(device, settings, values[channel])
     }
 
 
-def _of_resistance(device: Device, settings: Conditions, _: FloatArray) -> FloatArray:
+def _sets(name: str, form: Form) -> Callable[[Device, float, Conditions], Conditions]:
+    """A setting to which an error adds its size times a form."""
+    return lambda device, size, settings: replace(
+        settings, **{name: getattr(settings, name) + size * form(device, settings, getattr(settings, name))}
+    )
+
+
+def _ohmic(device: Device, settings: Conditions, _values: FloatArray) -> FloatArray:
     return device.actuator.coil.resistance_ohm * settings.current
 
 
-_FIELD = ("force_N", "flux_linkage_Wb", "hall_V")
+_FIELD, _FORCE = ("force_N", "flux_linkage_Wb", "hall_V"), ("force_N",)
 _BY_CURRENT = ("flux_linkage_Wb", "voltage_V", "force_N")
 
 HIDDEN_ERRORS: Mapping[str, HiddenError] = {
     "distance_offset": HiddenError(
-        lambda device: device.largest_shift,
-        ("force_N",),
-        setting=lambda device, size, settings: replace(settings, distance=settings.distance + size),
+        lambda device: device.largest_shift, _FORCE, setting=_sets("distance", lambda *_: 1.0)
     ),
-    "distance_scale": HiddenError(
-        lambda device: 0.03,
-        ("force_N",),
-        setting=lambda device, size, settings: replace(settings, distance=settings.distance * (1 + size)),
-    ),
+    "distance_scale": HiddenError(lambda _: 0.03, _FORCE, setting=_sets("distance", lambda _, __, d: d)),
     "remanence": HiddenError(
-        lambda device: 0.2,
-        _FIELD,
-        _MAGNET,
-        fields=lambda device, size, settings: device.change("remanence", size, settings),
+        lambda _: 0.2, _FIELD, _MAGNET, fields=lambda device, size, settings: device.change("remanence", size, settings)
     ),
     "turns": HiddenError(
-        lambda device: 0.04 if device.drawn.currents else 0.2,  # within the solved currents
+        lambda device: 0.04 if device.actuator.saturates else 0.2,  # within the solved currents
         ("flux_linkage_Wb", "voltage_V"),
         fields=lambda device, size, settings: device.with_turns(size, settings),
-        reading=_added("voltage_V", _of_resistance),  # the wire is longer by as much
+        reading=_reads("voltage_V", _ohmic),  # the wire is longer by as much
     ),
-    "resistance": HiddenError(lambda device: 0.3, ("voltage_V",), reading=_added("voltage_V", _of_resistance)),
+    "resistance": HiddenError(lambda _: 0.3, ("voltage_V",), reading=_reads("voltage_V", _ohmic)),
     "coil_temperature": HiddenError(
-        lambda device: 1.3,  # of copper's coefficient
+        lambda _: 1.3,  # of copper's coefficient
         ("voltage_V",),
-        reading=lambda device, size, settings, values: {
-            "voltage_V": values["voltage_V"]
-            + abs(size)
-            * COPPER_TEMPERATURE_COEFFICIENT
-            * (settings.coil_C - 20.0)
-            * _of_resistance(device, settings, values["voltage_V"])
-        },
+        reading=_reads(
+            "voltage_V",
+            lambda device, settings, values: (
+                COPPER_TEMPERATURE_COEFFICIENT * (settings.coil_C - 20.0) * _ohmic(device, settings, values)
+            ),
+            abs,
+        ),
     ),
     "magnet_temperature": HiddenError(
-        lambda device: 2.5,
+        lambda _: 2.5,
         _FIELD,
         _MAGNET,
         fields=lambda device, size, settings: device.change(
@@ -188,39 +186,33 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
         ),
     ),
     "core_saturation": HiddenError(
-        lambda device: 2.0,
+        lambda _: 2.0,
         _FIELD[:2],
         _IRON,
         fields=lambda device, size, settings: device.change("saturating", abs(size), settings),
     ),
     "force_offset": HiddenError(
-        lambda device: 0.3 * device.largest_force,
-        ("force_N",),
-        reading=_added("force_N", lambda *_: 1.0),
+        lambda device: 0.3 * device.largest_force, _FORCE, reading=_reads("force_N", lambda *_: 1.0)
     ),
     "force_gain": HiddenError(
-        lambda device: 0.2,
-        ("force_N",),
-        reading=_added("force_N", lambda device, _, force: force * (1.0 + BEND * np.abs(force) / device.largest_force)),
+        lambda _: 0.2,
+        _FORCE,
+        reading=_reads("force_N", lambda device, _, force: force * (1.0 + BEND * np.abs(force) / device.largest_force)),
     ),
+    # Both current errors stay within the solved range
     "current_offset": HiddenError(
-        lambda device: 0.02 * device.largest_current,  # both current errors stay within the solved range
-        _BY_CURRENT,
-        setting=lambda device, size, settings: replace(settings, current=settings.current + size),
+        lambda device: 0.02 * device.largest_current, _BY_CURRENT, setting=_sets("current", lambda *_: 1.0)
     ),
     "current_gain": HiddenError(
-        lambda device: 0.02,
+        lambda _: 0.02,
         _BY_CURRENT,
-        setting=lambda device, size, settings: replace(
-            settings,
-            current=settings.current * (1.0 + size * (1.0 + BEND * np.abs(settings.current) / device.largest_current)),
-        ),
+        setting=_sets("current", lambda device, _, i: i * (1.0 + BEND * np.abs(i) / device.largest_current)),
     ),
-    "hall_offset": HiddenError(lambda device: 0.3, ("hall_V",), _HALL, reading=_added("hall_V", lambda *_: 1.0)),
+    "hall_offset": HiddenError(lambda _: 0.3, ("hall_V",), _HALL, reading=_reads("hall_V", lambda *_: 1.0)),
     "flux_integrator_drift": HiddenError(
-        lambda device: 1e-4,
+        lambda _: 1e-4,
         ("flux_linkage_Wb",),
-        reading=_added("flux_linkage_Wb", lambda device, settings, _: settings.time_s),
+        reading=_reads("flux_linkage_Wb", lambda _, settings, __: settings.time_s),
     ),
 }
 """By the name that the diagnosis should give. Sizes are relative or in SI units, mostly of either sign."""

@@ -67,9 +67,8 @@ class Campaign:
 
     def key(self) -> dict[str, Any]:
         """What nobody may know who diagnoses it, as JSON-ready data."""
-        names = ("level", "hidden", "over_noise", "shown", "mount_m", "runs")
-        meters = {name: asdict(meter) for name, meter in self.meters.items()}
-        return {name: getattr(self, name) for name in names} | {"meters": meters}
+        facts = {name: value for name, value in vars(self).items() if name != "rows"}
+        return facts | {"meters": {name: asdict(meter) for name, meter in self.meters.items()}}
 
 
 def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Generator) -> FloatArray:
@@ -77,11 +76,9 @@ def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Gen
 
     True values and the number of each reading's run, shape (n,), are in the order of measuring.
     """
-    fresh = rng.standard_normal(len(values))
-    noise = fresh.copy()
-    for k in range(1, len(values)):
-        if run[k] == run[k - 1]:
-            noise[k] = meter.rho * noise[k - 1] + np.sqrt(1.0 - meter.rho**2) * fresh[k]
+    noise = rng.standard_normal(len(values))
+    for k in np.flatnonzero(np.diff(run) == 0) + 1:
+        noise[k] = meter.rho * noise[k - 1] + np.sqrt(1.0 - meter.rho**2) * noise[k]
     return np.asarray(np.round((values + meter.sigma * noise) / meter.step) * meter.step)
 
 
@@ -97,11 +94,13 @@ def make_campaign(
         dials, conditions = _settings(device, rng, extent)
         bench = _Bench(device, conditions, errors)
         meters = _meters(bench.read({}), errors, rng, extent)
-        quieter = bench.quieter(level, meters)
+        # Each error reaches the level within its limit
+        limits = [{name: error.limit(device)} for name, error in errors.items()]
+        quieter = min([1.0, *(0.9 * max(bench.over_noise(limit, meters).values()) / level for limit in limits)])
         if quieter >= _QUIETEST:
             meters = {name: replace(meter, sigma=quieter * meter.sigma) for name, meter in meters.items()}
             hidden = {name: bench.size(name, level * float(rng.choice([-1.0, 1.0])), meters) for name in errors}
-            return replace(_measure(bench, dials, meters, hidden, rng), level=level)
+            return _measure(bench, dials, level, meters, hidden, rng)
     raise DomainError(
         f"{device.actuator.name} must show {' and '.join(errors)} by {level:g} noise sigmas; no campaign did."
     )
@@ -128,12 +127,6 @@ class _Bench:
             for name, meter in meters.items()
         }
 
-    def quieter(self, level: float, meters: Mapping[str, Meter]) -> float:
-        """The factor on all noise, 1 at most, at which each error reaches the level within its limit."""
-        limits = [{name: error.limit(self.device)} for name, error in self.errors.items()]
-        most = [max(self.over_noise(limit, meters).values()) for limit in limits]
-        return min([1.0, *(0.9 * largest / level for largest in most)])
-
     def size(self, name: str, level: float, meters: Mapping[str, Meter]) -> float:
         """The size at which an error stands out by a level, whose sign it has; its limit where it never does."""
 
@@ -153,19 +146,19 @@ def _meters(
     """A campaign of all or some channels, with those the errors need; noise of 0.1 to 0.6 % of a channel's span."""
     complete = rng.random() < _COMPLETE
     channels = {name for name in clean if rng.random() < _RECORDED[name] or complete}
+    shown = [[name for name in error.channels if name in clean] for error in errors.values()]
     if extent == "one channel":
-        needed = [name for error in errors.values() for name in error.channels if name in clean]
-        channels = {str(rng.choice(needed or ["force_N", "flux_linkage_Wb"]))}
-    for error in errors.values():
-        shown = [name for name in error.channels if name in clean]
-        channels |= set() if set(shown) & channels else {str(rng.choice(shown))}
+        channels = {str(rng.choice([name for names in shown for name in names] or ["force_N", "flux_linkage_Wb"]))}
+    for names in shown:
+        if not channels.intersection(names):
+            channels.add(str(rng.choice(names)))
     return {
         name: Meter(
-            sigma=float(np.exp(rng.uniform(np.log(1e-3), np.log(6e-3)))) * float(np.ptp(clean[name])),
+            sigma=float(np.exp(rng.uniform(np.log(1e-3), np.log(6e-3)))) * float(np.ptp(values)),
             rho=float(rng.uniform(0.0, 0.6)),
-            full_scale=1.3 * float(np.abs(clean[name]).max()),
+            full_scale=1.3 * float(np.abs(values).max()),
         )
-        for name in clean
+        for name, values in clean.items()
         if name in channels
     }
 
@@ -173,6 +166,7 @@ def _meters(
 def _measure(
     bench: _Bench,
     rows: pd.DataFrame,
+    level: float,
     meters: Mapping[str, Meter],
     hidden: Mapping[str, float],
     rng: np.random.Generator,
@@ -198,8 +192,7 @@ def _measure(
         change = {channel: everything[channel] - without[channel] for channel in meters}
         shown[name] = expected_fall(change, slope, read, meters, run, mount_m)
     over_noise = {name: bench.over_noise({name: size}, meters) for name, size in hidden.items()}
-    measured_rows = rows[written].reset_index(drop=True)
-    return Campaign(measured_rows, 0.0, hidden, over_noise, shown, meters, mount_m, runs)
+    return Campaign(rows[written].reset_index(drop=True), level, hidden, over_noise, shown, meters, mount_m, runs)
 
 
 def expected_fall(
@@ -235,14 +228,12 @@ def expected_fall(
 
 def _settings(device: Device, rng: np.random.Generator, extent: Extent) -> tuple[pd.DataFrame, Conditions]:
     """Two to five runs over distances and currents, and the temperatures that they lead to."""
-    axes = device.actuator.sweep
+    axes, saturates, few = device.actuator.sweep, device.actuator.saturates, extent == "few readings"
     runs, step_s = int(rng.integers(2, 6)), float(rng.uniform(2.0, 12.0))
-    largest = max(map(abs, axes.currents_A))
-    saturates = bool(device.drawn.currents)
     other_way = axes.currents_A[0] < 0.0 or (rng.random() < 0.5 and not saturates)
-    few = extent == "few readings"
-    runs = {"three runs": 3, "few readings": int(rng.integers(1, 4)) if few else 0}.get(extent, runs)
+    runs = int(rng.integers(1, 4)) if few else 3 if extent == "three runs" else runs
     steps = int(rng.integers(5, 12) if not few else 3)
+    largest = device.largest_current
     cycle = np.linspace(-largest if other_way else 0.0, largest, steps)
     if saturates:
         dialled = np.array(dialled_currents(device.actuator))
@@ -256,8 +247,7 @@ def _settings(device: Device, rng: np.random.Generator, extent: Extent) -> tuple
     denser = np.geomspace(*ends, count) if low > 0.0 else np.linspace(*ends, count)
     distance = np.round(0.5 * (np.linspace(*ends, count) + denser), 6)
     each = count * len(cycle)
-    run = np.repeat(np.arange(runs), each)
-    time = step_s * np.tile(np.arange(each), runs).astype(np.float64)
+    run, number = np.repeat(np.arange(runs), each), np.arange(runs * each, dtype=np.float64)
     current = np.tile(cycle, count * runs)
     ambient = (rng.uniform(18.0, 25.0) + rng.normal(0.0, 2.0, runs))[run]
     rise = rng.uniform(10.0, 40.0) * (current / largest) ** 2
@@ -266,7 +256,7 @@ def _settings(device: Device, rng: np.random.Generator, extent: Extent) -> tuple
     dials = pd.DataFrame(
         {
             "run": run + 1,
-            "order": np.arange(len(run)) + 1,
+            "order": number.astype(int) + 1,
             "current_A": np.round(current, 6),
             "distance_m": np.tile(np.repeat(distance, len(cycle)), runs),
             "branch": np.tile(branch, count * runs).astype(int),
@@ -274,8 +264,8 @@ def _settings(device: Device, rng: np.random.Generator, extent: Extent) -> tuple
             "magnet_temperature_C": np.round(magnet + rng.normal(0.0, 0.05, len(run)), 1),
         }
     )
-    campaign_s = step_s * np.arange(len(run), dtype=np.float64)
-    return dials, Conditions(dials["distance_m"].to_numpy(), current, time, ambient + warm, magnet, run, campaign_s)
+    time_s, campaign_s = step_s * (number % each), step_s * number
+    return dials, Conditions(dials["distance_m"].to_numpy(), current, time_s, ambient + warm, magnet, run, campaign_s)
 
 
 def _follow(goal: FloatArray, rate: float, each: int) -> FloatArray:

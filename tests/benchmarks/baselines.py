@@ -42,8 +42,7 @@ from femfit.effects.conditions import Conditions
 from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import considered_effects
-from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis, diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns
 from femfit.identify.observations import Observations

@@ -257,12 +257,12 @@ def number(key):
 def decision(*classes, **runs):
     """Named are these classes; effects act in runs that are counted from 0."""
     effects = [SimpleNamespace(effect=SimpleNamespace(name=names[0]), runs=runs.get(names[0])) for names in classes]
-    return SimpleNamespace(classes=classes, chosen=SimpleNamespace(fit=SimpleNamespace(effects=effects)))
+    return SimpleNamespace(classes=classes, fit=SimpleNamespace(effects=effects))
 
 
 def diagnosed(named):
     """A diagnosis with this decision."""
-    return SimpleNamespace(decision=named, observations=SimpleNamespace(nominal=SimpleNamespace(drawn=())))
+    return SimpleNamespace(**vars(named), observations=SimpleNamespace(nominal=SimpleNamespace(drawn=())))
 
 
 REMANENCE, MAGNET = "materials.hard.remanence_T", "magnet_temperature"
@@ -303,7 +303,7 @@ def test_whoever_asks_for_a_number_decides_its_class():
 def test_nothing_is_calibrated_where_no_number_is_named(monkeypatch):
     monkeypatch.setattr(calibration, "said_of", lambda *_: "The verdict.")
     with pytest.raises(TableError, match="The verdict"):
-        _diagnosed(diagnosed(None), KNOWN)
+        _diagnosed(diagnosed(decision()), KNOWN)
     with pytest.raises(TableError, match="hall_offset"):
         _diagnosed(diagnosed(decision(("hall_offset",))), KNOWN)
     changing = decision((HEIGHT,), **{HEIGHT: (1, 2)})

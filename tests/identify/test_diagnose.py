@@ -12,9 +12,8 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
-from femfit.identify.decision.campaign import detectable_magnitudes, gather
-from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import said_of
+from femfit.identify.decision.campaign import Block, detectable_magnitudes, gather
+from femfit.identify.decision.diagnose import diagnose, said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
@@ -153,7 +152,7 @@ def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     turns = hidden("turns", turns_error=-0.03)
     noise = {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
     found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0, **LARGE))
-    alone = found.decision.posterior.explanations
+    alone = found.posterior.explanations
     behind = alone[frozenset({"turns"})].log_evidence - alone[frozenset({"current_gain"})].log_evidence
     assert 50.0 < behind < 0.005 * found.excess
     assert [one.members for one in found.missing] == [("turns",)]
@@ -241,7 +240,7 @@ def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(pot, name,
 
     clean = gathered()
     assert decide(clean).own_misfit
-    size = -1.5 * detectable_magnitudes(clean)[name][amplitude]
+    size = -1.5 * detectable_magnitudes(clean.effects)[name][amplitude]
     assert decide(gathered(hidden(name, **{amplitude: size}))).verdict != "nothing_missing"
 
 
@@ -267,21 +266,17 @@ def normal(y, *blocks):
     return stats.multivariate_normal(np.zeros(READINGS), covariance).logpdf(y) + 0.5 * READINGS * np.log(2.0 * np.pi)
 
 
-def linear(y, columns, density):
-    result = Linear(y, columns, density, 0.0)
-    triangle = np.linalg.slogdet(np.eye(READINGS) + columns @ columns.T)[1]
-    return Linear(y, columns, density, float(density(result.solved.square, triangle)))
-
-
 def test_the_evidence_is_the_density_of_the_readings(drawn):
     y, columns, _ = drawn
-    assert linear(y, columns, LogDensity(READINGS, np.inf)).log_evidence == pytest.approx(normal(y, columns), rel=1e-12)
+    assert Linear.of(y, columns, LogDensity(READINGS, np.inf)).log_evidence == pytest.approx(
+        normal(y, columns), rel=1e-12
+    )
 
 
 def test_further_columns_at_a_fit_change_it_as_all_columns_together_do(drawn):
     y, columns, more = drawn
-    one = linear(y, columns, LogDensity(READINGS, np.inf))
-    gram, along = one.products(more)
+    one = Linear.of(y, columns, LogDensity(READINGS, np.inf))
+    gram, along = one.products(Block(more))
     sizes = np.array([0.1, 1.0, 7.0])
     together = [normal(y, columns, size * more) for size in sizes]
     np.testing.assert_allclose(one.with_more(gram, along, sizes)[0], together, rtol=1e-11)
@@ -294,8 +289,8 @@ def test_noise_from_few_repeats_gives_students_density(drawn):
     exact = stats.multivariate_t(np.zeros(READINGS), shape, df=few)
     other = stats.multivariate_t(np.zeros(READINGS), np.eye(READINGS), df=few)
     density = LogDensity(READINGS, few)
-    nothing = linear(y, np.zeros((READINGS, 0)), density)
-    assert linear(y, columns, density).log_evidence - nothing.log_evidence == pytest.approx(
+    nothing = Linear.of(y, np.zeros((READINGS, 0)), density)
+    assert Linear.of(y, columns, density).log_evidence - nothing.log_evidence == pytest.approx(
         exact.logpdf(y) - other.logpdf(y), rel=1e-10
     )
 

@@ -10,8 +10,7 @@ from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
 from femfit.identify.bench import bench_observations, conditions_of
-from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnose import Diagnosis, diagnose
 from femfit.identify.plan import examine_plan
 from femfit.identify.signatures import why_untestable
 from femfit.identify.suggest import Advice, _isolating, joined, suggest, suggest_measurements

@@ -90,7 +90,7 @@ def test_numbers_of_a_material_are_named_with_their_size_and_calibrated_together
     swept = impedances(tmp_path / "built", drawn(DRAWINGS[windings], **truth))
     path = measured(swept, tmp_path / "z.csv", READ[windings][-1], 3)
     found = ff.diagnose(as_drawn[windings][0], path)
-    classes = found.decision.classes
+    classes = found.classes
     assert len(classes) == len(keys)
     assert all(any(key in one for one in classes) for key in keys)
     if windings == "two":  # alone, with the size that the field was solved with; slopes are of first order

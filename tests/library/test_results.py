@@ -172,12 +172,12 @@ def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
     np.testing.assert_array_equal(
         again.full(again.observations.residual), whitening.full(whitening.observations.residual)
     )
-    basis, columns = found.campaign.patterns.groups[0][0], found.campaign.unknown
+    basis, columns = found.campaign.patterns.groups[0][0], found.campaign.unknown.columns
     campaign = unpickled(found.campaign)
-    assert not {"patterns", "unknown", "blocks"} & set(vars(campaign))
+    assert not {"patterns", "unknown", "variants"} & set(vars(campaign))
     np.testing.assert_array_equal(campaign.patterns.groups[0][0], basis)
-    np.testing.assert_array_equal(campaign.unknown, columns)
-    assert found.decision.fits
+    np.testing.assert_array_equal(campaign.unknown.columns, columns)
+    assert found.fits
 
 
 def test_what_comes_back_predicts_steps_and_explains_as_before(results):

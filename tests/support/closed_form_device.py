@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from femfit.device.load import read_actuator
-from femfit.trial.field_table import Conditions, Device, Family, FieldTable
+from femfit.trial.field_table import Conditions, Device, FieldTable
 
 N = 5
 D = np.array([0.0163, 0.0221, 0.0307, 0.0412, 0.0441])
@@ -16,7 +16,7 @@ class AnyFamily(dict):
     """Every family that is asked for, as a magnet or a winding that is a little weaker; those that are given first."""
 
     def __missing__(self, name):
-        return Family((-1.0, 1.0), (table(0.95, 0.97), table(1.05, 1.03)), table())
+        return {-1.0: table(0.95, 0.97), 1.0: table(1.05, 1.03)}
 
 
 def table(magnet=1.0, turns=1.0, linear_part=1.0):
@@ -29,16 +29,17 @@ def table(magnet=1.0, turns=1.0, linear_part=1.0):
     force = [magnet**2 * 4.19e-9 / d**4, magnet * turns * 0.2925 * decay, zero + turns**2 * 6e-3 * decay]
     flux = [magnet * turns * 0.2925 * 0.0166 * decay, turns**2 * linear_part * (0.0162 + 2e-4 * decay), zero]
     hall = [magnet * 8.6e-8 / (d + 0.0015) ** 3, zero + 0.005 * turns, zero]
-    return FieldTable((low, high), np.array([inverse @ np.array(one).T for one in (force, flux, hall)]))
+    currents = np.array([-1.0, 0.0, 1.0])
+    values = np.array([np.array(one).T @ np.vander(currents, 3, increasing=True).T for one in (force, flux, hall)])
+    return FieldTable((low, high), tuple(currents), inverse @ values)
 
 
 def closed_form_device():
-    steps, factors, drawn = (-0.1, 0.1), (0.9, 1.1), table()
     families = {
-        "saturating": Family((1.0,), (table(linear_part=0.9),), drawn),
-        "remanence": Family(steps, tuple(table(magnet=factor) for factor in factors), drawn),
+        "saturating": {1.0: table(linear_part=0.9)},
+        "remanence": {step: table(magnet=1.0 + step) for step in (-0.1, 0.1)},
     }
-    return Device(read_actuator(DRAWING), drawn, AnyFamily(families))
+    return Device(read_actuator(DRAWING), table(), AnyFamily(families))
 
 
 def conditions(current=1.0, coil_C=20.0, magnet_C=20.0, distance=D):

@@ -12,7 +12,7 @@ from femfit.device.load import read_actuator
 from femfit.device.parts import LinearMaterial, Region
 from femfit.effects.catalogue import all_effects
 from femfit.tables.measurement_file import read_bench_table
-from femfit.trial.field_table import Device, Family, solve_drawings, true_readings
+from femfit.trial.field_table import Device, solve_drawings, true_readings
 from support.actuators import GEOMETRY, assembly, rectangle
 from support.closed_form_device import DRAWING, closed_form_device, conditions
 from support.trial import magnetics, memory, off_axis, sets
@@ -46,7 +46,7 @@ def test_a_weaker_magnet_and_fewer_turns_are_what_the_field_is_solved_to_be(tmp_
     weaker = magnetics.remanence_drawings(drawing, "scaled")["remanence-scaled"]
     forms = {"drawn": drawing, "fewer": fewer} | {f"{p:+g}": form for p, form in weaker.items()}
     tables = solve_drawings(forms, tmp_path, workers=1)
-    family = Family((-0.1, 0.1), (tables["-0.1"], tables["+0.1"]), tables["drawn"])
+    family = {-0.1: tables["-0.1"], 0.1: tables["+0.1"]}
     device = Device(drawing, tables["drawn"], {"remanence-scaled": family})
     settings = conditions(1.0, distance=np.array([0.012, 0.02]))
     passive, ahead, back = (device.drawn.at(settings.distance, sign * settings.current) for sign in (0.0, 1.0, -1.0))

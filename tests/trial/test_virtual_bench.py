@@ -143,8 +143,8 @@ def test_a_table_through_zero_is_a_polynomial_in_the_distance():
     x = np.cos(np.pi * (np.arange(6) + 0.5) / 6)[::-1]
     d = -6e-3 + 4e-3 * x
     inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(x, 5))
-    values = np.array([[1e9 * d**3, d, 0.0 * d]] * 3).transpose(0, 2, 1)
-    table = FieldTable((-10e-3, -2e-3), np.einsum("ak,ckj->caj", inverse, values))
+    values = np.array([np.transpose([1e9 * d**3 + d * i for i in (-1.0, 0.0, 1.0)])] * 3)
+    table = FieldTable((-10e-3, -2e-3), (-1.0, 0.0, 1.0), inverse @ values)
     settings = np.array([-9e-3, -3.3e-3])
     np.testing.assert_allclose(
         table.at(settings, np.array([2.0, -1.0]))[0], 1e9 * settings**3 + settings * [2.0, -1.0], rtol=1e-9

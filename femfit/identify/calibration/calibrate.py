@@ -11,7 +11,7 @@ J. Nocedal and S. J. Wright, Numerical Optimization (Springer, 2006), section 10
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -24,21 +24,14 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.words import titled, titles_of
-from femfit.identify.add_effects import of_last_run
 from femfit.identify.bench import measurement_of
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
-from femfit.identify.calibration.result import CalibratedNumber, CalibrationResult, open_combinations, remarks, verdict
+from femfit.identify.calibration.result import CalibrationResult
 from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
 from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
-from femfit.identify.decision.campaign import guessed_noises
-from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import Diagnosis, said_of
-from femfit.identify.lack_of_fit import pattern_space
-from femfit.identify.left_out import unseen_error
-from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
+from femfit.identify.decision.diagnose import Diagnosis, diagnose, said_of
 from femfit.identify.words import sentence
-from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
 
 Data = Measurement | str | Path
@@ -106,25 +99,22 @@ def calibrate(
         say("Diagnosing")
         choice = _diagnosed(diagnose(first.model, measured), suspects)
     else:  # of all, those that these readings show
-        choice = Choice(
-            tuple(number for number in wanted if wanted is not source.each or first.column(number) is not None)
-        )
+        choice = Choice(tuple(n for n in wanted if wanted is not source.each or first.column(n) is not None))
         if not choice.numbers:
             raise TableError("These data show no number of the drawing: none of them changes any of the readings.")
     if beside is not None:
-        remarks_of_numbers = {k: text for k, text in choice.remarks.items() if k not in choice.beside}
-        choice = Choice(choice.numbers, beside, remarks_of_numbers)
+        choice = Choice(choice.numbers, beside, {k: s for k, s in choice.remarks.items() if k not in choice.beside})
     sweep = partial(swept, directory=directory / "calibrated", measured=measured, workers=workers)
     task = _Task(source, measured, sweep, say)
     now = estimate(first, choice, np.array([number.value for number in choice.numbers]))
     now = task.settled(now) if beside is not None else task.completed(now, asked=wanted is not None)
     say("Leaving each run out")
-    return _result(first, now)
+    return CalibrationResult.of(first, now)
 
 
 def _diagnosed(diagnosis: Diagnosis, suspects: Sequence[NumberFacts]) -> Choice:
     """What the diagnosis of a drawing names; TableError where that is no number that it can have."""
-    choice = with_named(Choice(), diagnosis.decision, suspects) if diagnosis.decision else Choice()
+    choice = with_named(Choice(), diagnosis, suspects)
     if choice.numbers:
         return choice
     titles = titles_of(diagnosis.observations.nominal.drawn)
@@ -167,7 +157,7 @@ class _Task:
             now = self.settled(now, 1)
             self.say("Diagnosing what is left")
             decision, choice = decide_beside(now, self.measured), now.choice
-            wider = with_named(choice, decision, self.source.suspects, asked=asked) if decision else choice
+            wider = with_named(choice, decision, self.source.suspects, asked=asked)
             drawn = [number.value for number in wider.numbers[len(now.values) :]]
             now = estimate(now.redrawn, wider, np.append(now.values, drawn))
             if (wider.numbers, wider.beside) == (choice.numbers, choice.beside):
@@ -193,44 +183,3 @@ def _moved(source: Drawing, now: Estimate, share: float) -> tuple[Drawing, Float
         else:
             break
     return drawing, values
-
-
-def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
-    whitening, fit = now.redrawn.whitening, now.fit
-    observations, noise = whitening.observations, whitening.noise
-    before = first.whitening.observations.rms(first.whitening.observations.residual)
-    after = observations.predict(now.beside)
-    channels = error_fall(observations, observations.base, after, noise.known).channels
-    fitted = ErrorFall(tuple(replace(fall, rms_before=before[fall.channel]) for fall in channels))
-    unseen = None
-    if observations.runs > 1:  # numbers and effects fitted to the other runs, about the calibrated drawing
-        left_out = unseen_error(whitening, fit)
-        unseen = ErrorFall(tuple(replace(fall, rms_after=left_out[fall.channel]) for fall in fitted.channels))
-    printed = [fall.rms_after for fall in (fitted, unseen) if fall]
-    rms = {name: max(each[name] for each in printed) for name in observations.channels}
-    residual = whitening.full(observations.value - after)
-    test = pattern_space(whitening).test(residual, fit.jacobian[:, ~fit.active])
-    sds = (np.sqrt(np.diag(covariance)).tolist() for covariance in (now.error, now.covariance))
-    numbers = tuple(
-        CalibratedNumber.of(*values) for values in zip(now.choice.numbers, now.values.tolist(), *sds, strict=True)
-    )
-    undetermined = open_combinations(numbers, now.covariance)
-    return CalibrationResult(
-        drawing=now.redrawn.drawing.text,
-        table=now.redrawn.table,
-        model=with_effects(now.redrawn.model, of_last_run(now.beside, observations)),
-        model_as_drawn=first.model,
-        numbers=numbers,
-        covariance=now.error,
-        beside=now.beside,
-        unseen=unseen,
-        fitted=fitted,
-        undetermined=undetermined,
-        lack_of_fit=test,
-        beyond_noise=beyond_noise(observations, noise, rms),
-        verdict=verdict(whitening, test, rms),
-        sweeps=now.redrawn.sweeps,
-        settled=now.step <= SETTLED,
-        remarks=remarks(now, numbers, undetermined),
-        findings=(*observations.findings, *guessed_noises(noise)),
-    )

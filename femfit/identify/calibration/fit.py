@@ -180,8 +180,8 @@ def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
     return Estimate(redrawn, choice, values, fit, beside)
 
 
-def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
-    """The decision about what the calibrated drawing leaves; None where it cannot be tested.
+def decide_beside(now: Estimate, measured: Measurement) -> Decision:
+    """The decision about what the calibrated drawing leaves.
 
     Had a cause been overlooked, the numbers would have been fitted to it as well, and what they leave of it would look
     like another. So what was fitted is free in this decision: its columns scatter as the noise does, each number by its
@@ -191,7 +191,7 @@ def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
     fitted = now.fit.effects
     campaign = gather(observations, considered_effects(now.fit.names, observations.nominal))
     if isinstance(campaign, Finding):
-        return None
+        return Decision("compare_only")
     free = [
         columns.columns * [start.prior_sd if np.isfinite(start.prior_sd) else p.width for p in columns.amplitudes]
         for added, start in zip(fitted, now.fit.start, strict=True)

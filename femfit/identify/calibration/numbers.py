@@ -7,7 +7,7 @@ import difflib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 from typing import Any
 
@@ -74,16 +74,16 @@ class Drawing:
         return wanted
 
     def _called(self, key: str) -> NumberFacts:
-        paths = [((number.key, *(() if number.is_contour else number.also)), number) for number in self.suspects]
-        tests: tuple[Callable[[str], bool], ...] = (
-            lambda path: path == key,
-            lambda path: path.endswith(f".{key}"),
-            lambda path: path.partition("[")[0].endswith(f".{key}"),  # of a list, where one place alone is a number
+        paths = {n: (n.key, *(() if n.is_contour else n.also)) for n in self.suspects}
+        tests: tuple[Callable[[NumberFacts], bool], ...] = (
+            lambda n: key in {n.name, n.label, n.subject},
+            lambda n: " " in key and key in n.label,
+            lambda n: key in paths[n],
+            lambda n: any(path.endswith(f".{key}") for path in paths[n]),
+            # Of a list, where one place alone is a number
+            lambda n: any(path.partition("[")[0].endswith(f".{key}") for path in paths[n]),
         )
-        matches = [number for number in self.suspects if key in {number.name, number.label, number.subject}]
-        matches = matches or [number for number in self.suspects if " " in key and key in number.label]
-        for test in tests:
-            matches = matches or [number for entries, number in paths if any(map(test, entries))]
+        matches = next(filter(None, (list(filter(test, paths)) for test in tests)), [])
         if len(matches) == 1:
             return matches[0]
         if matches:
@@ -99,7 +99,7 @@ class Drawing:
                 elif location[0] == "materials" and location[-1] not in WITHOUT_FIELD:
                     why = "as drawn there is none of it"
                 raise UsageError(f"{none}: {why}.")
-        near = difflib.get_close_matches(key[:200], [path for entries, _ in paths for path in entries], n=4, cutoff=0.3)
+        near = difflib.get_close_matches(key[:200], chain.from_iterable(paths.values()), n=4, cutoff=0.3)
         listed = listing(near or map(shown, self.suspects), 4)
         raise UsageError(f"{none}. Near it: {listed}. femfit sweep --signatures lists those that matter.")
 
@@ -143,8 +143,8 @@ def with_named(choice: Choice, decision: Decision, suspects: Sequence[NumberFact
     numbers were asked for, effects alone are fitted beside these. What changes between runs is no number of a drawing.
     """
     by_name = {number.name: number for number in suspects}
-    fits = decision.chosen.fit.effects if decision.chosen and decision.chosen.fit else ()
-    acts = {added.effect.name: (added.runs[0] + 1, added.runs[1] + 1) for added in fits if added.runs}
+    fitted_effects = decision.fit.effects if decision.fit else ()
+    acts = {added.effect.name: (added.runs[0] + 1, added.runs[1] + 1) for added in fitted_effects if added.runs}
     numbers, beside, fitted = list(choice.numbers), dict(choice.beside), {number.key for number in choice.numbers}
     remarks = {k: text for k, text in choice.remarks.items() if k in fitted | beside.keys()}  # others are named anew
     for members in decision.classes:

@@ -5,7 +5,7 @@ Its sentences say whether noise is left, what the data leave open, and what is u
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -16,14 +16,17 @@ from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
-from femfit.identify.calibration.fit import Estimate
-from femfit.identify.constants import IN_COMBINATION, OPEN, WITHIN_NOISE
+from femfit.identify.add_effects import fit_facts, of_last_run
+from femfit.identify.calibration.fit import Estimate, Redrawn
+from femfit.identify.constants import CALIBRATION_SETTLED, IN_COMBINATION, OPEN, WITHIN_NOISE
+from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit
-from femfit.identify.misfit import ErrorFall, allowed
+from femfit.identify.left_out import unseen_error
+from femfit.identify.misfit import ErrorFall, allowed, beyond_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.words import Result, plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.with_effects import nominal_of
+from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.sweep_table import SweepTable
 
 
@@ -55,11 +58,10 @@ class CalibratedNumber:
     @property
     def texts(self) -> tuple[str, ...]:
         """A row of the printed table."""
-        rest = f"± {rounded(self.sd_as_drawn, 2)}"
         # Value and standard deviation both to the second digit of that
         places = max(0, 1 - math.floor(math.log10(self.sd))) if self.sd > 0.0 else 6
         value = f"{self.value:.{places}f} ± {self.sd:.{places}f}"
-        numbers = (f"{self.drawn:g}", value, rest, rounded(self.tolerance, 2))
+        numbers = (f"{self.drawn:g}", value, f"± {rounded(self.sd_as_drawn, 2)}", rounded(self.tolerance, 2))
         return (self.name, *(f"{text} {self.unit}".rstrip() for text in numbers))
 
 
@@ -109,6 +111,43 @@ class CalibrationResult(Result):
     settled: bool  # Whether the last step was small against the errors
     remarks: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+    @classmethod
+    def of(cls, first: Redrawn, now: Estimate) -> Self:
+        """What an estimate says beside the drawing as it was."""
+        whitening, fit, settled = now.redrawn.whitening, now.fit, now.step <= CALIBRATION_SETTLED
+        observations, noise = whitening.observations, whitening.noise
+        facts = fit_facts(whitening, (), now.beside, fit.jacobian[:, ~fit.active])
+        before = first.whitening.observations.rms(first.whitening.observations.residual)
+        fitted = unseen = ErrorFall(tuple(replace(c, rms_before=before[c.channel]) for c in facts["fall"].channels))
+        if observations.runs > 1:  # numbers and effects fitted to the other runs, about the calibrated drawing
+            left_out = unseen_error(whitening, fit)
+            unseen = ErrorFall(tuple(replace(fall, rms_after=left_out[fall.channel]) for fall in fitted.channels))
+        rms = {name: max(fitted.rms_after[name], unseen.rms_after[name]) for name in observations.channels}
+        sds = (np.sqrt(np.diag(covariance)).tolist() for covariance in (now.error, now.covariance))
+        numbers = tuple(
+            CalibratedNumber.of(*values) for values in zip(now.choice.numbers, now.values.tolist(), *sds, strict=True)
+        )
+        undetermined = open_combinations(numbers, now.covariance)
+        return cls(
+            drawing=now.redrawn.drawing.text,
+            table=now.redrawn.table,
+            model=with_effects(now.redrawn.model, of_last_run(now.beside, observations)),
+            model_as_drawn=first.model,
+            numbers=numbers,
+            covariance=now.error,
+            beside=now.beside,
+            unseen=unseen if observations.runs > 1 else None,
+            fitted=fitted,
+            undetermined=undetermined,
+            lack_of_fit=facts["lack_of_fit_after"],
+            beyond_noise=beyond_noise(observations, noise, rms),
+            verdict=verdict(whitening, facts["lack_of_fit_after"], rms),
+            sweeps=now.redrawn.sweeps,
+            settled=settled,
+            remarks=remarks(now, numbers, undetermined),
+            findings=(*observations.findings, *guessed_noises(noise)),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without drawing, table and models."""

@@ -46,6 +46,30 @@ from femfit.identify.words import finding
 
 
 @dataclass(frozen=True, eq=False)
+class Block:
+    """Whitened columns that a misfit may be made of."""
+
+    columns: FloatArray  # Shape (M, k)
+
+    @cached_property
+    def gram(self) -> FloatArray:
+        """Products of the columns, shape (k, k)."""
+        return np.asarray(self.columns.T @ self.columns)
+
+
+@dataclass(frozen=True, eq=False)
+class EffectBlock(Block):
+    """Those of an effect: its amplitudes at half of their plausible ranges, then errors of its form."""
+
+    start: Start
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """Columns of the amplitudes, shape (M, count)."""
+        return self.columns[:, : self.start.count]
+
+
+@dataclass(frozen=True, eq=False)
 class Campaign(WithoutCache):
     """Readings with everything that a decision about them needs.
 
@@ -72,9 +96,7 @@ class Campaign(WithoutCache):
         """The campaign with the noise of what effects leave; None where that is next to the same."""
         whitening = beside_effects(self.whitening, effects)
         now, before = (np.r_[n.sigma, n.run, n.mount_m, n.stop_m] for n in (whitening.noise, self.noise))
-        if np.all(now >= STILL_THE_NOISE * before):
-            return None
-        return self.whitened_by(whitening)
+        return None if np.all(now >= STILL_THE_NOISE * before) else self.whitened_by(whitening)
 
     def whitened_by(self, whitening: Whitening) -> "Campaign":
         """The same readings and effects by another map to independent readings."""
@@ -87,59 +109,42 @@ class Campaign(WithoutCache):
         return pattern_space(self.whitening)
 
     @cached_property
-    def variants(self) -> Mapping[str, tuple[int, ...]]:
-        """Per effect, its numbers among the campaign's: one for each combination of nonlinear parameters."""
-        names = dict.fromkeys(start.name for start in self.effects)
-        return {name: tuple(k for k, start in enumerate(self.effects) if start.name == name) for name in names}
+    def variants(self) -> Mapping[str, tuple[EffectBlock, ...]]:
+        """Per effect its columns for each combination of nonlinear parameters."""
+        return {name: tuple(map(self.block, starts)) for name, starts in groupby(self.effects, attrgetter("name"))}
 
-    @cached_property
-    def blocks(self) -> tuple[FloatArray, ...]:
-        """The block of every variant."""
-        return tuple(self.block(start) for start in self.effects)
-
-    def block(self, start: Start) -> FloatArray:
-        """An effect's amplitudes' columns at half of their plausible range, then its form's error; shape (M, k)."""
-        change = start.columns.columns * half_ranges(start)
+    def block(self, start: Start) -> EffectBlock:
+        """An effect's amplitudes at half of their plausible range, then its form's error."""
+        change = start.columns.columns * start.half_ranges
         errors = _leading(np.concatenate([self.form_error(start.columns.effect, c) for c in change.T], axis=1))
-        return np.concatenate([start.whitened * half_ranges(start), errors], axis=1)
+        return EffectBlock(np.concatenate([start.whitened * start.half_ranges, errors], axis=1), start)
 
     @cached_property
-    def grams(self) -> tuple[FloatArray, ...]:
-        """Products of each block's columns, shape (k, k)."""
-        return tuple(np.asarray(block.T @ block) for block in self.blocks)
-
-    @cached_property
-    def in_some_runs(self) -> Mapping[str, tuple[Start, ...]]:
-        """Per effect its first variant as it begins or ends between two runs, with amplitudes of zero; none of one run.
+    def in_some_runs(self) -> Mapping[str, tuple[EffectBlock, ...]]:
+        """Per effect its first variant as it begins or ends between two runs, of exact form; none of one run.
 
         A number of the drawing, which no effect of the catalogue changes, is the same in every run.
         """
         runs, run = self.observations.runs, self.observations.column("run").astype(int)
         periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
         fixed = {effect.name for effect in self.observations.nominal.drawn}
-        firsts = [self.effects[numbers[0]].columns for name, numbers in self.variants.items() if name not in fixed]
-        every = Start.at_null([first.in_runs(period, run) for first in firsts for period in periods], self.whitening)
-        return {name: tuple(starts) for name, starts in groupby(every, attrgetter("name"))}
+        firsts = [blocks[0].start.columns for name, blocks in self.variants.items() if name not in fixed]
+        every = [first.in_runs(period, run) for first in firsts for period in periods]
+        starts = Start.at_null(every, self.whitening)
+        blocks = [EffectBlock(start.whitened * start.half_ranges, start) for start in starts]
+        return {name: tuple(some) for name, some in groupby(blocks, attrgetter("start.name"))}
 
     @cached_property
-    def unknown(self) -> FloatArray:
-        """What an unknown cause may look like: smooth patterns, then shares of the prediction; shape (M, n).
-
-        Each has unit length.
-        """
+    def unknown(self) -> Block:
+        """What an unknown cause may look like, each of unit length: smooth patterns, then shares of the prediction."""
         shares = self.whitening.full(self._shares * self.observations.base[:, None])
         columns = np.concatenate([self.patterns.whitened, shares], axis=1)
-        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
+        return Block(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
 
     @cached_property
     def _shares(self) -> FloatArray:
         """Smooth functions of the setting, coarse ones first, in one channel after the other; shape (M, f)."""
         return _smooth_by_channel(self.observations, SHARE_DEGREE)
-
-    @cached_property
-    def unknown_gram(self) -> FloatArray:
-        """Products of the patterns, shape (n, n)."""
-        return np.asarray(self.unknown.T @ self.unknown)
 
     @cached_property
     def unknown_groups(self) -> tuple[tuple[IntArray, FloatArray], ...]:
@@ -149,22 +154,20 @@ class Campaign(WithoutCache):
         with the distance alone, or with the current, all as long; and a channel's shares.
         """
         patterns = self.patterns.patterns
-        finest = int(patterns.degree.max(initial=0))
-        parts = [
-            (patterns.channel == c) & (patterns.degree <= cut)
-            for c in np.unique(patterns.channel)
-            for cut in (*BROAD, finest)
-        ]
+        channels, finest = np.unique(patterns.channel), int(patterns.degree.max(initial=0))
+        parts = [(patterns.channel == c) & (patterns.degree <= cut) for c in channels for cut in (*BROAD, finest)]
         parts += [patterns.degree <= cut for cut in (*BROAD[1:3], finest)]
         groups = map(np.flatnonzero, distinct(parts))
         weighed = [(group, np.asarray(FINER ** patterns.degree[group])) for group in groups]
-        for c in np.unique(patterns.channel):
-            for name in ("distance_m", "current_A"):
-                alone = [k for k, a in enumerate(patterns.along) if a <= {name} and patterns.channel[k] == c]
-                weighed.append((np.array(alone, dtype=int), np.ones(len(alone))))
+        alone = [
+            [k for k, a in enumerate(patterns.along) if a <= {name} and patterns.channel[k] == c]
+            for c in channels
+            for name in ("distance_m", "current_A")
+        ]
         each = self._shares.shape[1] // len(self.observations.channels)
-        firsts = range(len(patterns.degree), self.unknown.shape[1], each)
-        return (*weighed, *((first + np.arange(each), np.ones(each)) for first in firsts))
+        firsts = range(len(patterns.degree), self.unknown.columns.shape[1], each)
+        alone += [list(range(first, first + each)) for first in firsts]
+        return (*weighed, *((np.array(group, dtype=int), np.ones(len(group))) for group in alone))
 
     @cached_property
     def _modulations(self) -> FloatArray:
@@ -181,10 +184,10 @@ class Campaign(WithoutCache):
         columns = self._modulations * change[:, None]
         return _leading(error * self.whitening.full(columns[:, np.any(columns != 0.0, axis=0)]))
 
-
-def half_ranges(start: Start) -> FloatArray:
-    """Half of the plausible ranges of an effect's amplitudes, shape (k,)."""
-    return np.array([0.5 * p.width for p in start.columns.amplitudes])
+    def explained_share(self, fit: Refit, excess: float) -> float:
+        """Part of the structured misfit above the noise, ``excess``, that effects explain."""
+        before = self.whitening.residual
+        return (float(before @ before) - fit.chi2) / max(excess, 1e-12)
 
 
 def _smooth_by_channel(observations: Observations, degree: int) -> FloatArray:
@@ -275,8 +278,8 @@ def guessed_noises(noise: NoiseModel) -> list[Finding]:
     return [finding("guessed-noise", sizes=sizes)] if sizes else []
 
 
-def detectable_magnitudes(campaign: Campaign) -> dict[str, dict[str, float]]:
-    """The smallest magnitude of each effect's amplitudes that these settings and this noise show nine times in ten.
+def detectable_magnitudes(effects: Sequence[Start]) -> dict[str, dict[str, float]]:
+    """The smallest magnitude of each effect's amplitudes that settings and noise show nine times in ten.
 
     The model's own misfit to its table counts as noise.
 
@@ -286,22 +289,14 @@ def detectable_magnitudes(campaign: Campaign) -> dict[str, dict[str, float]]:
         Effect -> amplitude -> magnitude in its unit, each amplitude taken alone; infinite where the bounds end
         before. Nonlinear parameters have their usual values.
     """
-    effects = {start.name for start in campaign.effects}
-    threshold = stats.chi2.isf(LEVEL / max(len(effects), 1), 1)
-    needed = (np.sqrt(threshold) + stats.norm.ppf(POWER)) ** 2  # of one degree of freedom; its other tail is nothing
-    result: dict[str, dict[str, float]] = {}
-    for start in campaign.effects:
-        if start.name in result:
-            continue
-        result[start.name] = {}
-        for k, p in enumerate(start.columns.amplitudes):
-            length = float(np.linalg.norm(start.whitened[:, k]))
-            magnitude = float(np.sqrt(needed)) / length if length > 0.0 else np.inf
-            result[start.name][p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
+    usual = {start.name: start for start in reversed(effects)}  # the first of each
+    names = dict.fromkeys(start.name for start in effects)
+    threshold = stats.chi2.isf(LEVEL / max(len(names), 1), 1)
+    needed = np.sqrt(threshold) + stats.norm.ppf(POWER)  # of one degree of freedom; its other tail is nothing
+    result: dict[str, dict[str, float]] = {name: {} for name in names}
+    for name, magnitudes in result.items():
+        start = usual[name]
+        for p, length in zip(start.columns.amplitudes, np.linalg.norm(start.whitened, axis=0).tolist(), strict=True):
+            magnitude = float(needed) / length if length > 0.0 else np.inf
+            magnitudes[p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
     return result
-
-
-def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:
-    """Part of the structured misfit above the noise, ``excess``, that effects explain."""
-    before = campaign.whitening.residual
-    return (float(before @ before) - fit.chi2) / max(excess, 1e-12)

@@ -46,9 +46,6 @@ SHARE_DEGREE = 2
 IN_PART = 0.1
 """Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
 
-SETTLED = 1e-3
-"""Numerical: gain of the log evidence from which sizes are tried once more."""
-
 LOOKED_AT = 0.002
 """Numerical: an explanation is refitted where it may have this part of the probability: a fifth of a class's end."""
 
@@ -103,25 +100,8 @@ NOTICED = 5.0
 ALMOST_SURELY = float(stats.norm.isf(0.05))
 """Conventional: what is promised holds in 19 of 20 campaigns."""
 
-VISIBLE = 4.0
-"""Conventional: standard deviations from which a whole signal is seen, where nobody asks for its form."""
-
-GUESSED_NOISE = 2e-3
-"""Assumed: noise of a channel that was never measured and has none declared, over its largest reading in the validity
-domain."""
-
-LARGEST_BENDING = 0.5
-"""Assumed: what first-order columns at the trial values of the nonlinear parameters leave of a signal, a refit of these
-parameters may lower from up to this share."""
-
-NEAR_SHARE, DISTANCES, CURRENTS = 0.25, 24, 6
-"""Assumed: a usual sweep has so many distances and currents; most effects are largest in its nearest quarter."""
-
 HEATED_K = 30.0
 """Assumed: what a heat gun does to a small part in a minute."""
-
-CHANNEL_COST, HEAT_COST = 60.0, 120.0
-"""Assumed: readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
 
 SHOWN = 3
 """Conventional: measurements, clauses of what each separates, and undetermined directions that are printed."""

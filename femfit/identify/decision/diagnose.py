@@ -1,35 +1,191 @@
-"""Which effect is missing, or none, or none of ours: the whole diagnosis of a measurement."""
+"""Which effect is missing, or none, or none of ours: the whole diagnosis of a measurement, and what it says."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from femfit.core.results import Finding
-from femfit.effects.words import describe
+from femfit.core.numerics import ranked
+from femfit.core.results import Finding, Plotted
+from femfit.effects.catalogue import device_effects, known_effect
+from femfit.effects.words import describe, smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
+from femfit.identify.constants import ROUNDING
 from femfit.identify.decision.campaign import (
     Campaign,
     campaign_remarks,
     considered_effects,
     detectable_magnitudes,
-    explained_share,
     gather,
     stage_errors,
 )
 from femfit.identify.decision.constants import CERTAIN
-from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect, ScoredEffect
-from femfit.identify.decision.evidence import score_effects
 from femfit.identify.decision.naming import Decision, decide, look_alikes
-from femfit.identify.misfit import error_fall
+from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
+from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
-from femfit.identify.refit import plausible
+from femfit.identify.refit import Refit, fitted_together, plausible
+from femfit.identify.signatures import CHANGES_NOTHING
 from femfit.identify.where import Where, where_it_fails
-from femfit.identify.words import finding
+from femfit.identify.words import Result, finding, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that the verdict names."""
+
+    name: str
+    members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
+    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
+    explained_share: float  # Part of the structured misfit, above the noise, that all that is named explains
+    parameters: Mapping[str, float]
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
+    words: tuple[str, ...] = ()
+    tied_words: tuple[tuple[str, ...], ...] = ()  # Of the others of the tie, in their order
+    plausible: bool = True  # Whether every parameter lies in its plausible range
+    # First and last run in which it acts, counted from 1; None for all
+    runs: tuple[int, int] | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data; ``members`` is called ``class``."""
+        when = dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
+        rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
+        return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
+
+
+@dataclass(frozen=True)
+class ScoredEffect:
+    """An effect of the catalogue as these data see it."""
+
+    name: str
+    # By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
+    # order
+    chi2_fall: float
+    degrees_of_freedom: int  # Number of its amplitudes that these data can see
+    explained_share: float = float("nan")  # As in :class:`NamedEffect`; NaN where it was not refitted
+    note: str = ""  # Why it cannot be tested; empty where it can
+    # Rms error that it leaves alone, refitted, over the noise of one reading, all channels together; NaN where it was
+    # not refitted
+    error_left: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Diagnosis(Plotted, Result, Decision):
+    """The decision about a measurement with its words; printed, it is what ``femfit diagnose`` prints.
+
+    Parameters
+    ----------
+    verdict : str
+        ``nothing_missing``, ``named``, ``form_insufficient`` (the named effect is there, but its form leaves
+        structure), ``unexplained`` (something is missing and none of the catalogue), ``compare_only`` (no verdict,
+        since the noise is unknown or the readings are too few).
+    where : Where
+        Where the model fails before anything is added.
+    error_fall : ErrorFall
+        Error before, and with what is named.
+    noise_floor : mapping of str to float
+        Standard deviation of one reading per channel in which it is known.
+    detectable : mapping of str to mapping of str to float
+        Smallest magnitude of each effect's parameters that these data would have shown.
+    probability : mapping of str to float
+        Of each verdict but ``compare_only``.
+    own_misfit : bool
+        Whether the model misses the readings by more than noise, but as its misfit to its own table may.
+    excess : float
+        Squared length of the misfit beyond what noise gives, in standard deviations.
+    look_alikes : tuple of str
+        Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
+        and not been listed.
+    confident : bool
+        Whether the verdict is ``named``, without look-alikes among the effects considered, with every parameter in
+        its plausible range. The drawing's dimensions are among the effects
+        considered where ``dimensions_suspected`` says so.
+    excluded : tuple of str
+        Effects that were not considered: nothing is certain beside them.
+    campaign : Campaign or None
+        What the result rests on; None for ``compare_only``.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv")
+    >>> found.verdict
+    'named'
+    """
+
+    data = (
+        *("verdict", "probability", "noise_floor", "noise", "detectable", "p_value", "look_alikes"),
+        *("confident", "dimensions_suspected", "excluded", "missing", "ranking", "where", "error_fall"),
+        *("lack_of_fit_before", "lack_of_fit_after", "findings", "rms=error_fall.rms_before"),
+    )
+
+    ranking: tuple[ScoredEffect, ...]
+    where: Where
+    error_fall: ErrorFall
+    model: ActuatorModel
+    observations: Observations
+    missing: tuple[NamedEffect, ...] = ()
+    noise_floor: Mapping[str, float] = field(default_factory=dict)
+    detectable: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    excess: float = 0.0
+    look_alikes: tuple[str, ...] = ()
+    confident: bool = False
+    excluded: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    campaign: Campaign | None = None
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """What would give the same readings as one of the names."""
+        return tuple(dict.fromkeys(name for effect in self.missing for name in effect.members[1:]))
+
+    @property
+    def dimensions_suspected(self) -> bool:
+        """Whether numbers of the drawing were among the suspects, as a sweep with signatures gives them."""
+        return bool(self.observations.nominal.drawn)
+
+    @property
+    def explanations(self) -> tuple[Refit, ...]:
+        """What was named, then each other explanation that the data leave."""
+        return tuple(explanation.fit for explanation in self.left if explanation.fit)
+
+    @property
+    def noise(self) -> NoiseModel | None:
+        """Variances of the readings; None where they are unknown."""
+        return self.campaign.noise if self.campaign else None
+
+    @property
+    def allowed(self) -> Mapping[str, Any]:
+        """What is granted of the errors with what is named."""
+        return allowed(self.observations, self.noise, self.error_fall.rms_after)
+
+    def __str__(self) -> str:
+        after, nominal = self.allowed, self.observations.nominal
+        effects, named = device_effects(nominal.circuits, nominal.drawn), {effect.name for effect in self.missing}
+        hidden = {
+            note: [score.name for score in self.ranking if score.note == note]
+            for note in dict.fromkeys(score.note for score in self.ranking if score.note)
+        }
+        text = printed(
+            "diagnosis",
+            d=self,
+            a=after,
+            symptoms={effect.name: getattr(known_effect(effect.name), "symptom", "") for effect in self.missing},
+            blind=hidden.get(CHANGES_NOTHING, []),  # it may be missing all the same, since it changes no reading
+            finer=finer_sweep(self.model),
+            visible={
+                name: smallest_visible(effects[name], amplitudes, nominal)
+                for name, amplitudes in self.detectable.items()
+                if name not in named
+            },
+            hidden=hidden,
+        )
+        return titled(text, titles_of(nominal.drawn))
 
 
 def diagnose(
@@ -81,26 +237,30 @@ def diagnose_observations(
 ) -> Diagnosis:
     """Diagnose readings that stand beside their model."""
     say("Estimating the noise")
-    campaign = gather(observations, considered_effects(exclude, observations.nominal))
+    considered, excluded = considered_effects(exclude, observations.nominal), tuple(dict.fromkeys(exclude))
+    campaign = gather(observations, considered)
     if isinstance(campaign, Finding):
-        return _no_verdict(model, observations, campaign, exclude)
+        return Diagnosis(
+            verdict="compare_only",
+            ranking=tuple(ScoredEffect(effect.name, 0.0, 0, note="no verdict") for effect in considered),
+            where=Where("", (), "Without a test no misfit can be called one."),
+            error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),
+            model=model,
+            observations=observations,
+            excluded=excluded,
+            findings=(*observations.findings, campaign),
+        )
     say("Scoring the effects")
     decision = decide(campaign)
-    fit = decision.chosen.fit if decision.chosen else None
-    again = campaign.beside(fit.effects) if fit else None
+    again = campaign.beside(decision.fit.effects) if decision.fit else None
     if again is not None:  # a large misfit looks like scatter of mounts and runs
-        second = replace(decide(again), lack_of_fit=decision.lack_of_fit)
+        second = replace(decide(again), lack_of_fit_before=decision.lack_of_fit_before)
         campaign, decision = (again, second) if second.chosen else (campaign, decision)
-    return replace(_diagnosis(model, campaign, decision), excluded=tuple(dict.fromkeys(exclude)))
-
-
-def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> Diagnosis:
-    observations, fit = campaign.observations, decision.chosen.fit if decision.chosen else None
-    after = observations.predict(fit.effects) if fit else observations.base
-    scores = score_effects(campaign)
+    observations, noise, fit = campaign.observations, campaign.noise, decision.fit
+    scores = _scored(campaign)
     # What the patterns cannot see of an effect between them counts as well
     excess = max(campaign.patterns.excess(campaign.whitening.residual), *(s.chi2_fall for s in scores), 0.0)
-    missing = _named_effects(campaign, decision, excess)
+    missing = _named_effects(campaign, decision, fit, excess) if fit else ()
     alike = look_alikes(campaign, decision)
     remarks = campaign_remarks(campaign)
     if decision.verdict == "unexplained":
@@ -110,36 +270,37 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision) -> 
     where = Where("", (), "The model fits.")
     if decision.verdict != "nothing_missing":
         where = where_it_fails(observations, campaign.whitening)
+    after = observations.predict(fit.effects if fit else ())
+    sure = decision.verdict == "named" and not alike and decision.probability_of_chosen > CERTAIN
+    sure = sure and "guess" not in noise.source.values() and all(named.plausible for named in missing)
     return Diagnosis(
-        verdict=decision.verdict,
+        **vars(decision),
         missing=missing,
         ranking=_ranking(campaign, decision, scores, excess),
         where=where,
-        error_fall=error_fall(observations, observations.base, after, campaign.noise.known),
-        noise_floor=campaign.noise.known,
-        detectable=detectable_magnitudes(campaign),
+        error_fall=error_fall(observations, observations.base, after, noise.known),
+        noise_floor=noise.known,
+        detectable=detectable_magnitudes(campaign.effects),
         model=model,
         observations=observations,
-        probability=decision.probability,
-        p_value=decision.lack_of_fit.p_value,
-        own_misfit=decision.own_misfit,
         excess=excess,
-        lack_of_fit_before=decision.lack_of_fit,
-        lack_of_fit_after=decision.left_after,
         look_alikes=alike,
-        confident=bool(
-            decision.verdict == "named"
-            and not alike
-            and decision.probability_of_chosen > CERTAIN
-            and "guess" not in campaign.noise.source.values()
-            and all(named.plausible for named in missing)
-            and fit
-            and fit.converged
-        ),
+        confident=bool(sure and fit and fit.converged),
+        excluded=excluded,
         findings=(*observations.findings, *remarks),
         campaign=campaign,
-        decision=decision,
     )
+
+
+def _scored(campaign: Campaign) -> tuple[ScoredEffect, ...]:
+    """Every effect alone to first order, at its best nonlinear parameters; what lowers the misfit most stands first."""
+    best: dict[str, tuple[float, int]] = {}
+    for start in campaign.effects:
+        _, fall = fitted_together(campaign.whitening.residual, [start])
+        best[start.name] = max(best.get(start.name, (0.0, start.count)), (fall, start.count))
+    scores = [ScoredEffect(name, *fall_and_count) for name, fall_and_count in best.items()]
+    absent = (ScoredEffect(name, 0.0, 0, note=why) for name, why in campaign.untestable.items())
+    return (*ranked(scores, lambda score: score.chi2_fall - score.degrees_of_freedom, ROUNDING), *absent)
 
 
 def _ranking(
@@ -147,38 +308,35 @@ def _ranking(
 ) -> tuple[ScoredEffect, ...]:
     """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
     before, by_name = float(np.sum(campaign.whitening.residual**2)), {score.name: score for score in scores}
-    alone = {names[0]: fit for names, fit in decision.fits.items() if len(names) == 1}
-    observations, noise, refitted = campaign.observations, campaign.noise, []
+    observations, noise, refitted = campaign.observations, campaign.noise, dict[str, ScoredEffect]()
     judged = np.array([name in noise.source for name in noise.channels])[observations.channel]
-    for name, fit in alone.items():
+    for name, fit in ((names[0], fit) for names, fit in decision.fits.items() if len(names) == 1):
         # Over the noise of one reading, as the fall of the error has it; all channels together
         residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
-        share, error = explained_share(campaign, fit, excess), float(np.sqrt(np.mean(residual[judged] ** 2)))
-        score = replace(by_name[name], chi2_fall=before - fit.chi2, explained_share=share, error_left=error)
-        refitted.append(score)
-    return (*refitted, *(score for score in scores if score.name not in alone))
+        share, error = campaign.explained_share(fit, excess), float(np.sqrt(np.mean(residual[judged] ** 2)))
+        fall = before - fit.chi2
+        refitted[name] = replace(by_name[name], chi2_fall=fall, explained_share=share, error_left=error)
+    return (*refitted.values(), *(score for score in scores if score.name not in refitted))
 
 
-def _named_effects(campaign: Campaign, decision: Decision, excess: float) -> tuple[NamedEffect, ...]:
-    fit = decision.chosen.fit if decision.chosen else None
-    if fit is None:
-        return ()
-    share, by_name = explained_share(campaign, fit, excess), {added.effect.name: added for added in fit.effects}
-    exchanged = {frozenset(explanation.names): explanation.fit for explanation in decision.left if explanation.fit}
+def _named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
+    """What is named, each effect with its class and the sizes of those that are as likely."""
+    by_name = {added.effect.name: added for added in fit.effects}
+    exchanged = {frozenset(each.names): each.fit for each in decision.left if each.fit}
     nominal, result = campaign.observations.nominal, []
     for members, tie in zip(decision.classes, decision.ties, strict=True):
         added, beside = by_name[members[0]], set(fit.names) - {members[0]}
         refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        others = [next(a for a in each.effects if a.effect.name not in beside) if each else None for each in refits]
+        others = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
         named = NamedEffect(
             name=members[0],
             members=members,
             tie=tie,
-            explained_share=share,
+            explained_share=campaign.explained_share(fit, excess),
             parameters=dict(added.parameters),
             ci95=dict(added.ci95),
             words=tuple(describe(added, nominal)),
-            tied_words=tuple(tuple(describe(effect, nominal)) if effect else () for effect in others),
+            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in others),
             plausible=plausible(added),
             runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
         )
@@ -186,17 +344,6 @@ def _named_effects(campaign: Campaign, decision: Decision, excess: float) -> tup
     return tuple(result)
 
 
-def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, exclude: Sequence[str]) -> Diagnosis:
-    return Diagnosis(
-        verdict="compare_only",
-        ranking=tuple(
-            ScoredEffect(effect.name, 0.0, 0, note="no verdict")
-            for effect in considered_effects(exclude, observations.nominal)
-        ),
-        where=Where("", (), "Without a test no misfit can be called one."),
-        error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),
-        model=model,
-        observations=observations,
-        excluded=tuple(dict.fromkeys(exclude)),
-        findings=(*observations.findings, why),
-    )
+def said_of(diagnosis: Diagnosis, what: str) -> str:
+    """Its ``verdict`` in one sentence, or its ``certainty``: how far a name can be trusted against other causes."""
+    return sentence("diagnosis", what, diagnosis, diagnosis.allowed)

@@ -2,8 +2,7 @@
 
 Whitened readings y in R^M are y ~ N(0, s^2 C), C = I + A diag(size^2) A', with a column of A for each amplitude and
 each direction of a form's error. Where the noise's variance s^2 is known from nu repeats, log p(y) is
--(nu + M)/2 log(1 + y' C^-1 y / nu) - log det C / 2, which for a declared noise is the normal density. The ranking
-beside the verdict is how much each effect alone explains to first order.
+-(nu + M)/2 log(1 + y' C^-1 y / nu) - log det C / 2, which for a declared noise is the normal density.
 
 References
 ----------
@@ -13,20 +12,16 @@ M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (200
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy import linalg
 
-from femfit.core.numerics import FloatArray, IntArray, ranked, root_beside_one
+from femfit.core.numerics import FloatArray, IntArray, root_beside_one
 from femfit.identify.constants import ROUNDING
-from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
-from femfit.identify.decision.diagnosis import ScoredEffect
-from femfit.identify.observations import WithoutCache
-from femfit.identify.refit import bounded_amplitudes
+from femfit.identify.decision.campaign import Block, Campaign
+from femfit.identify.decision.constants import FORM_SPREAD, SIZES, UNKNOWN_SIZES
 
 
 @dataclass(frozen=True)
@@ -45,51 +40,44 @@ class LogDensity:
         return np.asarray(-half * np.log1p(square / self.degrees_of_freedom) - 0.5 * log_det)
 
 
-class Solved(NamedTuple):
-    """What a linear model makes of its readings."""
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Readings about a fit: what they are beyond the model, as a linear combination of columns."""
 
+    target: FloatArray  # y: whitened, counted from the model without effects; shape (M,)
+    columns: FloatArray  # A: times their sizes; shape (M, k)
+    density: LogDensity
     triangle: FloatArray  # L of L L' = I + A'A, shape (k, k)
     along: FloatArray  # L^-1 A'y, shape (k,)
     square: float  # y' C^-1 y
     log_det: float  # Of C
-
-
-@dataclass(frozen=True, eq=False)
-class Linear(WithoutCache):
-    """Readings about a fit: what they are beyond the model, as a linear combination of columns."""
-
-    target: FloatArray  # Whitened, counted from the model without effects; shape (M,)
-    columns: FloatArray  # Times their sizes; shape (M, k)
-    density: LogDensity
-    log_evidence: float  # Averaged over all sizes
-
-    @cached_property
-    def solved(self) -> Solved:
-        """The linear model solved."""
-        triangle = root_beside_one(self.columns.T @ self.columns)
-        along = linalg.solve_triangular(triangle, self.columns.T @ self.target, lower=True)
-        square = float(self.target @ self.target - along @ along)
-        return Solved(np.asarray(triangle), np.asarray(along), square, 2.0 * float(np.log(np.diag(triangle)).sum()))
+    log_evidence: float
 
     @classmethod
-    def of(cls, target: FloatArray, columns: FloatArray, density: LogDensity) -> "Linear":
-        """Columns of one size, by which nothing is averaged."""
-        about = cls(target, columns, density, 0.0)
-        return replace(about, log_evidence=float(density(about.solved.square, about.solved.log_det)))
+    def of(
+        cls, target: FloatArray, columns: FloatArray, density: LogDensity, log_evidence: float | None = None
+    ) -> Self:
+        """The linear model solved; its log evidence may be given as averaged over other sizes of the columns."""
+        triangle = root_beside_one(columns.T @ columns)
+        along = np.asarray(linalg.solve_triangular(triangle, columns.T @ target, lower=True))
+        square, log_det = float(target @ target - along @ along), 2.0 * float(np.log(np.diag(triangle)).sum())
+        if log_evidence is None:
+            log_evidence = float(density(square, log_det))
+        return cls(target, columns, density, triangle, along, square, log_det, log_evidence)
 
     @property
     def amplitudes(self) -> FloatArray:
         """Their mean, in their sizes; shape (k,)."""
-        return np.asarray(linalg.solve_triangular(self.solved.triangle, self.solved.along, trans=1, lower=True))
+        return np.asarray(linalg.solve_triangular(self.triangle, self.along, trans=1, lower=True))
 
     def beside(self, columns: FloatArray) -> FloatArray:
         """L^-1 A'X for further columns X, shape (M, n): what of them the linear model may explain; shape (k, n)."""
-        return np.asarray(linalg.solve_triangular(self.solved.triangle, self.columns.T @ columns, lower=True))
+        return np.asarray(linalg.solve_triangular(self.triangle, self.columns.T @ columns, lower=True))
 
-    def products(self, columns: FloatArray, gram: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """X' C^-1 X, shape (n, n), and X' C^-1 y, shape (n,), of further columns; X'X may be given."""
-        beside, gram = self.beside(columns), columns.T @ columns if gram is None else gram
-        return gram - beside.T @ beside, columns.T @ self.target - beside.T @ self.solved.along
+    def products(self, block: Block) -> tuple[FloatArray, FloatArray]:
+        """X' C^-1 X, shape (n, n), and X' C^-1 y, shape (n,), of further columns."""
+        beside = self.beside(block.columns)
+        return block.gram - beside.T @ beside, block.columns.T @ self.target - beside.T @ self.along
 
     def with_more(self, gram: FloatArray, along: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log evidence with further columns X as well, and their mean amplitudes, at each of their common sizes.
@@ -101,22 +89,14 @@ class Linear(WithoutCache):
         grown = squares * np.maximum(values, 0.0)
         along = vectors.T @ along
         mean = squares * along / (1.0 + grown)
-        _, _, square, log_det = self.solved
-        more = self.density(square - mean @ along, log_det + np.sum(np.log1p(grown), axis=1))
-        return more + self.log_evidence - self.density(square, log_det), mean @ vectors.T
-
-
-def density_of(campaign: Campaign) -> LogDensity:
-    """The density of a campaign's readings."""
-    noise = campaign.noise
-    free = float(np.sum(noise.degrees_of_freedom))
-    return LogDensity(len(campaign.observations.value), free)
+        more = self.density(self.square - mean @ along, self.log_det + np.sum(np.log1p(grown), axis=1))
+        return more + self.log_evidence - self.density(self.square, self.log_det), mean @ vectors.T
 
 
 def null(campaign: Campaign) -> Linear:
     """The readings without any effect."""
-    target = campaign.whitening.residual
-    return Linear.of(target, np.zeros((len(target), 0)), density_of(campaign))
+    target, degrees = campaign.whitening.residual, campaign.noise.degrees_of_freedom
+    return Linear.of(target, np.zeros((len(target), 0)), LogDensity(len(target), float(np.sum(degrees))))
 
 
 def mean_of_logs(values: Sequence[float] | FloatArray) -> float:
@@ -131,9 +111,9 @@ def sizes_of(length: float) -> FloatArray:
 
 def with_unknown_cause(campaign: Campaign, linear: Linear) -> float:
     """Log evidence with an unknown cause besides."""
-    gram, along = linear.products(campaign.unknown, campaign.unknown_gram)
-    square = np.array([linear.solved.square])
-    return linear.log_evidence + float(odds_of_unknown(campaign, linear.density, gram, along[:, None], square)[0])
+    gram, along = linear.products(campaign.unknown)
+    odds = odds_of_unknown(campaign, linear.density, gram, along[:, None], np.array([linear.square]))
+    return linear.log_evidence + float(odds[0])
 
 
 def odds_of_unknown(
@@ -173,46 +153,29 @@ def of_sizes(
     gram, product, square = columns.T @ columns, columns.T @ target, float(target @ target)
     sizes = [sizes_of(float(np.sqrt(np.linalg.eigvalsh(gram[np.ix_(f, f)])[-1]))) for f in families]
 
-    def log_evidence(scale: FloatArray) -> float:
-        triangle = root_beside_one(scale[:, None] * gram * scale)
-        along = linalg.solve_triangular(triangle, scale * product, lower=True, check_finite=False)
-        return float(density(square - float(along @ along), 2.0 * float(np.log(np.diag(triangle)).sum())))
-
     def tried(scale: FloatArray, family: IntArray, values: FloatArray) -> list[float]:
-        logs, before = [], scale[family].copy()
+        """Log evidence at each size of a family, the others as they are."""
+        logs = []
         for value in values:
             scale[family] = value
-            logs.append(log_evidence(scale))
-        scale[family] = before
+            triangle = root_beside_one(scale[:, None] * gram * scale)
+            along = linalg.solve_triangular(triangle, scale * product, lower=True, check_finite=False)
+            logs.append(float(density(square - float(along @ along), 2.0 * float(np.log(np.diag(triangle)).sum()))))
         return logs
 
     averaged, scales = [], []
     for spread in FORM_SPREAD:
         scale = np.ones(columns.shape[1])
-        scale[form] = spread
-        best, before = -np.inf, -np.inf
-        for family in families:
-            scale[family] = sizes[0][-2]
-        while best - before > SETTLED or not np.isfinite(best):
+        scale[form], scale[np.concatenate(families)] = spread, sizes[0][-2]
+        best, gain = -np.inf, np.inf
+        while gain > ROUNDING:
             before = best
             for family, values in zip(families, sizes, strict=True):
                 logs = tried(scale, family, values)
                 scale[family], best = values[int(np.argmax(logs))], max(logs)
-            if not families:
-                best = before = log_evidence(scale)
-        around = [mean_of_logs(tried(scale, *pair)) - best for pair in zip(families, sizes, strict=True)]
+            gain = best - before
+        around = [mean_of_logs(tried(scale.copy(), *pair)) - best for pair in zip(families, sizes, strict=True)]
         averaged.append(best + sum(around))
         scales.append(scale)
     scale = scales[int(np.argmax(averaged))]
-    return Linear(target, columns * scale, density, mean_of_logs(averaged))
-
-
-def score_effects(campaign: Campaign) -> tuple[ScoredEffect, ...]:
-    """Every effect alone to first order, at its best nonlinear parameters; what lowers the misfit most stands first."""
-    best: dict[str, tuple[float, int]] = {}
-    for start in campaign.effects:
-        _, fall = bounded_amplitudes(campaign.whitening.residual, start.whitened, start.columns.bounds)
-        best[start.name] = max(best.get(start.name, (0.0, start.count)), (fall, start.count))
-    scores = [ScoredEffect(name, *fall_and_count) for name, fall_and_count in best.items()]
-    absent = (ScoredEffect(name, 0.0, 0, note=why) for name, why in campaign.untestable.items())
-    return (*ranked(scores, lambda score: score.chi2_fall - score.degrees_of_freedom, ROUNDING), *absent)
+    return Linear.of(target, columns * scale, density, mean_of_logs(averaged))

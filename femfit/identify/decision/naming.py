@@ -8,7 +8,8 @@ than any list holds, so that a constant error of each channel is always among th
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -17,12 +18,13 @@ from femfit.core.numerics import ranked
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import EXPLAINED, IN_CLASS, NOTHING_MISSING, NOTICED, OWN_MISFIT, RIVALS, TIED
-from femfit.identify.decision.diagnosis import Verdict
-from femfit.identify.decision.evidence import odds_of_unknown
+from femfit.identify.decision.evidence import Linear, odds_of_unknown
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.refit import Refit, plausible
 from femfit.tables.measurement import CHANNEL_WORDS
+
+Verdict = Literal["nothing_missing", "named", "form_insufficient", "unexplained", "compare_only"]
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
     "nothing_missing": (False, False),
@@ -35,16 +37,16 @@ _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What is missing, before it is put into words."""
+    """What is missing, before it is put into words; ``compare_only`` where that cannot be tested."""
 
     verdict: Verdict
-    probability: Mapping[Verdict, float]
-    lack_of_fit: LackOfFit  # Of the model before anything is added
+    probability: Mapping[Verdict, float] = field(default_factory=dict)
+    lack_of_fit_before: LackOfFit | None = None
     # Whether the model misses the readings by more than noise, but as the table that it was fitted to
-    own_misfit: bool
-    posterior: Posterior
+    own_misfit: bool = False
+    posterior: Posterior = field(default_factory=Posterior)
     probability_of_chosen: float = 0.0  # Of exactly the effects that are named
-    left_after: LackOfFit | None = None  # The lack of fit with what is named
+    lack_of_fit_after: LackOfFit | None = None  # With what is named
     chosen: Explanation | None = None
     classes: tuple[tuple[str, ...], ...] = ()  # Per named effect, what cannot be told from it, itself first
     # The same of what is of a usual size and as likely, by odds of up to three; the simplest first
@@ -53,11 +55,20 @@ class Decision:
     left: tuple[Explanation, ...] = ()
 
     @property
+    def p_value(self) -> float:
+        """Of the model's lack of fit, as in ``femfit compare``."""
+        return self.lack_of_fit_before.p_value if self.lack_of_fit_before else 1.0
+
+    @property
+    def fit(self) -> Refit | None:
+        """The refit of what is named."""
+        return self.chosen.fit if self.chosen else None
+
+    @property
     def fits(self) -> dict[tuple[str, ...], Refit]:
         """What was refitted, by the names of its effects, the most probable first."""
-        refitted = [each for each in self.posterior.explanations.values() if each.fit is not None]
-        every = ranked(refitted, lambda explanation: explanation.log_evidence, ROUNDING)
-        return {explanation.names: explanation.fit for explanation in every if explanation.fit}
+        refitted = [(each, each.fit) for each in self.posterior.explanations.values() if each.fit]
+        return {each.names: fit for each, fit in ranked(refitted, lambda pair: pair[0].log_evidence, ROUNDING)}
 
 
 def fails_surely(campaign: Campaign) -> bool:
@@ -69,44 +80,48 @@ def decide(campaign: Campaign) -> Decision:
     """Name what is missing, or say that nothing or nothing known is."""
     posterior = explain(campaign)
     probability = {word: posterior.of(effects=e, unknown=u) for word, (e, u) in _KINDS.items()}
-    if probability["nothing_missing"] > NOTHING_MISSING:
-        verdict: Verdict = "nothing_missing"
-    else:
-        verdict = max((word for word in _KINDS if word != "nothing_missing"), key=lambda word: probability[word])
-    unknown = _KINDS[verdict][1]
+    verdict: Verdict = "nothing_missing"
+    if probability[verdict] <= NOTHING_MISSING:
+        verdict = max((word for word in _KINDS if word != verdict), key=lambda word: probability[word])
     test = campaign.patterns.test(campaign.whitening.residual)
-    chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
+    decision = Decision(verdict, probability, test, posterior=posterior)
     if _KINDS[verdict][0]:
-        # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
-        order = {name: k for k, name in enumerate(campaign.variants)}
-        likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
-        near = [names for names, p in likely.items() if p >= IN_CLASS * max(likely.values())]
-        near.sort(key=lambda names: sorted(order[name] for name in names))
-        near = ranked(near, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
-        tie = _tied(campaign, posterior, near, unknown)
-        near = [*tie[:1], *(names for names in near if names != tie[0])]
-        chosen = posterior.explanations[near[0]]
-        if chosen.fit is not None:
-            after = campaign.patterns.test(chosen.fit.whitened_residual, chosen.fit.jacobian[:, ~chosen.fit.active])
-            verdict = "form_insufficient" if after.p_value <= LEVEL_AFTER else verdict
-    if verdict == "form_insufficient" and not _explains_most(campaign, chosen):
-        verdict, chosen, after = "unexplained", None, None
-    missed = campaign.observations.mean_square(campaign.observations.residual) / campaign.noise.sigma**2
-    if chosen and chosen.fit and not all(map(plausible, chosen.fit.effects)) and np.all(missed <= WITHIN_NOISE**2):
-        verdict, chosen, after = "nothing_missing", None, None  # a size beyond its range explains noise by itself
-    own_misfit = verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign)
-    if own_misfit:
-        verdict, chosen = "nothing_missing", None
-    elif verdict == "nothing_missing" and _as_its_own(campaign):  # is it more than noise that the own misfit explains?
+        decision = _named(campaign, decision)
+    own = _as_its_own(campaign)
+    if own and decision.verdict in {"unexplained", "form_insufficient"}:
+        return Decision("nothing_missing", probability, test, own_misfit=True, posterior=posterior)
+    if own and decision.verdict == "nothing_missing":  # is it more than noise that the own misfit explains?
         alone = replace(campaign.whitening, misfit=None)
-        own_misfit = pattern_space(alone).test(alone.residual).p_value <= LEVEL
-    decision = Decision(verdict, probability, test, own_misfit, posterior)
-    if chosen is None:
-        return decision
+        return replace(decision, own_misfit=pattern_space(alone).test(alone.residual).p_value <= LEVEL)
+    return decision
+
+
+def _named(campaign: Campaign, decision: Decision) -> Decision:
+    """With the most probable set of effects, and what else the data leave; without where that explains nothing."""
+    posterior, unknown = decision.posterior, _KINDS[decision.verdict][1]
+    # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
+    order = {name: k for k, name in enumerate(campaign.variants)}
+    likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
+    near = [names for names, p in likely.items() if p >= IN_CLASS * max(likely.values())]
+    near.sort(key=lambda names: sorted(order[name] for name in names))
+    near = ranked(near, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
+    tie = _tied(campaign, posterior, near, unknown)
+    near = [*tie[:1], *(names for names in near if names != tie[0])]
+    chosen = posterior.explanations[near[0]]
+    verdict, fit, after = decision.verdict, chosen.fit, None
+    if fit is not None:
+        after = campaign.patterns.test(fit.whitened_residual, fit.jacobian[:, ~fit.active])
+        verdict = "form_insufficient" if after.p_value <= LEVEL_AFTER else verdict
+    if verdict == "form_insufficient" and not (fit and _explains_most(campaign, fit)):
+        return replace(decision, verdict="unexplained")
+    missed = campaign.observations.mean_square(campaign.observations.residual) / campaign.noise.sigma**2
+    if fit and not all(map(plausible, fit.effects)) and np.all(missed <= WITHIN_NOISE**2):
+        return replace(decision, verdict="nothing_missing")  # a size beyond its range explains noise by itself
     return replace(
         decision,
+        verdict=verdict,
         probability_of_chosen=posterior.probability[near[0], unknown],
-        left_after=after,
+        lack_of_fit_after=after,
         chosen=chosen,
         classes=tuple((name, *_exchanged(name, near)) for name in chosen.names),
         ties=tuple((name, *_exchanged(name, tie)) for name in chosen.names),
@@ -114,25 +129,19 @@ def decide(campaign: Campaign) -> Decision:
     )
 
 
-def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
+def _explains_most(campaign: Campaign, fit: Refit) -> bool:
     """Whether effects of another form than the readings explain most of the squared misfit, and spoil nothing.
 
     Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
     whose size is as unlikely as its form.
     """
-    before = float(np.sum(campaign.whitening.residual**2)) - len(campaign.whitening.residual)
-    fit = chosen.fit if chosen else None
-    if fit is None or fit.chi2 - len(fit.whitened_residual) >= (1.0 - EXPLAINED) * before:
+    before, readings = float(np.sum(campaign.whitening.residual**2)), len(campaign.whitening.residual)
+    if fit.chi2 - readings >= (1.0 - EXPLAINED) * (before - readings) or not all(map(plausible, fit.effects)):
         return False
-    return all(map(plausible, fit.effects)) and not _spoils(campaign, fit)
-
-
-def _spoils(campaign: Campaign, fit: Refit) -> bool:
-    """Whether effects make a channel worse."""
     observations = campaign.observations
     after = observations.value - observations.predict(fit.effects)
     was, now = (np.sqrt(observations.mean_square(residual)) for residual in (observations.residual, after))
-    return bool(np.any(now > WITHIN_NOISE * np.maximum(was, campaign.noise.sigma)))
+    return bool(np.all(now <= WITHIN_NOISE * np.maximum(was, campaign.noise.sigma)))
 
 
 def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
@@ -183,47 +192,40 @@ def look_alikes(campaign: Campaign, decision: Decision) -> tuple[str, ...]:
     alike first.
     """
     chosen = decision.chosen
-    if chosen is None or chosen.fit is None:
+    if chosen is None or chosen.fit is None or chosen.linear is None:
         return ()
     rivals = [name for members in decision.classes for name in members[1:]]
-    rivals += [
-        n for explanation in decision.left if not set(chosen.names) <= set(explanation.names) for n in explanation.names
-    ]
-    examples = ranked(list(noticed(campaign, chosen).items()), lambda pair: -pair[1], NUMERIC)
+    rivals += [n for each in decision.left if not set(chosen.names) <= set(each.names) for n in each.names]
+    examples = ranked(list(_noticed(campaign, chosen.fit, chosen.linear).items()), lambda pair: -pair[1], NUMERIC)
     rivals += [name for name, odds in examples if odds < NOTICED]
     return tuple(name for name in dict.fromkeys(rivals) if name not in chosen.names)
 
 
-def noticed(campaign: Campaign, chosen: Explanation) -> dict[str, float]:
-    """Per example, the log odds of an unknown cause beside the chosen names had it been the cause of one of them."""
-    linear, fit, observations = chosen.linear, chosen.fit, campaign.observations
-    if linear is None or fit is None:
-        return {}
-    together = observations.predict(fit.effects)
-    lengths = []
+def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]:
+    """Per example, the log odds of an unknown cause beside what is named had it been the cause of one of them."""
+    observations = campaign.observations
+    together, lengths = observations.predict(fit.effects), []
     for added in fit.effects:
         change = together - observations.predict([effect for effect in fit.effects if effect is not added])
         lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
-    examples = [
-        (start.name, column, 2.0 * float(np.linalg.norm(column)))  # the whole of its plausible range
-        for start, block in zip(campaign.effects, campaign.blocks, strict=True)
-        if start.name not in chosen.names
-        for column in block[:, : start.count].T
-    ]
-    for name in observations.channels:
-        constant = campaign.whitening.full(observations.of(name).astype(np.float64))
-        examples.append((f"a constant error of the {CHANNEL_WORDS.get(name, name)}", constant, np.inf))
+    others = [block for name, blocks in campaign.variants.items() if name not in fit.names for block in blocks]
+    names = [block.start.name for block in others for _ in block.amplitudes.T]
+    names += [f"a constant error of the {CHANNEL_WORDS.get(name, name)}" for name in observations.channels]
+    constants = (observations.channel[:, None] == np.arange(len(observations.channels))).astype(np.float64)
+    columns = np.concatenate([*(block.amplitudes for block in others), campaign.whitening.full(constants)], axis=1)
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns / np.maximum(size, 1e-300)
+    # Of an effect the whole of its plausible range
+    longest = np.where(np.arange(len(names)) < len(names) - constants.shape[1], 2.0 * size, np.inf)
     result: dict[str, float] = {}
-    columns = np.stack([column for _, column, _ in examples], axis=1)
-    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    of_columns, of_unknown = linear.beside(columns), linear.beside(campaign.unknown)
-    gram = campaign.unknown_gram - of_unknown.T @ of_unknown
-    along = campaign.unknown.T @ columns - of_unknown.T @ of_columns
+    of_columns, of_unknown = linear.beside(columns), linear.beside(campaign.unknown.columns)
+    gram = campaign.unknown.gram - of_unknown.T @ of_unknown
+    along = campaign.unknown.columns.T @ columns - of_unknown.T @ of_columns
     unexplained = np.maximum(1.0 - np.sum(of_columns**2, axis=0), 0.0)
     for length in lengths:  # readings that are noise of its usual length and so much of an example
         square = len(columns) + length**2 * unexplained
         every = odds_of_unknown(campaign, linear.density, gram, length * along, square)
-        for (name, _, longest), odds in zip(examples, every, strict=True):
-            if longest >= length:
+        for name, most, odds in zip(names, longest, every, strict=True):
+            if most >= length:
                 result[name] = min(result.get(name, np.inf), float(odds))
     return result

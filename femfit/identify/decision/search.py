@@ -4,15 +4,15 @@ From each explanation the search goes on to first order: by one more effect, thr
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, count
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 
 import numpy as np
 from scipy import special
 
 from femfit.core.numerics import FloatArray
-from femfit.identify.decision.campaign import Campaign, half_ranges
+from femfit.identify.decision.campaign import Campaign, EffectBlock
 from femfit.identify.decision.constants import (
     EXPECTED_EFFECTS,
     FORM_SPREAD,
@@ -26,16 +26,11 @@ from femfit.identify.decision.constants import (
     SIZES,
     UNKNOWN_CAUSE,
 )
-from femfit.identify.decision.evidence import (
-    Linear,
-    density_of,
-    mean_of_logs,
-    null,
-    of_sizes,
-    sizes_of,
-    with_unknown_cause,
-)
+from femfit.identify.decision.evidence import Linear, mean_of_logs, null, of_sizes, sizes_of, with_unknown_cause
 from femfit.identify.refit import Refit, Start, refit
+
+Names = frozenset[str]
+"""The effects of an explanation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,96 +55,92 @@ class Explanation:
         return self.starts if self.fit is None else tuple(self.fit.restart)
 
 
-def with_one_more(campaign: Campaign, base: Explanation) -> list[Explanation]:
+def with_one_more(campaign: Campaign, base: Explanation, linear: Linear) -> list[Explanation]:
     """Every further effect beside refitted ones, to first order: its log evidence and where its refit begins."""
     if len(base.names) >= MOST_EFFECTS:
         return []
-    linear = base.linear or null(campaign)
     begun, unknown = base.continued, base.with_unknown - base.log_evidence
     result = []
-    for name, variants in campaign.variants.items():
+    for name, blocks in campaign.variants.items():
         if name in base.names:
             continue
-        logs, starts = [], []
-        for k in variants:
-            effect, (gram, along) = campaign.effects[k], linear.products(campaign.blocks[k], campaign.grams[k])
-            exact = _one_more(linear, effect, gram[: effect.count, : effect.count], along[: effect.count])
-            formed = _one_more(linear, effect, gram, along)
-            share = np.log(1.0 / len(FORM_SPREAD))  # of exact forms, the first of the spreads
-            logs.append(float(np.logaddexp(exact[0] + share, formed[0] + np.log1p(-np.exp(share)))))
-            starts.append(max(exact, formed, key=lambda pair: pair[0])[1])
-        log, start = mean_of_logs(logs), starts[int(np.argmax(logs))]
-        if name in campaign.in_some_runs:
-            in_part = [
-                _one_more(linear, each, *linear.products(each.whitened * half_ranges(each)))
-                for each in campaign.in_some_runs[name]
-            ]
-            log_in_runs = mean_of_logs([pair[0] for pair in in_part])
-            if log_in_runs + np.log(IN_PART) > log + np.log1p(-IN_PART):
-                start = max(in_part, key=lambda pair: pair[0])[1]
-            log = float(np.logaddexp(log + np.log1p(-IN_PART), log_in_runs + np.log(IN_PART)))
+        log, start = _averaged([_one_more(linear, block) for block in blocks])
+        if in_part := [_one_more(linear, block) for block in campaign.in_some_runs.get(name, ())]:
+            log_in_part, start_in_part = _averaged(in_part)
+            log, log_in_part = log + np.log1p(-IN_PART), log_in_part + np.log(IN_PART)
+            start = start_in_part if log_in_part > log else start
+            log = float(np.logaddexp(log, log_in_part))
         # What adds something may stand in the unknown cause's place: its refit tells
         beside_unknown = log + unknown if log <= base.log_evidence else -np.inf
         result.append(Explanation((*begun, start), log, base.log_evidence, with_unknown=beside_unknown))
     return result
 
 
-def _one_more(linear: Linear, effect: Start, gram: FloatArray, along: FloatArray) -> tuple[float, Start]:
-    """Log evidence with one variant of an effect, and where its amplitudes then are.
+def _averaged(tries: Sequence[tuple[float, Start]]) -> tuple[float, Start]:
+    """The mean of what log evidences are logarithms of, and the start of the largest."""
+    return mean_of_logs([log for log, _ in tries]), max(tries, key=itemgetter(0))[1]
+
+
+def _one_more(linear: Linear, block: EffectBlock) -> tuple[float, Start]:
+    """Log evidence with one variant of an effect, of exact form or not, and where its amplitudes then are."""
+    (gram, along), start = linear.products(block), block.start
+    exact = _bounded(linear, start, gram[: start.count, : start.count], along[: start.count])
+    if len(along) == start.count:
+        return exact
+    formed, share = _bounded(linear, start, gram, along), 1.0 / len(FORM_SPREAD)  # of exact forms among the spreads
+    log = np.logaddexp(exact[0] + np.log(share), formed[0] + np.log1p(-share))
+    return float(log), max(exact, formed, key=itemgetter(0))[1]
+
+
+def _bounded(linear: Linear, effect: Start, gram: FloatArray, along: FloatArray) -> tuple[float, Start]:
+    """Log evidence with an effect's columns, and where its amplitudes then are.
 
     What would leave its bounds is left out: a friction does not push.
     """
-    half, (low, high) = half_ranges(effect), effect.columns.bounds
+    (low, high), own = effect.columns.bounds, slice(effect.count)
     moving = np.ones(len(along), dtype=bool)
-    while moving[: effect.count].any():
-        amplitudes = gram[: effect.count, : effect.count][np.ix_(moving[: effect.count], moving[: effect.count])]
+    while moving[own].any():
+        amplitudes = gram[own, own][np.ix_(moving[own], moving[own])]
         sizes = sizes_of(float(np.sqrt(max(np.linalg.eigvalsh(amplitudes)[-1], 0.0))))
         logs, means = linear.with_more(gram[np.ix_(moving, moving)], along[moving], sizes)
         amplitude = np.zeros(len(along))
         amplitude[moving] = means[int(np.argmax(logs))]
-        amplitude = amplitude[: effect.count] * half
-        wrong = ((amplitude < low) & (low == 0.0)) | ((amplitude > high) & (high == 0.0))
+        size = amplitude[own] * effect.half_ranges
+        wrong = ((size < low) & (low == 0.0)) | ((size > high) & (high == 0.0))
         if not wrong.any():
-            return mean_of_logs(logs), replace(effect, amplitude=np.clip(amplitude, low, high))
-        moving[: effect.count] &= ~wrong
+            return mean_of_logs(logs), replace(effect, amplitude=np.clip(size, low, high))
+        moving[own] &= ~wrong
     return -np.inf, effect
 
 
 def pairs_of_two(campaign: Campaign, linear: Linear, alone: Sequence[Explanation]) -> list[Explanation]:
     """Pairs of which neither may look like much alone, to first order."""
     best = sorted(alone, key=attrgetter("log_evidence"), reverse=True)[:PAIRED]
-    firsts = [explanation.starts[0] for explanation in best if np.isfinite(explanation.log_evidence)]
-    leading = [(start, campaign.block(start)) for start in firsts]
+    leading = [campaign.block(each.starts[0]) for each in best if np.isfinite(each.log_evidence)]
+    sizes = [sizes_of(float(np.linalg.norm(block.amplitudes)))[::2] for block in leading]
     pairs = []
-    for (first, columns), (second, further) in combinations(leading, 2):
-        own_sizes, sizes = (
-            sizes_of(float(np.linalg.norm(block[:, : start.count])))[::2]
-            for block, start in ((columns, first), (further, second))
-        )
-        about = [Linear.of(linear.target, size * columns, linear.density) for size in own_sizes]
-        logs = np.array([beside.with_more(*beside.products(further), sizes)[0] for beside in about])
+    for (first, own_sizes), (second, further_sizes) in combinations(zip(leading, sizes, strict=True), 2):
+        about = [Linear.of(linear.target, size * first.columns, linear.density) for size in own_sizes]
+        logs = np.array([beside.with_more(*beside.products(second), further_sizes)[0] for beside in about])
         j, k = np.unravel_index(np.argmax(logs), logs.shape)
-        both = Linear.of(linear.target, np.hstack([own_sizes[j] * columns, sizes[k] * further]), linear.density)
+        columns = np.hstack([own_sizes[j] * first.columns, further_sizes[k] * second.columns])
         # Not the least squares: at a bound, a direction that the readings leave open would keep a refit there
-        means = own_sizes[j] * both.amplitudes[: first.count], sizes[k] * both.amplitudes[columns.shape[1] :]
-        begun = tuple(
-            replace(start, amplitude=np.clip(half_ranges(start) * mean[: start.count], *start.columns.bounds))
-            for start, mean in zip((first, second), means, strict=True)
-        )
-        pairs.append(Explanation(begun, float(np.max(logs)) - np.log(SIZES), linear.log_evidence))
+        means = np.split(Linear.of(linear.target, columns, linear.density).amplitudes, [first.columns.shape[1]])
+        begun = []
+        for block, mean, size in zip((first, second), means, (own_sizes[j], further_sizes[k]), strict=True):
+            amplitude = size * mean[: block.start.count] * block.start.half_ranges
+            begun.append(replace(block.start, amplitude=np.clip(amplitude, *block.start.columns.bounds)))
+        pairs.append(Explanation(tuple(begun), float(np.max(logs)) - np.log(SIZES), linear.log_evidence))
     return sorted(pairs, key=attrgetter("log_evidence"), reverse=True)[:PAIRED]
-
-
-Key = tuple[frozenset[str], bool]
-"""The effects of an explanation, and whether an unknown cause acts beside them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """How probable every explanation is that was looked at."""
 
-    explanations: Mapping[frozenset[str], Explanation]
-    probability: Mapping[Key, float]
+    explanations: Mapping[Names, Explanation] = field(default_factory=dict)
+    # With an unknown cause beside, and without
+    probability: Mapping[tuple[Names, bool], float] = field(default_factory=dict)
     ended: bool = False  # Whether sets were left to first order since so many had been refitted
 
     def of(self, *, effects: bool, unknown: bool) -> float:
@@ -169,145 +160,140 @@ def most_of_nothing(campaign: Campaign) -> float:
 
 def explain(campaign: Campaign) -> Posterior:
     """Compare sets of effects: the most promising one is refitted, and what goes on from it joins the others."""
-    start = null(campaign)
-    unknown = with_unknown_cause(campaign, start)
-    nothing = Explanation((), start.log_evidence, np.inf, linear=start, with_unknown=unknown)
-    explanations = {frozenset[str](): nothing}
-    alone = with_one_more(campaign, nothing)
-    promised = {frozenset[str](): {frozenset(explanation.names): explanation.log_evidence for explanation in alone}}
-    for explanation in (*alone, *pairs_of_two(campaign, start, alone)):
-        _propose(explanations, explanation)
-    # A large effect's own curvature may spoil what it promises to first order
-    likeliest = max(alone, key=attrgetter("log_evidence"), default=nothing)
-    prior = min(EXPECTED_EFFECTS / max(len(campaign.variants), 1), LIKELIEST)
-    odds, least, in_vain, ended = float(np.log(prior) - np.log1p(-prior)), np.log(LOOKED_AT), 0, False
+    search, in_vain = Search(campaign), 0
     for refits in count():
-        logs = _log_posterior(explanations, odds)
+        logs = search.log_posterior()
         total = np.logaddexp.reduce(list(logs.values()))
-        top = max(
-            (names for names, explanation in explanations.items() if explanation.linear),
-            key=lambda names: logs[names, False],
-        )
-        waiting = [
-            key for key, explanation in explanations.items() if explanation.linear is None and _adds(explanation, odds)
-        ]
-        best = max(waiting, key=lambda names: logs[names, False], default=None)
-        # Beside an unknown cause the first of several effects looks like nothing: the most promising way is gone on
-        deeper = best is not None and logs[best, False] > logs[top, False] and in_vain < IN_VAIN
-        if best is None or (logs[best, False] - total < least and not deeper):
-            best = _without_one(explanations, top)
-            if best is None and logs[top, False] - total > least:
-                beside_unknown = logs[top, True] >= logs[top, False]
-                best = _as_promising(explanations, promised, top, odds, beside_unknown=beside_unknown)
-        if best is None:
-            best = frozenset(likeliest.names)
-            if explanations[best].linear is not None or logs[frozenset(), False] - total > least:
-                break
-        if refits == MOST_REFITS:
-            ended = True
+        top = max((n for n, each in search.explanations.items() if each.linear), key=lambda names: logs[names, False])
+        best = search.most_promising(logs, top, total + np.log(LOOKED_AT), deeper=in_vain < IN_VAIN)
+        if best is None or refits == MOST_REFITS:
             break
-        explanations[best] = _refitted(campaign, explanations[best])
-        better = _log_posterior({best: explanations[best]}, odds)[best, False] > logs[top, False]
-        in_vain = 0 if better else in_vain + 1
-        if explanations[best].fit is not None:
-            promised[best] = {}
-            for explanation in with_one_more(campaign, explanations[best]):
-                promised[best][frozenset(explanation.names)] = explanation.log_evidence
-                _propose(explanations, explanation)
+        search.refit(best)
+        in_vain = 0 if search.log_posterior()[best, False] > logs[top, False] else in_vain + 1
     probability = {key: float(np.exp(value - total)) for key, value in logs.items()}
-    return Posterior(explanations, probability, ended or len(top) >= MOST_EFFECTS)
+    return Posterior(search.explanations, probability, best is not None or len(top) >= MOST_EFFECTS)
 
 
-def _as_promising(
-    explanations: Mapping[frozenset[str], Explanation],
-    promised: Mapping[frozenset[str], Mapping[frozenset[str], float]],
-    top: frozenset[str],
-    odds: float,
-    *,
-    beside_unknown: bool,
-) -> frozenset[str] | None:
-    """An exchange of one effect that promised as much, beside the same others, as the most probable set did.
+class Search:
+    """Explanations that were looked at, and what each refit promised of those with one effect more."""
 
-    One that makes these others no more probable stands at first order. Beside an unknown cause that says little of it.
-    """
-    every = beside_unknown and len(top) > 1
-    alike = [
-        (log, names)
-        for dropped in top
-        for rest in (promised.get(top - {dropped}, {}),)
-        for names, log in rest.items()
-        if explanations[names].linear is None
-        and log > rest[top] + np.log(LOOKED_AT)
-        and (every or _adds(explanations[names], odds))
-    ]
-    return max(alike, key=lambda pair: pair[0])[1] if alike else None
+    def __init__(self, campaign: Campaign) -> None:
+        self.campaign, self.nothing = campaign, null(campaign)
+        prior = min(EXPECTED_EFFECTS / max(len(campaign.variants), 1), LIKELIEST)
+        self.odds = float(np.log(prior) - np.log1p(-prior))
+        self.explanations: dict[Names, Explanation] = {}
+        self.promised: dict[Names, dict[Names, float]] = {}
+        unknown = with_unknown_cause(campaign, self.nothing)
+        start = Explanation((), self.nothing.log_evidence, np.inf, linear=self.nothing, with_unknown=unknown)
+        alone = self._go_on(start, self.nothing)
+        for pair in pairs_of_two(campaign, self.nothing, alone):
+            self._propose(pair)
+        # A large effect's own curvature may spoil what it promises to first order
+        self.likeliest = frozenset(max(alone, key=attrgetter("log_evidence"), default=start).names)
 
+    def _go_on(self, explanation: Explanation, linear: Linear) -> list[Explanation]:
+        """Take up a refitted explanation, and what has one effect more."""
+        further, names = with_one_more(self.campaign, explanation, linear), frozenset(explanation.names)
+        self.explanations[names] = explanation
+        self.promised[names] = {frozenset(each.names): each.log_evidence for each in further}
+        for each in further:
+            self._propose(each)
+        return further
 
-def _without_one(explanations: dict[frozenset[str], Explanation], top: frozenset[str]) -> frozenset[str] | None:
-    """The most probable set without one of its effects, where its exchanges begin; None where all are known."""
-    for dropped in explanations[top].names if len(top) > 1 else ():
-        names = top - {dropped}
-        if names not in explanations or explanations[names].linear is None:
-            explanations[names] = Explanation(
-                tuple(start for start in explanations[top].continued if start.name != dropped), -np.inf
-            )
-            return names
-    return None
+    def _propose(self, explanation: Explanation) -> None:
+        """Take up a set of effects that is new, or begins better than before."""
+        known = self.explanations.setdefault(frozenset(explanation.names), explanation)
+        if known.linear is None and known.log_evidence < explanation.log_evidence:
+            self.explanations[frozenset(explanation.names)] = explanation
 
+    def log_posterior(self) -> dict[tuple[Names, bool], float]:
+        """Log evidence and prior of every explanation, with an unknown cause beside and without."""
+        result = {}
+        for names, explanation in self.explanations.items():
+            prior = len(names) * self.odds
+            result[names, False] = explanation.log_evidence + prior + np.log1p(-UNKNOWN_CAUSE)
+            result[names, True] = explanation.with_unknown + prior + np.log(UNKNOWN_CAUSE)
+        return result
 
-def _propose(explanations: dict[frozenset[str], Explanation], explanation: Explanation) -> None:
-    """Take up a set of effects that is new, or begins better than before."""
-    names = frozenset(explanation.names)
-    if names not in explanations or (
-        explanations[names].linear is None and explanations[names].log_evidence < explanation.log_evidence
-    ):
-        explanations[names] = explanation
+    def most_promising(
+        self, logs: Mapping[tuple[Names, bool], float], top: Names, least: float, *, deeper: bool
+    ) -> Names | None:
+        """The set to be refitted next beside the most probable one; None where none may have the least probability.
 
+        Beside an unknown cause the first of several effects looks like nothing: the most promising way is gone on with.
+        """
+        waiting = [names for names in self.explanations if self._waits(names) and self._adds(names)]
+        best = max(waiting, key=lambda names: logs[names, False], default=None)
+        if best is not None and (logs[best, False] >= least or (deeper and logs[best, False] > logs[top, False])):
+            return best
+        best = self._without_one(top)
+        if best is None and logs[top, False] > least:
+            best = self._as_promising(top, every=len(top) > 1 and logs[top, True] >= logs[top, False])
+        if best is None and self._waits(self.likeliest) and logs[frozenset(), False] <= least:
+            best = self.likeliest
+        return best
 
-def _adds(explanation: Explanation, odds: float) -> bool:
-    """Whether a set is worth a refit: not where one more effect makes it no more probable to first order.
+    def _waits(self, names: Names) -> bool:
+        """Whether a set was not refitted."""
+        return names not in self.explanations or self.explanations[names].linear is None
 
-    What adds next to nothing is small, and for small effects first order is exact.
-    """
-    return explanation.log_evidence > explanation.without - (odds if len(explanation.starts) > 1 else 0.0)
+    def _adds(self, names: Names) -> bool:
+        """Whether a set is worth a refit: not where one more effect makes it no more probable to first order.
 
+        What adds next to nothing is small, and for small effects first order is exact.
+        """
+        explanation = self.explanations[names]
+        return explanation.log_evidence > explanation.without - (self.odds if len(names) > 1 else 0.0)
 
-def _log_posterior(explanations: Mapping[frozenset[str], Explanation], odds: float) -> dict[Key, float]:
-    unknown, result = UNKNOWN_CAUSE, {}
-    for names, explanation in explanations.items():
-        result[names, False] = explanation.log_evidence + len(names) * odds + np.log1p(-unknown)
-        result[names, True] = explanation.with_unknown + len(names) * odds + np.log(unknown)
-    return result
+    def _without_one(self, top: Names) -> Names | None:
+        """The most probable set without one of its effects, where its exchanges begin; None where all are known."""
+        for dropped in self.explanations[top].names if len(top) > 1 else ():
+            names = top - {dropped}
+            if self._waits(names):
+                starts = (start for start in self.explanations[top].continued if start.name != dropped)
+                self.explanations[names] = Explanation(tuple(starts), -np.inf)
+                return names
+        return None
 
+    def _as_promising(self, top: Names, *, every: bool) -> Names | None:
+        """An exchange of one effect that promised as much, beside the same others, as the most probable set did.
 
-def _refitted(campaign: Campaign, explanation: Explanation) -> Explanation:
-    """An explanation at its refit, with the evidence of the linear model there."""
-    observations = campaign.observations
-    fit = refit(campaign.whitening, explanation.starts)
-    value = np.array([(fit.effects[k].parameters[p.name] - p.null) / (0.5 * p.width) for k, p in fit.free])
-    there = ~(fit.active & (np.abs(value) < 1e-9))
-    free = [pair for pair, moves in zip(fit.free, there, strict=True) if moves]
-    if {k for k, p in free if not p.nonlinear and not p.beside} != set(range(len(fit.effects))):
-        # An effect of size zero explains nothing
-        return replace(explanation, log_evidence=-np.inf, with_unknown=-np.inf, linear=null(campaign))
-    families: dict[tuple[int, str], list[int]] = {}  # amplitudes that share a size, each with those beside it
-    for j, (k, p) in enumerate(free):
-        if not p.nonlinear:
-            families.setdefault((k, p.beside or p.name), []).append(j)
-    slopes = -0.5 * fit.jacobian[:, there]
-    errors = [campaign.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
-    columns = np.concatenate([slopes, *errors], axis=1)
-    linear = of_sizes(
-        fit.whitened_residual + slopes @ value[there],
-        columns,
-        [np.array(family) for family in families.values()],
-        np.arange(slopes.shape[1], columns.shape[1]),
-        density_of(campaign),
-    )
-    return replace(
-        explanation,
-        log_evidence=linear.log_evidence,
-        fit=fit,
-        linear=linear,
-        with_unknown=with_unknown_cause(campaign, linear),
-    )
+        One that makes these others no more probable stands at first order, unless every one counts: beside an unknown
+        cause that says little of it.
+        """
+        alike = [
+            (log, names)
+            for dropped in top
+            for rest in (self.promised.get(top - {dropped}, {}),)
+            for names, log in rest.items()
+            if self._waits(names) and log > rest[top] + np.log(LOOKED_AT) and (every or self._adds(names))
+        ]
+        return max(alike, key=itemgetter(0))[1] if alike else None
+
+    def refit(self, names: Names) -> None:
+        """Refit an explanation, with the evidence of the linear model there, and go on from it."""
+        campaign, starts = self.campaign, self.explanations[names].starts
+        fit, observations = refit(campaign.whitening, starts), campaign.observations
+        value = np.array([(fit.effects[k].parameters[p.name] - p.null) / (0.5 * p.width) for k, p in fit.free])
+        there = ~(fit.active & (np.abs(value) < 1e-9))
+        free = [pair for pair, moves in zip(fit.free, there, strict=True) if moves]
+        if {k for k, p in free if not p.nonlinear and not p.beside} != set(range(len(fit.effects))):
+            # An effect of size zero explains nothing
+            self.explanations[names] = Explanation(starts, -np.inf, linear=self.nothing)
+            return
+        families: dict[tuple[int, str], list[int]] = {}  # amplitudes that share a size, each with those beside it
+        for j, (k, p) in enumerate(free):
+            if not p.nonlinear:
+                families.setdefault((k, p.beside or p.name), []).append(j)
+        slopes = -0.5 * fit.jacobian[:, there]
+        errors = [campaign.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
+        columns = np.concatenate([slopes, *errors], axis=1)
+        linear = of_sizes(
+            fit.whitened_residual + slopes @ value[there],
+            columns,
+            [np.array(family) for family in families.values()],
+            np.arange(slopes.shape[1], columns.shape[1]),
+            self.nothing.density,
+        )
+        unknown = with_unknown_cause(campaign, linear)
+        self._go_on(Explanation(starts, linear.log_evidence, fit=fit, linear=linear, with_unknown=unknown), linear)

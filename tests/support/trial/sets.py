@@ -24,7 +24,7 @@ from femfit.device.drawing import table_at
 from femfit.device.drawn_faces import drawn_faces
 from femfit.device.load import actuator_from_tables, parse, read_actuator, read_text
 from femfit.device.parts import NonlinearMaterial
-from femfit.trial.field_table import Family, HiddenError, solve_drawings
+from femfit.trial.field_table import HiddenError, solve_drawings
 from femfit.trial.hidden import with_materials
 from support.trial import magnetics, mechanics, memory, off_axis, readings
 from support.trial.truth import BENDS, FIELD, always, only_in_some_runs
@@ -115,7 +115,7 @@ def prepare_set(drawing, device, directory, set_name, *, workers, progress=None)
                     subdirectory = directory / "truths" / re.sub(r"[^\w.-]+", "_", family)
                     drawings = {f"{change:+.6g}": form for change, form in forms.items()}
                     tables = solve_drawings(drawings, subdirectory, workers=workers, progress=progress)
-                    families[family] = Family(tuple(forms), tuple(tables.values()), device.drawn)
+                    families[family] = dict(zip(forms, tables.values(), strict=True))
         except FieldSolverError as error:
             reason = str(error)
         if reason:
