@@ -31,9 +31,16 @@ def _sentences() -> dict[str, str]:
     return tomllib.loads((files("femfit.device") / "complaints.toml").read_text(encoding="utf-8"))
 
 
+class MistakeError(ValueError):
+    """A mistake in the table or the key at a path, which says the sentence of its code."""
+
+    def __init__(self, code: str, path: str = "", /, **facts: Any) -> None:
+        super().__init__(_sentences()[code].format(path=path, **facts))
+
+
 def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) -> None:
     """Append the sentence of a code on the table or key at a path."""
-    problems.append(_sentences()[code].format(path=path, **facts))
+    problems.append(str(MistakeError(code, path, **facts)))
 
 
 def read_table(record: Any, table: object, path: str, problems: list[str], **more: Any) -> Any:
@@ -46,20 +53,22 @@ def read_table(record: Any, table: object, path: str, problems: list[str], **mor
     if given.wrong:
         return None
     count = len(problems)
-    _check_lists(record, given, path, problems)
+    for name, key in ((name, key) for name, key in keys_of(record).items() if key.like):
+        size, needed = (len(getattr(given, each) or ()) for each in (name, key.like))
+        if size != needed:
+            complain(problems, "like", joined(path, name), count=size, other=key.like, needed=needed)
     read = in_si(record, given, lambda code, **facts: complain(problems, code, path, **vars(given) | facts), **more)
     return read if len(problems) == count else None
 
 
-def read_part(record: Any, table: object, *names: str) -> Any:
-    """A record out of a larger table, or None if one of its keys, or of those named, is wrong.
+def read_part(record: Any, table: object, *names: str) -> Given | None:
+    """What a larger table gives of the keys of a record, or None if one of them, or of those named, is wrong.
 
     The table's own record reports the problems: a mistake elsewhere in the table hides no later check.
     """
-    keys = names or tuple(keys_of(record))
-    part = {key: table[key] for key in keys if key in table} if isinstance(table, Mapping) else None
+    part = {key: table[key] for key in keys_of(record) if key in table} if isinstance(table, Mapping) else table
     given = given_by(record, part, "", [])
-    return None if given.wrong & {*keys, ""} else given if names else in_si(record, given)
+    return None if given.wrong & {*(names or keys_of(record)), ""} else given
 
 
 def given_by(record: Any, table: object, path: str, problems: list[str]) -> Given:
@@ -100,7 +109,7 @@ def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
     steps = [*pairwise(read or ())] if key.ascending or key.monotone else []
     fall = next((step for step in steps if step[0] >= step[1]), None)
     if fall and key.ascending:
-        complain(problems, "order", path, before=fall[0], after=fall[1])
+        complain(problems, "pair" if len(read) == 2 else "order", path, before=fall[0], after=fall[1])
     elif fall and not all(before > after for before, after in steps):
         complain(problems, "turns", path, given=shortened(read))
     return read
@@ -120,16 +129,6 @@ def json_schema(record: Any = FileEntry) -> dict[str, Any]:
         properties[name] = {**properties[name], "description": key.remedy, **usual}
     needed = [name for name, key in keys_of(record).items() if key.required]
     return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
-
-
-def _check_lists(record: Any, given: Given, path: str, problems: list[str]) -> None:
-    """Report lists that are not as long as others, which are right each by itself."""
-    names = {key.field: name for name, key in keys_of(record).items()}
-    for name, key in keys_of(record).items():
-        values = getattr(given, name) or ()
-        if key.like and len(values) != len(other := getattr(given, names[key.like]) or ()):
-            facts = {"count": len(values), "other": names[key.like], "needed": len(other)}
-            complain(problems, "like", joined(path, name), **facts)
 
 
 @cache
@@ -183,7 +182,7 @@ def _sentence(key: Key, error: ErrorDetails, where: str) -> str:
     return f"{where} {need}; it is {shortened(error['input'])}.{near} {key.remedy}"
 
 
-Place = tuple[str, ...]
+Place = tuple[str | int, ...]
 
 
 def tables_of(data: Tables, record: Any = FileEntry, place: Place = ()) -> Iterator[tuple[Place, Any, Any, Key]]:
@@ -214,7 +213,7 @@ def read_tables(data: Tables, problems: list[str]) -> dict[str, Any]:
     """The records of a file's tables by their key paths, without those in which anything is wrong."""
     read = {}
     for place, record, table, key in tables_of(data):
-        path, name = joined("", *place), place[-1]
+        path, name = joined("", *place), str(place[-1])
         if key.named and not key.any_name and not (re.match(NAME_PATTERN, name) and len(name) <= MAX_NAME):
             complain(problems, "name", path)
         # One that should not have a name and is no table is a mistake of the table above it

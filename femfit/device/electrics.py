@@ -20,13 +20,7 @@ from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, OutlineEntry, 
 
 NOISE: dict[str, Any] = {"ge": 0.0, "le": 1e6}
 TURNS: dict[str, Any] = {"ge": 1.0, "le": 1e7, "kind": "turns"}
-DELAY: dict[str, Any] = {
-    "says": "how late a reading is in ms",
-    "default": 0.0,
-    "file": "delay_ms",
-    "ge": 0.0,
-    "le": 1e6,
-}
+DELAY: dict[str, Any] = {"says": "how late a reading is in ms", "default": 0.0, "ge": 0.0, "le": 1e6}
 SAMPLE_TIME: dict[str, Any] = {"says": "the time from one reading to the next, or leave it to the controller's"}
 SAMPLE_TIME |= {"default": None, "ge": 1e-6, "le": 1e6}
 
@@ -195,7 +189,7 @@ class PositionSensor(Sensor):
         file="output_V",
         count=POINTS,
         monotone=True,
-        like="distances_m",
+        like="distance_mm",
         usual=None,
     )
     unit: str = "V"  # V, or m where the reading is the distance itself

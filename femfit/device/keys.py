@@ -105,7 +105,7 @@ class Key:
     kind: str = ""  # Of a number that a workshop may miss, of femfit.device.tolerances.KINDS
     ascending: bool = False
     monotone: bool = False  # A list that rises or falls throughout
-    like: str = ""  # Field of a list with as many values
+    like: str = ""  # Key of a list with as many values
     stepped: type | None = None  # Record of a table that may stand for a list, as { start, stop, step }
     form: type | None = None  # Record of a table whose values are read by a reader of its own
     older: bool = False  # Of schema 1: read, and no longer described
@@ -219,8 +219,8 @@ _ANY = LENGTH | {"kind": "length"}
 class OutlineEntry(Record):
     """A box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
 
-    r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, **_ANY)
-    z_mm: tuple[float, float] | None = key("[lower, upper] height in mm", None, **_ANY)
+    r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, ascending=True, **_ANY)
+    z_mm: tuple[float, float] | None = key("[lower, upper] height in mm", None, ascending=True, **_ANY)
     polygon_mm: tuple[tuple[float, ...], ...] | None = key(
         "at least three corners [[r, z], ...] in mm; a third number is the angle in degrees of an arc to the next "
         "corner, positive counter-clockwise",

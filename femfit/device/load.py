@@ -3,7 +3,7 @@
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,16 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import complain, joined, read_table, read_tables, table_at
-from femfit.device.drawing import DrawnPart, read_drawing
-from femfit.device.keys import scaled
-from femfit.device.parameter_table import read_design
-from femfit.device.parameters import eddy_bias, read_axes
+from femfit.device.complaints import complain, read_table, read_tables, table_at
+from femfit.device.drawing import Drawing, read_drawing
+from femfit.device.keys import converted, scaled
+from femfit.device.parameters import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
 from femfit.device.read_device import (
+    Reading,
     check_circuit_names,
     hall_places,
+    read_axes,
     read_circuits,
     read_coils,
     read_mechanics,
@@ -91,83 +92,81 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     problems: list[str] = []
     read_design(data, problems)
     header: FileEntry | None = read_table(FileEntry, data, "", problems)
-    _check_schema(data, problems)
     tables, of_body, given = data, table_at(data, "moving"), data.get("mechanics")
     if "mass_g" in of_body and isinstance(given, dict):  # the mass stands in [moving], as in schema 1
         tables = {**data, "mechanics": {"mass_g": of_body["mass_g"]} | given}
+    file = Reading(data, {}, problems)
+    _check_schema(file)
     entries = read_tables(tables, problems)
-    solver: SolverEntry | None = entries.get("solver")
+    file = replace(file, entries=entries)
+    solver: SolverEntry = entries.get("solver", SolverEntry())
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     drawn = read_drawing(data, entries, directory or Path(), problems)
-    coils = read_coils(entries, drawn, problems)
-    circuits, coils = read_circuits(data, entries, coils, problems)
+    circuits, coils = read_circuits(file, tuple(read_coils(file, drawn)))
     names = [circuit.name for circuit in circuits]
     check_circuit_names(names, problems)
-    mechanics = read_mechanics(data, entries, problems)
-    sensors = read_sensors(data, entries, circuits, problems)
-    currents_A, distances = read_axes(data, names, problems)
+    mechanics = read_mechanics(file)
+    sensors = tuple(read_sensors(file, names))
+    currents_A, distances = read_axes(file, names)
     first_A, *further_A = currents_A or [(0.0,)]
-    eddy_bias_A = eddy_bias(solver, len(circuits), problems)
+    bias_A = solver.eddy_bias_A
+    eddy_bias_A = bias_A if isinstance(bias_A, tuple) else () if bias_A is None else (bias_A,)
+    if bias_A is not None and len(eddy_bias_A) != len(circuits):
+        complain(problems, "eddy_bias", circuits=len(circuits), count=len(eddy_bias_A))
     steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:
         complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
     read_tolerances(data, problems)
-    reached = [distance for distance in distances if distance > 0.0] if is_schema_1(data) else distances
-    drawn.check(reached, problems, reference_face=is_schema_1(data))
-    for place, element in hall_places(data):
-        drawn.check_hall_place(joined("", *place), element, reached, problems)
+    reached = [distance for distance in distances if distance > 0.0] if file.is_schema_1 else distances
+    drawn.check(reached, hall_places(data), problems, reference_face=file.is_schema_1)
     if problems or header is None or mechanics is None:
         raise ActuatorFileError(source, problems)
     return Actuator(
         name=header.name,
         description=header.description,
-        fixed=tuple(_region(part) for part in drawn.fixed),
+        fixed=_regions(drawn, moves=False),
         coils=coils,
-        moving=MovingPart(tuple(_region(part) for part in drawn.moving)),
+        moving=MovingPart(_regions(drawn, moves=True)),
         mechanics=mechanics,
-        sweep=SweepAxes(first_A, tuple(map(scaled, distances)), tuple(further_A)),
+        sweep=SweepAxes(first_A, converted(distances, -3), tuple(further_A)),
         circuits=circuits,
         sample_time_s=entries["supply"].sample_time_s if "supply" in entries else None,
         sensors=sensors,
         reference_distances_m=reference_m,
-        tolerance=solver.tolerance if solver else None,
-        frequencies_Hz=solver.frequency_Hz or () if solver else (),
-        eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
+        tolerance=solver.tolerance,
+        frequencies_Hz=solver.frequency_Hz or (),
+        eddy_error=solver.eddy_error,
         thermal=entries.get("thermal", STILL_AIR),
         eddy_bias_A=eddy_bias_A,
     )
 
 
-SINCE_SCHEMA_2 = ("fixed", "coils", "circuits", "mechanics", "sensors")
-
-
-def _check_schema(data: dict[str, Any], problems: list[str]) -> None:
+def _check_schema(file: Reading) -> None:
     """Report tables that this schema does not have, and those that it must have."""
-    moving, first = table_at(data, "moving"), is_schema_1(data)
-    if "mechanics" not in data and "mass_g" not in moving and ("moving" in data or not first):
-        complain(problems, "no_mass", "moving" if "moving" in data else "mechanics")
-    needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
-    for key in (key for key in SINCE_SCHEMA_2 if first and key in data):
-        complain(problems, "schema_2", key)
-    for key in (key for key in needed if first and key not in data):
-        complain(problems, "missing", key, remedy=f"Give {needed[key]}.")
-    if not first and "fixed" in data and "electromagnet" in data:
-        complain(problems, "fixed_twice")
-    if not first and "coil" in data and "coils" in data:
-        complain(problems, "coils_twice")
-    if not first and "mass_g" in moving and "mass_g" in table_at(data, "mechanics"):
-        complain(problems, "mass_twice")
+    data, moving = file.data, table_at(file.data, "moving")
+    if "mechanics" not in data and "mass_g" not in moving and ("moving" in data or not file.is_schema_1):
+        file.complain("no_mass", "moving" if "moving" in data else "mechanics")
+    if file.is_schema_1:
+        for key in (key for key in ("fixed", "coils", "circuits", "mechanics", "sensors") if key in data):
+            file.complain("schema_2", key)
+        needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
+        for key in (key for key in needed if key not in data):
+            file.complain("missing", key, remedy=f"Give {needed[key]}.")
+        return
+    twice = {"fixed_twice": ("fixed", "electromagnet"), "coils_twice": ("coil", "coils")}
+    for code in (code for code, keys in twice.items() if data.keys() >= {*keys}):
+        file.complain(code)
+    if "mass_g" in moving and "mass_g" in table_at(data, "mechanics"):
+        file.complain("mass_twice")
 
 
-def is_schema_1(data: dict[str, Any]) -> bool:
-    """Whether a file is of schema 1: one coil, faces at z = 0, distances above zero."""
-    return data.get("schema") == 1
-
-
-def _region(part: DrawnPart) -> Region:
-    corners = tuple((scaled(r), scaled(z)) for r, z in part.outline.corners)
-    return Region(part.name, corners, part.material or AIR, part.outline.bulges)
+def _regions(drawn: Drawing, *, moves: bool) -> tuple[Region, ...]:
+    parts = [part for part in drawn.of(moves=moves) if not part.winding]
+    return tuple(
+        Region(part.name, converted(part.outline.corners, -3), part.material or AIR, part.outline.bulges)
+        for part in parts
+    )
 
 
 def starter_text(name: str, title: str | None = None) -> str:

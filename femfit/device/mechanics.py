@@ -40,7 +40,7 @@ class ForceTable(Record):
         "ascending distances of a measured force", file="distance_mm", count=POINTS, ascending=True, **LENGTH
     )
     forces_N: tuple[float, ...] = key(
-        "the forces at distance_mm; positive pushes the parts apart", file="force_N", count=POINTS, like="distances_m"
+        "the forces at distance_mm; positive pushes the parts apart", file="force_N", count=POINTS, like="distance_mm"
     )
 
 
@@ -161,23 +161,13 @@ class Mechanics(Record):
 
     def push_of_springs(self, distance: Expression) -> Expression:
         """All springs along growing distance, in N."""
-        return sum(spring_force(spring, distance) for spring in self.springs) + 0.0 * distance
+        pieces = (_piece(spring, distance) for spring in self.springs)
+        return sum(force + slope * way for way, _, force, slope in pieces) + 0.0 * distance
 
     def energy_of_springs(self, distance: Expression) -> Expression:
-        """Energy of all springs in J at distances in m of any shape, or of an expression."""
-        return sum(spring_energy(spring, distance) for spring in self.springs) + 0.0 * distance
-
-
-def spring_force(spring: Spring | ForceTable, distance: Expression) -> Expression:
-    """Force of a spring along growing distance, in N."""
-    way, _, force, slope = _piece(spring, distance)
-    return force + slope * way
-
-
-def spring_energy(spring: Spring | ForceTable, distance: Expression) -> Expression:
-    """Energy of a spring in J, from nought at its distance or at the first one of its table."""
-    way, done, force, slope = _piece(spring, distance)
-    return -(done + force * way + 0.5 * slope * way**2)
+        """Energy of all springs in J, of each from nought at its distance or at the first one of its table."""
+        pieces = (_piece(spring, distance) for spring in self.springs)
+        return sum(-(done + force * way + 0.5 * slope * way**2) for way, done, force, slope in pieces) + 0.0 * distance
 
 
 def _piece(spring: Spring | ForceTable, distance: Expression) -> tuple[Expression, Expression, Expression, Expression]:

@@ -15,13 +15,12 @@ from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import joined
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.file_numbers import numbers_of, value_at, with_value
 from femfit.device.keys import decimal_sum
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
-from femfit.device.parameter_table import read_design
-from femfit.device.parameters import ParameterDesign, Value
+from femfit.device.parameters import ParameterDesign, Value, read_design
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
+from femfit.device.tolerances import numbers_of, value_at, with_value
 
 _DIGITS = 9
 """Significant digits of a scaled number: points of a curve, a warm magnet's remanence."""
