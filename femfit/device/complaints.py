@@ -43,6 +43,20 @@ def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) ->
     problems.append(str(MistakeError(code, path, **facts)))
 
 
+def complain_of_name(problems: list[str], code: str, path: str, given: str, names: Iterable[str]) -> None:
+    """Append the sentence of a code on a name that is none of those known, with the closest one."""
+    known = [*names]
+    near, listed = did_you_mean(given, known), ", ".join(known) or "none"
+    complain(problems, code, path, given=given[:60], near=near, known=listed)
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """`` Did you mean 'x'?`` for the closest known word, or nothing."""
+    by_lower = {word.lower(): word for word in names}
+    close = difflib.get_close_matches(name.lower()[:100], by_lower, n=1)
+    return f" Did you mean {by_lower[close[0]]!r}?" if close else ""
+
+
 def read_table(record: Any, table: object, path: str, problems: list[str], **more: Any) -> Any:
     """The record of a table at a key path, with a line for each problem; None if a known key is wrong.
 
@@ -90,8 +104,7 @@ def given_by(record: Any, table: object, path: str, problems: list[str]) -> Give
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
         given.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        facts = {"near": did_you_mean(str(name), keys), "known": ", ".join(keys)}
-        complain(problems, "unknown", joined(path, name), **facts)
+        complain_of_name(problems, "unknown", joined(path, name), str(name), keys)
     return given
 
 
@@ -229,13 +242,6 @@ def table_at(data: Tables, *keys: str) -> dict[str, Any]:
     for key in keys:
         place = place.get(key) if isinstance(place, dict) else None
     return place if isinstance(place, dict) else {}
-
-
-def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """`` Did you mean 'x'?`` for the closest known word, or nothing."""
-    by_lower = {word.lower(): word for word in names}
-    close = difflib.get_close_matches(name.lower()[:100], by_lower, n=1)
-    return f" Did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
 def joined(path: str, *keys: object) -> str:

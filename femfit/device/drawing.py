@@ -12,7 +12,7 @@ from typing import Any
 from shapely import MultiPoint, Point, Polygon, unary_union
 from shapely.affinity import translate
 
-from femfit.device.complaints import complain, did_you_mean, joined, read_part, table_at
+from femfit.device.complaints import complain, complain_of_name, joined, read_part, table_at
 from femfit.device.electrics import unit_vector
 from femfit.device.keys import Given, OutlineEntry
 from femfit.device.materials import LIBRARY, curve_problems, read_bh_csv, without_flat_end
@@ -125,13 +125,14 @@ class Drawing:
             inner, lower, outer, upper = body.polygon.bounds
             thin, long = sorted((outer - inner, upper - lower))
             if long > LARGEST_ASPECT * thin:
-                facts = {"most": LARGEST_ASPECT, "aspect": long / thin, "least": long / LARGEST_ASPECT}
-                complain(problems, "thin", body.path, thin=thin, long=long, **facts)
+                aspect, least = long / thin, long / LARGEST_ASPECT
+                complain(
+                    problems, "thin", body.path, thin=thin, long=long, most=LARGEST_ASPECT, aspect=aspect, least=least
+                )
         for first, second in combinations(self.parts, 2):
             shared = first.polygon.intersection(second.polygon)
             if first.moves == second.moves and shared.area > MIN_AREA:
-                box = dict(zip(("inner", "lower", "outer", "upper"), shared.bounds, strict=True))
-                complain(problems, "overlap", first.path, second=second.path, area=shared.area, **box)
+                complain(problems, "overlap", first.path, second=second.path, area=shared.area, box=shared.bounds)
         if self.complete:
             self._check_bodies(problems, reference_face=reference_face)
         self._check_ways(distances, elements, problems)
@@ -163,7 +164,7 @@ class Drawing:
         points = {path: Point(max(hall.r_mm, CONTACT), hall.z_mm) for path, hall in elements.items()}
         for path, hall in elements.items():
             for part in (part for part in self.of(moves=False) if part.polygon.contains(points[path])):
-                complain(problems, "hall_inside", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
+                complain(problems, "hall_inside", path, hall=hall, part=part.path)
         for mover in self.of(moves=True) if distances else ():
             way = swept(mover.polygon, distances[0], distances[-1])
             for body in self.of(moves=False):
@@ -174,7 +175,7 @@ class Drawing:
                 when = "between two swept distances" if first is None else f"first at {first:g} mm"
                 complain(problems, "collision", mover.path, body=body.path, when=when)
             for path in (path for path, point in points.items() if way.distance(point) <= CONTACT):
-                complain(problems, "hall_passed", path, r=elements[path].r_mm, z=elements[path].z_mm, part=mover.path)
+                complain(problems, "hall_passed", path, hall=elements[path], part=mover.path)
 
 
 def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
@@ -236,8 +237,7 @@ def _region_material(
 ) -> Material | None:
     """The material at the region's temperature, turned as the region says."""
     if entry.material not in materials:
-        near, known = did_you_mean(entry.material, materials), ", ".join(materials)
-        complain(problems, "no_material", path, given=entry.material[:60], near=near, known=known)
+        complain_of_name(problems, "no_material", path, entry.material, materials)
         return None
     material, celsius, direction = materials[entry.material], entry.temperature_C, entry.magnetization
     if material is None:

@@ -25,8 +25,7 @@ SAMPLE_TIME: dict[str, Any] = {"says": "the time from one reading to the next, o
 SAMPLE_TIME |= {"default": None, "ge": 1e-6, "le": 1e6}
 
 
-@dataclass(frozen=True)
-class Drive(Record):
+class Drive(Record, kw_only=False):
     """How a command becomes voltage or current; the limits of the voltage are those of the circuit.
 
     A voltage source gives what is commanded, within its limits. With a freewheel diode it is one-sided: it gives
@@ -44,6 +43,10 @@ class Drive(Record):
     bandwidth_Hz: float | None = key("the bandwidth of a current amplifier", None, gt=0, le=1e9)
 
 
+BRIDGE = Drive()
+"""Voltages of both signs, as far as the limits go."""
+
+
 @dataclass(frozen=True)
 class Circuit:
     """Coils in series and their driver: U = R i + L_s i' + d(flux linkage)/dt."""
@@ -53,14 +56,13 @@ class Circuit:
     # Of the supply; a drawing without one leaves them open behind a current amplifier, a model has both
     voltage_min_V: float = -inf
     voltage_max_V: float = inf
-    drive: Drive = Drive()  # A bridge: voltages of both signs, as far as the limits go
+    drive: Drive = BRIDGE
     name: str = "coil"
     # L_s, in series, outside of the field
     inductance_H: float = limited(default=0.0, metadata={"lower": 0.0})
 
 
-@dataclass(frozen=True)
-class HallElement(Record):
+class HallElement(Record, kw_only=False):
     """A linear Hall element with its analogue output and converter; it stands still."""
 
     # Position (r, z) of the element
@@ -109,7 +111,6 @@ def unit_vector(values: Sequence[float] | str) -> tuple[float, float]:
     return values[0] / length, values[1] / length
 
 
-@dataclass(frozen=True)
 class _Range(Record):
     """The key of a reading's range."""
 
@@ -118,7 +119,6 @@ class _Range(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class Sensor(Record):
     """What all other sensors share; noise, range and resolution are in the unit of the reading."""
 
@@ -146,7 +146,6 @@ def _ends(given: Given, key: str, complain: Callable[..., None]) -> dict[str, An
     return dict(zip(("minimum", "maximum"), ends or (None, None), strict=True))
 
 
-@dataclass(frozen=True, kw_only=True)
 class CurrentSensor(Sensor):
     """The current of a circuit, read in A."""
 
@@ -158,7 +157,6 @@ class CurrentSensor(Sensor):
     kind: Literal["current"] = key('"current" for a sensor of a circuit\'s current', "current", needed=True)
 
 
-@dataclass(frozen=True)
 class _Drawn(Record):
     """Keys of a sensor of the distance from which its characteristic follows."""
 
@@ -170,7 +168,6 @@ class _Drawn(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class PositionSensor(Sensor):
     """The distance as a laser, an optical gate or an LVDT reads it: interpolated between points of a characteristic."""
 
@@ -216,7 +213,6 @@ class PositionSensor(Sensor):
         return values
 
 
-@dataclass(frozen=True, kw_only=True)
 class PickupCoil(Sensor):
     """A winding without current: the voltage that its flux linkage induces, in V."""
 
@@ -228,7 +224,6 @@ class PickupCoil(Sensor):
     kind: Literal["pickup_coil"] = key('"pickup_coil" for a winding without current', "pickup_coil", needed=True)
 
 
-@dataclass(frozen=True, kw_only=True)
 class AccelerationSensor(Sensor):
     """The moving part's acceleration along growing distance, in m/s^2."""
 
@@ -239,7 +234,6 @@ class AccelerationSensor(Sensor):
     kind: Literal["acceleration"] = key('"acceleration" for an accelerometer on the body', "acceleration", needed=True)
 
 
-@dataclass(frozen=True, kw_only=True)
 class ForceSensor(Sensor):
     """The magnetic force on the moving part, positive towards smaller distance, in N."""
 

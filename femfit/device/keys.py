@@ -11,7 +11,7 @@ from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
 from functools import cache, cached_property
 from types import SimpleNamespace, UnionType
-from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, NamedTuple, dataclass_transform, get_args, get_origin, get_type_hints
 
 
 def scaled(value: float, exponent: int = -3) -> float:
@@ -69,12 +69,17 @@ class Given(SimpleNamespace):
     wrong: set[str]  # Keys that are missing or whose values are no such ones
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 class Record:
-    """What the dataclass of a table says of it beside its fields; nothing usually."""
+    """Base of the frozen dataclasses of tables, and what one says of its table beside its fields; nothing usually."""
 
+    __dataclass_fields__: ClassVar[dict[str, Any]]
     beside: ClassVar[tuple[Any, ...]] = ()  # Records whose keys stand in the same table
     UNIT: ClassVar[str] = ""  # That keys end in which are named so
     any_keys: ClassVar[bool] = False  # Whether others may be there, which are not read
+
+    def __init_subclass__(cls, *, kw_only: bool = True, eq: bool = True) -> None:
+        dataclass(frozen=True, kw_only=kw_only, eq=eq)(cls)
 
     @classmethod
     def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:  # noqa: ARG003  of some records
@@ -215,8 +220,7 @@ def in_si(record: Any, given: Given, complain: Callable[..., None] | None = None
 _ANY = LENGTH | {"kind": "length"}
 
 
-@dataclass(frozen=True)
-class OutlineEntry(Record):
+class OutlineEntry(Record, kw_only=False):
     """A box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
 
     r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, ascending=True, **_ANY)
@@ -240,7 +244,6 @@ _DIGITS = 9
 """Significant digits of a frequency between the ends of a range, the same on every machine."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class RangeEntry(Record):
     """``{ start = ..., stop = ..., step = ... }``, both ends included; the same on every machine."""
 
@@ -263,7 +266,6 @@ class RangeEntry(Record):
         return {"values": tuple(float(start + k * step) for k in range(count + 1))}
 
 
-@dataclass(frozen=True, kw_only=True)
 class FrequencyRangeEntry(Record):
     """``{ start = ..., stop = ..., per_decade = ... }``, both ends included."""
 

@@ -206,12 +206,8 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
 
 def remarks(actuator: Actuator) -> list[str]:
     """What was left out of a drawing's materials."""
-    materials = {region.material for region in actuator.regions}
-    return sorted(
-        f"Material {material.name}: {material.remark}."
-        for material in materials
-        if isinstance(material, NonlinearMaterial) and material.remark
-    )
+    curves = [region.material for region in actuator.regions if isinstance(region.material, NonlinearMaterial)]
+    return sorted({f"Material {curve.name}: {curve.remark}." for curve in curves if curve.remark})
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:

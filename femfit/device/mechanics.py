@@ -5,7 +5,7 @@ Forces here are positive along growing distance, as gravity is on a body that ha
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,8 +16,7 @@ from femfit.core.numerics import GRAVITY, FloatArray
 from femfit.device.keys import FORCE, LENGTH, POINTS, Given, Record, key, scaled
 
 
-@dataclass(frozen=True)
-class Spring(Record):
+class Spring(Record, kw_only=False):
     """``[mechanics.springs.NAME]``: force along growing distance preload - stiffness (d - distance)."""
 
     stiffness_N_per_m: float = key("the stiffness in N/mm, or distance_mm and force_N as measured", **FORCE)
@@ -32,8 +31,7 @@ class Spring(Record):
         return {}
 
 
-@dataclass(frozen=True)
-class ForceTable(Record):
+class ForceTable(Record, kw_only=False):
     """A measured force along growing distance, interpolated linearly and continued by its last value."""
 
     distances_m: tuple[float, ...] = key(
@@ -44,8 +42,7 @@ class ForceTable(Record):
     )
 
 
-@dataclass(frozen=True)
-class Stop(Record):
+class Stop(Record, kw_only=False):
     """``[mechanics.near_stop]`` and ``[mechanics.far_stop]``: an end of the travel."""
 
     distance_m: float = key("the distance at which the body meets the stop", **LENGTH)
@@ -58,7 +55,6 @@ class Stop(Record):
     )
 
 
-@dataclass(frozen=True)
 class _Drawn(Record):
     """Keys of ``[mechanics]`` from which others follow."""
 
@@ -76,8 +72,7 @@ DOWNWARD = {"hanging": 1.0, "standing": -1.0, "horizontal": 0.0, "off": 0.0}
 """Share of gravity along growing distance."""
 
 
-@dataclass(frozen=True)
-class Mechanics(Record):
+class Mechanics(Record, kw_only=False):
     """``[mechanics]``: the moving mass and everything mechanical that acts on it."""
 
     beside = (_Drawn,)

@@ -19,9 +19,18 @@ from typing import Any
 import numpy as np
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
-from femfit.device.complaints import Place, complain, did_you_mean, joined, read_part, read_table, read_value, table_at
+from femfit.device.complaints import (
+    Place,
+    complain,
+    complain_of_name,
+    joined,
+    read_part,
+    read_table,
+    read_value,
+    table_at,
+)
 from femfit.device.drawing import part_tables
-from femfit.device.keys import MAX_AXIS_POINTS, UNITS, Given, Key, RangeEntry, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.keys import MAX_AXIS_POINTS, UNITS, Given, Key, RangeEntry, converted, decimal_sum, keys_of, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.schema import PARAMETER, DesignEntry, KeyEntry, NamedParameterEntry, SampledEntry
 from femfit.device.tolerances import nearest, numbers_of, with_value
@@ -55,25 +64,26 @@ class SweptParameter:
     @property
     def column(self) -> str:
         """Name in the table, which ends in the SI unit: ``sleeve_radius_mm`` is ``sleeve_radius_m`` there."""
-        stem, positions, unit = self._stem
-        si = UNITS[unit].si if self._in_thousandths else unit
+        stem = _stem(self.name)
+        unit = unit_of(stem)
+        positions, si = self.name.removeprefix(stem), UNITS[unit].si if self._power else unit
         return f"{stem.removesuffix(f'_{unit}')}{positions}_{si}" if unit else self.name
 
     def in_si(self, value: Value) -> Value:
         """A value of the file in the table's unit."""
-        return scaled(value) if self._in_thousandths and not isinstance(value, str) else value
+        number: Value = value if isinstance(value, str) else converted(value, self._power)
+        return number
 
     @property
-    def _stem(self) -> tuple[str, str, str]:
-        """The name without its positions in a list, these, and the unit before them."""
-        stem = re.sub(r"(?:\[\d+\])*\Z", "", self.name)
-        return stem, self.name.removeprefix(stem), unit_of(stem)
+    def _power(self) -> int:
+        """Of ten, from the file's unit to the table's, which has what is no thousandth in the file's."""
+        unit = UNITS.get(unit_of(_stem(self.name)))
+        return -3 if unit is not None and unit.power == -3 else 0
 
-    @property
-    def _in_thousandths(self) -> bool:
-        """Whether the file's unit is a thousandth of the table's."""
-        unit = self._stem[2]
-        return bool(unit) and UNITS[unit].power == -3
+
+def _stem(name: str) -> str:
+    """A key path without positions in a list at its end."""
+    return re.sub(r"(?:\[\d+\])*\Z", "", name)
 
 
 @dataclass(frozen=True)
@@ -202,7 +212,7 @@ def _names(value: object, path: str, known: Sequence[str], problems: list[str]) 
     wrong = next((name for name in names if name not in known), None)
     if wrong is None:
         return names
-    complain(problems, "wrong_name", path, given=wrong[:60], near=did_you_mean(wrong, known), known=", ".join(known))
+    complain_of_name(problems, "wrong_name", path, wrong, known)
     return None
 
 

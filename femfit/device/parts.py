@@ -28,7 +28,6 @@ CURVE = ((0, 1000),)
 """Fewest and most points of a curve that are read, which is then checked as a whole."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Conductor(Record):
     """How a material of either kind conducts current and heat."""
 
@@ -59,8 +58,7 @@ class Conductor(Record):
         return {"thermal": in_si(ThermalMaterial, given)}
 
 
-@dataclass(frozen=True)
-class LinearMaterial(Conductor):
+class LinearMaterial(Conductor, kw_only=False):
     """``[materials.NAME]``: a material with H = (B - B_r) / (mu_0 mu_r)."""
 
     name: str
@@ -90,7 +88,6 @@ class LinearMaterial(Conductor):
         return 1.0 / (MU_0 * self.relative_permeability)
 
 
-@dataclass(frozen=True)
 class _Curve(Record):
     """Key of a file with a magnetisation curve."""
 
@@ -99,8 +96,7 @@ class _Curve(Record):
     )
 
 
-@dataclass(frozen=True)
-class NonlinearMaterial(Conductor):
+class NonlinearMaterial(Conductor, kw_only=False):
     """``[materials.NAME]``: a soft one, H along B, |H| a monotone function of |B|, without hysteresis."""
 
     beside = (*Conductor.beside, _Curve)

@@ -7,7 +7,7 @@ from itertools import permutations
 from math import inf
 from typing import Any
 
-from femfit.device.complaints import complain, did_you_mean, given_by, joined, read_part, read_value, table_at
+from femfit.device.complaints import complain, complain_of_name, given_by, joined, read_part, read_value, table_at
 from femfit.device.drawing import Drawing, part_tables
 from femfit.device.electrics import AnySensor, Circuit, CurrentSensor, Drive, HallElement, PickupCoil
 from femfit.device.keys import Given, OutlineEntry, RangeEntry, converted, keys_of, scaled
@@ -111,8 +111,7 @@ def _connected(
     for stated in entry.coils:
         name, sign = (stated[1:], -1.0) if stated.startswith("-") else (stated, 1.0)
         if name not in coils:
-            near, known = did_you_mean(name, coils), ", ".join(coils) or "none"
-            file.complain("no_coil", path, given=stated[:60], near=near, known=known)
+            complain_of_name(file.problems, "no_coil", path, stated, coils)
         elif name in connected:
             file.complain("coil_twice", path, coil=name, owner=joined("circuits", connected[name].circuit))
         else:
@@ -168,7 +167,6 @@ def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
     """All sensors in the file's order, ``[hall]`` first, with what they are placed on: a winding, or a circuit."""
     if "hall" in file.data and "hall" in table_at(file.data, "sensors"):
         file.complain("sensor_twice", name="hall")
-    known = ", ".join(circuits) or "none"
     for path, table in sensor_tables(file.data).items():
         sensor: AnySensor | None = file.entries.get(path)
         if isinstance(sensor, PickupCoil):
@@ -177,11 +175,10 @@ def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
             sensor = replace(sensor, vertices_m=converted(corners, -3))
         elif isinstance(sensor, CurrentSensor) and "circuit" not in table:
             if len(circuits) != 1:
-                file.complain("no_circuit", path, count=len(circuits), known=known)
+                file.complain("no_circuit", path, count=len(circuits), known=", ".join(circuits) or "none")
             sensor = replace(sensor, circuit="".join(circuits[:1]))
         elif isinstance(sensor, CurrentSensor) and sensor.circuit not in circuits:
-            near = did_you_mean(sensor.circuit, circuits)
-            file.complain("which_circuit", path, given=sensor.circuit[:60], near=near, known=known)
+            complain_of_name(file.problems, "which_circuit", path, sensor.circuit, circuits)
         if sensor is not None:
             yield sensor
 
@@ -214,8 +211,7 @@ def read_axes(file: Reading, circuits: Sequence[str]) -> tuple[list[tuple[float,
 
 def _by_circuit(file: Reading, currents: Any, circuits: Sequence[str]) -> Iterator[tuple[float, ...]]:
     for name in (name for name in currents if name not in circuits):
-        near, known = did_you_mean(name, circuits), ", ".join(circuits) or "none"
-        file.complain("not_a_circuit", joined("sweep.current_A", name), near=near, known=known)
+        complain_of_name(file.problems, "not_a_circuit", joined("sweep.current_A", name), name, circuits)
     for name in circuits:
         path = joined("sweep.current_A", name)
         if name in currents:
