@@ -88,9 +88,7 @@ def read_part(record: Any, table: object, *names: str) -> Given | None:
 def given_by(record: Any, table: object, path: str, problems: list[str]) -> Given:
     """What a table gives of the keys of a record, each by itself."""
     keys = keys_of(record)
-    given = Given(
-        **{name: None if key.required else key.usual for name, key in keys.items()}, stated=set(), wrong=set()
-    )
+    given = Given(**{name: key.usual for name, key in keys.items()}, stated=set(), wrong=set())
     if not isinstance(table, Mapping):
         complain(problems, "no_table", path, given=shortened(table))
         given.wrong.add("")
@@ -118,7 +116,7 @@ def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
     except ValidationError as error:
         every = error.errors(include_url=False, include_context=False)
         problems += [_sentence(key, each, joined(path, *each["loc"])) for each in every]
-        return None if key.required else key.usual
+        return key.usual
     steps = [*pairwise(read or ())] if key.ascending or key.monotone else []
     fall = next((step for step in steps if step[0] >= step[1]), None)
     if fall and key.ascending:
@@ -137,7 +135,7 @@ def json_schema(record: Any = FileEntry) -> dict[str, Any]:
         # Of a circuit's currents there is a table by their names, too
         ways += [{**json_schema(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
         form = ways[0] if len(ways) == 1 else {"anyOf": ways}
-        usual = {} if key.required or key.usual is None else {"default": key.usual}
+        usual = {} if key.usual is None else {"default": key.usual}
         properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
         properties[name] = {**properties[name], "description": key.remedy, **usual}
     needed = [name for name, key in keys_of(record).items() if key.required]
@@ -161,9 +159,9 @@ def _limited(hint: Any, key: Key, depth: int = 0) -> Any:
         least, most = key.count[depth] if key.count else (1 + len(others),) * 2
         return Annotated[list[_limited(inner, key, depth + 1)], Field(min_length=least, max_length=most), Strict()]  # type: ignore[misc]
     if hint is str:
-        return Annotated[str, Strict(), Field(min_length=key.length[0], max_length=key.length[1], pattern=key.pattern)]
+        return Annotated[str, Strict(), Field(**key.limits)]
     if hint in (float, int):
-        limited = Annotated[hint, Strict(), Field(ge=key.ge, le=key.le, gt=key.gt, lt=key.lt)]
+        limited = Annotated[hint, Strict(), Field(**key.limits)]
         return Annotated[limited, AllowInfNan(False)] if hint is float else limited
     return Annotated[bool, Strict()] if hint is bool else hint
 

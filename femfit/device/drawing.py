@@ -4,7 +4,7 @@ Checked are overlap and collision, the sensor's place, and whether there is a fo
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,13 @@ class PartTable:
 
     place: tuple[str, ...]
     content: Any
+    label: str  # Its name, after "coil" where a region has the same one
     winding: bool = False
+
+    @property
+    def path(self) -> str:
+        """Key path of the table."""
+        return joined("", *self.place)
 
     @property
     def moves(self) -> bool:
@@ -55,13 +61,14 @@ class PartTable:
 
 def part_tables(data: Mapping[str, Any]) -> Iterator[PartTable]:
     """Each region, the fixed ones first, and each winding."""
-    for body in (fixed_key(data), "moving"):
-        yield from (
-            PartTable((body, "regions", *item[:1]), item[1]) for item in table_at(data, body, "regions").items()
-        )
+    regions = {(body, "regions"): table_at(data, body, "regions") for body in (fixed_key(data), "moving")}
+    for place, tables in regions.items():
+        yield from (PartTable((*place, name), table, name) for name, table in tables.items())
     if isinstance(data.get("coil"), dict):
-        yield PartTable(("coil",), data["coil"], winding=True)
-    yield from (PartTable(("coils", name), table, winding=True) for name, table in table_at(data, "coils").items())
+        yield PartTable(("coil",), data["coil"], "coil", winding=True)
+    for name, table in table_at(data, "coils").items():
+        shared = any(name in tables for tables in regions.values())
+        yield PartTable(("coils", name), table, f"{'coil ' * shared}{name}", winding=True)
 
 
 def fixed_key(data: Mapping[str, Any]) -> str:
@@ -75,15 +82,16 @@ def materials_used(data: Mapping[str, Any]) -> set[str]:
 
 
 @dataclass(frozen=True)
-class DrawnPart:
+class DrawnPart(PartTable):
     """A region or a winding, as drawn."""
 
-    path: str
-    name: str
-    outline: DrawnOutline
-    moves: bool
-    winding: bool
-    material: Material | None  # None for a winding and where the file's material is wrong
+    outline: DrawnOutline = field(kw_only=True)
+    material: Material | None = None  # None for a winding and where the file's material is wrong
+
+    @property
+    def name(self) -> str:
+        """As the file gives it."""
+        return self.place[-1]
 
     @property
     def polygon(self) -> Polygon:
@@ -194,20 +202,21 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
         materials[name] = None if entry is None else _material(entry, table, directory, problems)
     tables, parts = list(part_tables(data)), list[DrawnPart]()
     for table in tables:
-        path, name, material = joined("", *table.place), table.place[-1], None
+        path, material = table.path, None
         if not table.winding and path in entries:
             material = _region_material(entries[path], path, materials, problems)
-        if not table.winding and name in RESERVED:
+        if not table.winding and table.label in RESERVED:
             complain(problems, "reserved", path, names=" or ".join(RESERVED))
         shape = table.shape
         drawn = None if shape is None else outline(shape, path, problems)
         if drawn is None:
             continue
-        if table.winding and drawn.polygon.bounds[0] <= 0:
+        part = DrawnPart(**vars(table), outline=drawn, material=material)
+        if part.winding and drawn.polygon.bounds[0] <= 0:
             complain(problems, "winding_on_axis", path)
-        if not table.winding and table.moves and name in {part.name for part in parts if not part.moves}:
+        if not part.winding and part.moves and part.name in {each.name for each in parts if not each.moves}:
             complain(problems, "region_twice", path, body=fixed_key(data))
-        parts.append(DrawnPart(path, name, drawn, table.moves, table.winding, material))
+        parts.append(part)
     return Drawing(tuple(parts), len(parts) == len(tables))
 
 

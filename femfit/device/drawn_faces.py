@@ -15,8 +15,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from femfit.device.complaints import Place, joined
-from femfit.device.drawing import part_tables
-from femfit.device.keys import Given
+from femfit.device.drawing import PartTable, part_tables
 
 COINCIDENT = 1e-6
 """In mm: coordinates that differ by less are one."""
@@ -30,7 +29,7 @@ CONTOUR = ".."
 class Face:
     """Numbers of the file that are one coordinate: of a face across an axis, or of a corner or an arc."""
 
-    part: "_Part"
+    part: PartTable
     axis: int  # 0 for r, 1 for z
     value: float  # In mm
     locations: tuple[Place, ...]
@@ -51,22 +50,12 @@ class Face:
         return self.side == -other.side and abs(self.value - other.value) < COINCIDENT and shared > COINCIDENT
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A part's table with its outline."""
-
-    path: Place
-    moves: bool
-    name: str  # As the file gives it, after "coil" where a region has the same one
-    shape: Given
-
-
 def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
     """The faces of all parts, those that touch as one, in the file's order with coils last; none on the axis.
 
     Contours stand behind them.
     """
-    drawn = [face for part in _parts(data) for face in _faces(part)]
+    drawn = [face for part in part_tables(data) for face in _faces(part)]
     faces = [face for face in drawn if not face.key and (face.axis == 1 or abs(face.value) > COINCIDENT)]
     contours = [face for face in drawn if face.key]
     touching = np.array([[face.touches(other) for other in faces] for face in faces], dtype=bool)
@@ -85,7 +74,7 @@ def _merged(members: Sequence[Face], contours: Sequence[Face]) -> Face:
     """Faces that touch as one, the first of them, which says what it lies on and that its contour is another."""
     face = members[0]
     locations = tuple(chain.from_iterable(member.locations for member in members))
-    beside = dict.fromkeys(member.part.name for member in members if member.part is not face.part)
+    beside = dict.fromkeys(member.part.label for member in members if member.part is not face.part)
     label = f"{face.label} on {' and '.join(beside)}" if beside else face.label
     slopes = [contour.slope for contour in contours if contour.flat in locations]
     return replace(face, locations=locations, label=f"{label} without {slopes[0]}" if slopes else label)
@@ -99,17 +88,10 @@ def _completed(contour: Face, merged: Sequence[Face]) -> Face:
     return replace(contour, locations=tuple(locations), flat=flat)
 
 
-def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
-    tables = list(part_tables(data))
-    regions = {table.place[-1] for table in tables if not table.winding}
-    for table in tables:
-        if (shape := table.shape) is not None:
-            shared = table.place[0] == "coils" and table.place[-1] in regions
-            yield _Part(table.place, table.moves, f"{'coil ' * shared}{table.place[-1]}", shape)
-
-
-def _faces(part: _Part) -> Iterator[Face]:
-    shape, path = part.shape, part.path
+def _faces(part: PartTable) -> Iterator[Face]:
+    shape, path = part.shape, part.place
+    if shape is None:
+        return
     if shape.polygon_mm is not None:
         corners = list(shape.polygon_mm)
         places: list[Place] = [(*path, "polygon_mm", k) for k in range(len(corners))]
@@ -126,7 +108,7 @@ def _faces(part: _Part) -> Iterator[Face]:
         yield from _of_outline([(shape.r_mm[r], shape.z_mm[z]) for r, z in ends], stand, part)
 
 
-def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
+def _of_circle(circle: Sequence[float], part: PartTable) -> Iterator[Face]:
     """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
     r, z, radius = circle
     stands = abs(z - radius) < COINCIDENT
@@ -136,12 +118,12 @@ def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
         (0, r, [0], "centre at r =", z),
     ]
     for axis, value, keys, words, height in lengths:
-        locations = tuple((*part.path, "circle_mm", key) for key in keys)
-        yield Face(part, axis, value, locations, f"{part.name}: {words} {value:g} mm", (r, height))
+        locations: tuple[Place, ...] = tuple((*part.place, "circle_mm", key) for key in keys)
+        yield Face(part, axis, value, locations, f"{part.label}: {words} {value:g} mm", (r, height))
 
 
 def _of_outline(
-    corners: Sequence[Sequence[float]], stand: Sequence[Sequence[tuple[Place, ...]]], part: _Part
+    corners: Sequence[Sequence[float]], stand: Sequence[Sequence[tuple[Place, ...]]], part: PartTable
 ) -> Iterator[Face]:
     """Runs of edges across an axis, the coordinates of all other corners, and contours.
 
@@ -161,13 +143,13 @@ def _of_outline(
             locations = _locations(run, stand, axis)
             if len(run) == 1:
                 r, z = corners[run[0]][:2]
-                label = f"{part.name}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
+                label = f"{part.label}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
                 yield Face(part, axis, value, locations, label, (r, z))
                 continue
             # The inside lies to the left of an outline that runs counter-clockwise
             side = (1 if area > 0.0 else -1) * (1 if (along[-1] > along[0]) == (axis == 1) else -1)
             words = "face" if axis else "bore" if side > 0 else "outer surface"
-            label = f"{part.name}: {words} at {'rz'[axis]} = {value:g} mm"
+            label = f"{part.label}: {words} at {'rz'[axis]} = {value:g} mm"
             at = _place(axis, value, 0.5 * (along[0] + along[-1]))
             flat.append((run, Face(part, axis, value, locations, label, at, (min(along), max(along)), side)))
             yield flat[-1][1]
@@ -200,16 +182,16 @@ def _contour(
     curved: Sequence[bool],
     axis: int,
     flat: Sequence[Face],
-    part: _Part,
+    part: PartTable,
     locations: tuple[Place, ...],
 ) -> Face:
     """All corners of a run, named by its longest flat face, or by its ends where it has none."""
-    key = f"{joined('', *part.path, 'polygon_mm')}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
+    key = f"{joined('', *part.place, 'polygon_mm')}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
     values, along = ([corners[k][across] for k in run] for across in (axis, 1 - axis))
     arcs = any(curved[k] for k in run[:-1])
     if not flat:
         ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
-        label = f"{part.name}: {'rounded edge' if arcs else 'slanted face'} from {ends}"
+        label = f"{part.label}: {'rounded edge' if arcs else 'slanted face'} from {ends}"
         middle = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
         return Face(part, axis, values[0], locations, label, middle, key=key)
     longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)

@@ -154,7 +154,7 @@ class CurrentSensor(Sensor):
     circuit: str = key("the name of the circuit; it may be left out where there is one alone", usual="")
     gain: float = 1.0
     offset: float = 0.0
-    kind: Literal["current"] = key('"current" for a sensor of a circuit\'s current', "current", needed=True)
+    kind: Literal["current"] = key('"current" for a sensor of a circuit\'s current', "current", required=True)
 
 
 class _Drawn(Record):
@@ -190,7 +190,7 @@ class PositionSensor(Sensor):
         usual=None,
     )
     unit: str = "V"  # V, or m where the reading is the distance itself
-    kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", needed=True)
+    kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", required=True)
 
     @classmethod
     def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
@@ -221,7 +221,7 @@ class PickupCoil(Sensor):
     vertices_m: tuple[tuple[float, float], ...] = ()
     turns: float = key("the number of turns", **TURNS)
     moves: bool = key("true for a coil that belongs to the moving part", False)
-    kind: Literal["pickup_coil"] = key('"pickup_coil" for a winding without current', "pickup_coil", needed=True)
+    kind: Literal["pickup_coil"] = key('"pickup_coil" for a winding without current', "pickup_coil", required=True)
 
 
 class AccelerationSensor(Sensor):
@@ -231,7 +231,9 @@ class AccelerationSensor(Sensor):
 
     # Whether it reads d'' - g, as accelerometers of silicon do: a body at rest that hangs reads 9.8 towards the magnet
     reads_gravity: bool = key("true for one that reads gravity too at rest, as MEMS accelerometers do", False)
-    kind: Literal["acceleration"] = key('"acceleration" for an accelerometer on the body', "acceleration", needed=True)
+    kind: Literal["acceleration"] = key(
+        '"acceleration" for an accelerometer on the body', "acceleration", required=True
+    )
 
 
 class ForceSensor(Sensor):
@@ -239,7 +241,7 @@ class ForceSensor(Sensor):
 
     UNIT = "N"
 
-    kind: Literal["force"] = key('"force" for a load cell that holds the body', "force", needed=True)
+    kind: Literal["force"] = key('"force" for a load cell that holds the body', "force", required=True)
 
 
 AnySensor: TypeAlias = HallElement | CurrentSensor | PositionSensor | PickupCoil | AccelerationSensor | ForceSensor

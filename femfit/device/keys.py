@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
-from functools import cache, cached_property
+from functools import cache
 from types import SimpleNamespace, UnionType
 from typing import Any, ClassVar, NamedTuple, dataclass_transform, get_args, get_origin, get_type_hints
 
@@ -97,16 +97,10 @@ class Key:
 
     says: str  # What to give, which is the remedy where it is missing or wrong
     file: str = ""  # Its name there, where it is not the field's; ``{unit}`` is the record's, here and above
-    ge: float | None = None
-    le: float | None = None
-    gt: float | None = None
-    lt: float | None = None
     count: tuple[tuple[int, int], ...] = ()  # Fewest and most members of a list, and of the lists in it
-    length: tuple[int, int | None] = (0, None)  # Of a text
-    pattern: str | None = None
     words: tuple[str, ...] = ()  # Names of directions, which may also be given as [r, z]
-    usual: Any = ...  # What the file takes where it is left out, if that is not the field's default
-    needed: bool = False  # Whether a table must have it though the field has a default
+    usual: Any = None  # What the file takes where it is left out, if that is not the field's default
+    required: bool = False  # Whether a table must have it, as where the field has no default
     kind: str = ""  # Of a number that a workshop may miss, of femfit.device.tolerances.KINDS
     ascending: bool = False
     monotone: bool = False  # A list that rises or falls throughout
@@ -115,8 +109,10 @@ class Key:
     form: type | None = None  # Record of a table whose values are read by a reader of its own
     older: bool = False  # Of schema 1: read, and no longer described
     any_name: bool = False  # Whether the tables may be named as one likes: no column or file is named after them
+    limits: Mapping[str, Any] = field(default_factory=dict)  # On each number or text, as pydantic calls them
     # From here on by the field, as :func:`keys_of` fills it in
     field: str = ""
+    power: int = 0  # Of ten, from the file's unit to the field's
     hint: Any = None
     records: tuple[Any, ...] = ()  # Of the table here, or of each table that has a name here
     named: bool = False
@@ -126,30 +122,10 @@ class Key:
         """What to do, as a sentence."""
         return f"Give {self.says}."
 
-    @cached_property
-    def power(self) -> int:
-        """Of ten, from the file's unit to the field's."""
-        unit = unit_of(self.file)
-        return 0 if not unit or self.field.endswith(f"_{unit}") else UNITS[unit].power
-
-    @property
-    def required(self) -> bool:
-        """Whether a table must have it."""
-        return self.usual is ...
-
     @property
     def is_number(self) -> bool:
         """Whether one number stands here, with or without None beside it."""
         return float in (self.hint, *(get_args(self.hint) if isinstance(self.hint, UnionType) else ()))
-
-    @property
-    def limits(self) -> dict[str, Any]:
-        """What a model file is held to: signs, since the drawing's other bounds are far from any actuator."""
-        least = self.ge if self.gt is None else self.gt
-        limits: dict[str, Any] = {} if self.lt is None else {"upper": self.lt}
-        if least is not None and least >= 0.0:
-            limits |= {"lower": 0.0} if self.ge == 0.0 else {"positive": True}
-        return limits
 
 
 def converted(value: Any, power: int) -> Any:
@@ -159,13 +135,22 @@ def converted(value: Any, power: int) -> Any:
     return scaled(value, power) if power and value is not None else value
 
 
+LIMITS = ("ge", "le", "gt", "lt", "min_length", "max_length", "pattern")
+
+
 def key(says: str, default: Any = MISSING, *, model: Mapping[str, Any] | None = None, **facts: Any) -> Any:
     """A field with its key: what to give, the default in the field's unit, and what :class:`Key` holds besides.
 
-    What a model file is held to follows from that, unless ``model`` says it.
+    A model file is held to ``model``, or else to signs, since the drawing's other bounds are far from any actuator.
     """
-    declared = Key(says, **facts)
-    return field(default=default, metadata={"drawn": declared, **declared.limits, **(model or {})})
+    limits = {name: facts.pop(name) for name in LIMITS if name in facts}
+    signs = {"upper": limits["lt"]} if "lt" in limits else {}
+    if limits.get("gt", limits.get("ge", -1.0)) >= 0.0:
+        signs |= {"lower": 0.0} if limits.get("ge") == 0.0 else {"positive": True}
+    return field(
+        default=default,
+        metadata={"drawn": Key(says, limits=limits, **{"usual": ..., **facts}), **signs, **(model or {})},
+    )
 
 
 def _keys_of(record: Any) -> dict[str, Key]:
@@ -190,11 +175,13 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
     alternatives = get_args(hint) if isinstance(hint, UnionType) or get_origin(hint) is tuple else (hint,)
     kinds = [kind for each in alternatives for kind in (each, *get_args(each))]
     records = tuple(kind for kind in kinds if is_dataclass(kind))
-    named = bool(records) and get_origin(hint) is tuple
-    bound = replace(declared, field=member.name, hint=hint, says=says, file=file, records=records, named=named)
-    if bound.needed or bound.usual is not ... or member.default is MISSING:
-        return bound
-    return replace(bound, usual=None if records else converted(member.default, -bound.power))
+    unit, usual = unit_of(file), declared.usual
+    power = 0 if not unit or member.name.endswith(f"_{unit}") else UNITS[unit].power
+    required = declared.required or (usual is ... and member.default is MISSING)
+    if usual is ...:
+        usual = None if required or records else converted(member.default, -power)
+    bound = replace(declared, field=member.name, hint=hint, says=says, file=file, records=records, power=power)
+    return replace(bound, named=bool(records) and get_origin(hint) is tuple, required=required, usual=usual)
 
 
 keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)

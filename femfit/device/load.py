@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import complain, read_table, read_tables, table_at
+from femfit.device.complaints import MistakeError, complain, read_table, read_tables, table_at
 from femfit.device.drawing import Drawing, read_drawing
 from femfit.device.keys import converted, scaled
 from femfit.device.parameters import read_design
@@ -54,9 +54,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
         raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
     version = data.get("schema")
     if isinstance(version, int) and version > SCHEMA_VERSION:
-        problems: list[str] = []
-        complain(problems, "later_schema", version=version, most=SCHEMA_VERSION)
-        raise ActuatorFileError(source, problems)
+        raise ActuatorFileError(source, [str(MistakeError("later_schema", version=version, most=SCHEMA_VERSION))])
     return data
 
 

@@ -113,16 +113,12 @@ def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
     names = [name.strip() for name in rows[0][1]] if rows else []
     if not set(HEADER) <= set(names):
         return None, [f"must have the columns {','.join(HEADER)}; {file.name} begins with {','.join(names)[:60]!r}."]
-    columns = [names.index(name) for name in HEADER]
-    values: list[tuple[float, float]] = []
-    problems: list[str] = []
+    columns, values, problems = [names.index(name) for name in HEADER], list[list[float]](), list[str]()
     for number, row in rows[1:]:
         try:
-            b, h = (float(row[column]) for column in columns)
+            values.append([float(row[column]) for column in columns])
         except (ValueError, IndexError):
             problems.append(f"must hold two numbers a line; line {number} of {file.name} is {','.join(row)[:60]!r}.")
-        else:
-            values.append((b, h))
     if problems:
         return None, problems[:5]
     return (tuple(b for b, _ in values), tuple(h for _, h in values)), []

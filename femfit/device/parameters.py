@@ -30,17 +30,16 @@ from femfit.device.complaints import (
     table_at,
 )
 from femfit.device.drawing import part_tables
-from femfit.device.keys import MAX_AXIS_POINTS, UNITS, Given, Key, RangeEntry, converted, decimal_sum, keys_of, unit_of
+from femfit.device.keys import MAX_AXIS_POINTS, UNITS, Given, Key, RangeEntry, decimal_sum, keys_of, scaled, unit_of
 from femfit.device.materials import LIBRARY
-from femfit.device.schema import PARAMETER, DesignEntry, KeyEntry, NamedParameterEntry, SampledEntry
+from femfit.device.schema import PARAMETER, KeyEntry, NamedParameterEntry, SampledEntry, SweepEntry
 from femfit.device.tolerances import nearest, numbers_of, with_value
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 PATH = "sweep.parameters"
-NUMBERS = Key(
-    "at least one number", count=((1, MAX_AXIS_POINTS),), hint=tuple[float, ...], stepped=RangeEntry, **PARAMETER
-)
-NAMES = Key("at least one name of a material in quotes", count=((1, MAX_AXIS_POINTS),), hint=tuple[str, ...])
+COUNT = ((1, MAX_AXIS_POINTS),)
+NUMBERS = Key("at least one number", count=COUNT, hint=tuple[float, ...], stepped=RangeEntry, limits=PARAMETER)
+NAMES = Key("at least one name of a material in quotes", count=COUNT, hint=tuple[str, ...])
 SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
 
 Value = float | str
@@ -64,26 +63,20 @@ class SweptParameter:
     @property
     def column(self) -> str:
         """Name in the table, which ends in the SI unit: ``sleeve_radius_mm`` is ``sleeve_radius_m`` there."""
-        stem = _stem(self.name)
-        unit = unit_of(stem)
-        positions, si = self.name.removeprefix(stem), UNITS[unit].si if self._power else unit
-        return f"{stem.removesuffix(f'_{unit}')}{positions}_{si}" if unit else self.name
+        stem, unit, si = self._unit
+        return f"{stem.removesuffix(f'_{unit}')}{self.name.removeprefix(stem)}_{si}" if unit else self.name
 
     def in_si(self, value: Value) -> Value:
         """A value of the file in the table's unit."""
-        number: Value = value if isinstance(value, str) else converted(value, self._power)
-        return number
+        _, unit, si = self._unit
+        return value if isinstance(value, str) or unit == si else scaled(value)
 
     @property
-    def _power(self) -> int:
-        """Of ten, from the file's unit to the table's, which has what is no thousandth in the file's."""
-        unit = UNITS.get(unit_of(_stem(self.name)))
-        return -3 if unit is not None and unit.power == -3 else 0
-
-
-def _stem(name: str) -> str:
-    """A key path without positions in a list at its end."""
-    return re.sub(r"(?:\[\d+\])*\Z", "", name)
+    def _unit(self) -> tuple[str, str, str]:
+        """The name without positions in a list at its end, its unit, and that of the table, of a thousandth another."""
+        stem = re.sub(r"(?:\[\d+\])*\Z", "", self.name)
+        unit = unit_of(stem)
+        return stem, unit, UNITS[unit].si if unit and UNITS[unit].power == -3 else unit
 
 
 @dataclass(frozen=True)
@@ -118,7 +111,7 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     ParameterDesign or None
         None without parameters, or if anything is wrong.
     """
-    entry = read_part(DesignEntry, data.get("sweep"))
+    entry = read_part(SweepEntry, data.get("sweep"), "parameters", "design", "samples", "seed")
     if entry is None or not entry.parameters:
         return None
     count, places = len(problems), _settable(data)

@@ -67,7 +67,7 @@ class LinearMaterial(Conductor, kw_only=False):
         1.0,
         ge=1e-6,
         le=1e7,
-        needed=True,
+        required=True,
         kind="permeability",
     )
     # B_r along the direction (negative: against it); zero for everything but magnets
@@ -91,9 +91,7 @@ class LinearMaterial(Conductor, kw_only=False):
 class _Curve(Record):
     """Key of a file with a magnetisation curve."""
 
-    bh_curve: str | None = key(
-        "a steel of the library, or a CSV file with columns B_T,H_A_per_m", None, length=(1, None)
-    )
+    bh_curve: str | None = key("a steel of the library, or a CSV file with columns B_T,H_A_per_m", None, min_length=1)
 
 
 class NonlinearMaterial(Conductor, kw_only=False):

@@ -114,9 +114,11 @@ class SomeSensor(Record):
     kind: Literal["hall", "current", "position", "pickup_coil", "acceleration", "force"] = key("one of them")
 
 
-class DesignEntry(Record):
-    """How a sweep's parameters are combined."""
+class SweepEntry(Record):
+    """``[sweep]``: its axes, and how its parameters are combined."""
 
+    current_A: tuple[float, ...] = key("ascending currents as a list or as { start, stop, step }", usual=None, **AXIS)
+    distance_mm: tuple[float, ...] = key("ascending distances as a list or as { start, stop, step }", **AXIS)
     parameters: Mapping[str, Any] = key(
         "what else is swept as a table [sweep.parameters], or leave it out", None, usual={}
     )
@@ -125,13 +127,6 @@ class DesignEntry(Record):
     )
     samples: int | None = key("the number of samples of a latin_hypercube", None, ge=2, le=MAX_AXIS_POINTS)
     seed: int = key("the seed of a latin_hypercube", 1, ge=0, le=2**63 - 1)
-
-
-class SweepEntry(DesignEntry):
-    """``[sweep]``."""
-
-    current_A: tuple[float, ...] = key("ascending currents as a list or as { start, stop, step }", usual=None, **AXIS)
-    distance_mm: tuple[float, ...] = key("ascending distances as a list or as { start, stop, step }", **AXIS)
 
 
 class KeyEntry(Record):
@@ -221,7 +216,7 @@ class FileEntry(Record):
     name: str = key(
         "a short name of letters, digits, - and _, after which directories are named",
         pattern=NAME_PATTERN,
-        length=(0, MAX_NAME),
+        max_length=MAX_NAME,
     )
     description: str = key("free text in quotes", "")
     materials: tuple[LinearMaterial | NonlinearMaterial, ...] = key(
