@@ -3,7 +3,7 @@
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -95,8 +95,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         tables = {**data, "mechanics": {"mass_g": of_body["mass_g"]} | given}
     file = Reading(data, {}, problems)
     _check_schema(file)
-    entries = read_tables(tables, problems)
-    file = replace(file, entries=entries)
+    file.entries.update(entries := read_tables(tables, problems))
     solver: SolverEntry = entries.get("solver", SolverEntry())
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     drawn = read_drawing(data, entries, directory or Path(), problems)

@@ -25,7 +25,7 @@ class Reading:
     """A file that is read."""
 
     data: Mapping[str, Any]
-    entries: Mapping[str, Any]  # Records of its tables by key path, without those in which anything is wrong
+    entries: dict[str, Any]  # Records of its tables by key path, without those in which anything is wrong
     problems: list[str]
 
     def complain(self, code: str, path: str = "", /, **facts: Any) -> None:
