@@ -89,11 +89,6 @@ class DrawnPart(PartTable):
     material: Material | None = None  # None for a winding and where the file's material is wrong
 
     @property
-    def name(self) -> str:
-        """As the file gives it."""
-        return self.place[-1]
-
-    @property
     def polygon(self) -> Polygon:
         """In mm, with chords for arcs."""
         return self.outline.polygon
@@ -214,7 +209,7 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
         part = DrawnPart(**vars(table), outline=drawn, material=material)
         if part.winding and drawn.polygon.bounds[0] <= 0:
             complain(problems, "winding_on_axis", path)
-        if not part.winding and part.moves and part.name in {each.name for each in parts if not each.moves}:
+        if not part.winding and part.moves and part.place[-1] in {each.place[-1] for each in parts if not each.moves}:
             complain(problems, "region_twice", path, body=fixed_key(data))
         parts.append(part)
     return Drawing(tuple(parts), len(parts) == len(tables))

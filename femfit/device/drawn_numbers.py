@@ -16,13 +16,15 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import Place, joined
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.keys import converted, decimal_sum, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
-from femfit.device.parts import Actuator, Coil, Material, Region
+from femfit.device.parts import Actuator, Coil, Region
 from femfit.device.read_device import hall_places
 from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances, value_at, with_value
 
@@ -222,17 +224,12 @@ def _materials(actuator: Actuator) -> _Suspects:
 def _with_material(actuator: Actuator, name: str, field: str, share: float) -> Actuator:
     """The actuator with a number, or with all numbers of a list, of a material more by a share."""
 
-    def changed(regions: Iterable[Region]) -> tuple[Region, ...]:
-        return tuple(
-            replace(each, material=scaled(each.material)) if each.material.name == name else each for each in regions
-        )
+    def changed(region: Region) -> Region:
+        if region.material.name != name:
+            return region
+        drawn: Any = np.asarray(getattr(region.material, field)) * (1.0 + share)
+        value: Any = tuple(drawn.tolist()) if drawn.ndim else float(drawn)
+        return replace(region, material=replace(region.material, **{field: value}))
 
-    def scaled(material: Material) -> Material:
-        drawn = getattr(material, field)
-        value: Any = (
-            tuple((1.0 + share) * each for each in drawn) if isinstance(drawn, tuple) else (1.0 + share) * drawn
-        )
-        return replace(material, **{field: value})
-
-    moving = replace(actuator.moving, regions=changed(actuator.moving.regions))
-    return replace(actuator, fixed=changed(actuator.fixed), moving=moving)
+    moving = replace(actuator.moving, regions=tuple(map(changed, actuator.moving.regions)))
+    return replace(actuator, fixed=tuple(map(changed, actuator.fixed)), moving=moving)

@@ -193,7 +193,7 @@ def kind_of(record: Any) -> str:
     return "" if kind is None else str(get_args(kind.hint)[0])
 
 
-def in_si(record: Any, given: Given, complain: Callable[..., None] | None = None, **more: Any) -> Any:
+def in_si(record: Any, given: Given, complain: Callable[..., None], **more: Any) -> Any:
     """The record of a table, its own fields converted; what is not there is as usual."""
     values = {}
     for name, declared in keys_of(record).items():
@@ -201,13 +201,13 @@ def in_si(record: Any, given: Given, complain: Callable[..., None] | None = None
         if member and not declared.records and (name in given.stated or member.default is MISSING):
             value = getattr(given, name)
             values[declared.field] = value if declared.hint is Any else converted(value, declared.power)
-    return record(**values | record.derived(given, complain or (lambda *_, **__: None)) | more)
+    return record(**values | record.derived(given, complain) | more)
 
 
 _ANY = LENGTH | {"kind": "length"}
 
 
-class OutlineEntry(Record, kw_only=False):
+class OutlineEntry(Record):
     """A box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
 
     r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, ascending=True, **_ANY)

@@ -161,7 +161,7 @@ def _check_schema(file: Reading) -> None:
 def _regions(drawn: Drawing, *, moves: bool) -> tuple[Region, ...]:
     parts = [part for part in drawn.of(moves=moves) if not part.winding]
     return tuple(
-        Region(part.name, converted(part.outline.corners, -3), part.material or AIR, part.outline.bulges)
+        Region(part.place[-1], converted(part.outline.corners, -3), part.material or AIR, part.outline.bulges)
         for part in parts
     )
 
@@ -174,30 +174,21 @@ def starter_text(name: str, title: str | None = None) -> str:
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
     """The manifest's ``actuator`` entry: circuits, motion, sensors, and what kind of actuator it is."""
-    supplied = {}
+    record, supplied, kind = json_ready(asdict(actuator)), {}, {}
+    names = "name", "description", "sample_time_s", "reference_distances_m", "circuits", "mechanics", "sensors"
     if len(actuator.circuits) == 1 and actuator.supplies_V:  # as measured tables without a drawing have it, too
-        names = "resistance_ohm", "voltage_min_V", "voltage_max_V"
-        supplied = {name: getattr(actuator.circuits[0], name) for name in names}
+        limits = "resistance_ohm", "voltage_min_V", "voltage_max_V"
+        supplied = {name: getattr(actuator.circuits[0], name) for name in limits}
+    for body, regions in (("fixed", actuator.fixed), ("moving", actuator.moving.regions)):
+        kind[f"{body}_magnet"] = any(region.material.remanence_T for region in regions)
+        kind[f"{body}_iron"] = any(is_iron(region.material) for region in regions)
     return {
-        "name": actuator.name,
-        "description": actuator.description,
+        **{name: record[name] for name in names},
         "mass_kg": actuator.mechanics.mass_kg,
         **supplied,
-        "sample_time_s": actuator.sample_time_s,
-        "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
-        "circuits": [json_ready(asdict(circuit)) for circuit in actuator.circuits],
         "coils": [{"name": coil.name, "turns": coil.turns, "moves": coil.moves} for coil in actuator.coils],
-        "mechanics": asdict(actuator.mechanics),
-        "sensors": [asdict(sensor) for sensor in actuator.sensors],
-        "kind": {
-            "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
-            "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
-            "fixed_iron": any(is_iron(region.material) for region in actuator.fixed),
-            "moving_iron": any(is_iron(region.material) for region in actuator.moving.regions),
-            "coil": bool(actuator.coils),
-            "saturates": actuator.saturates,
-        },
+        "kind": {**kind, "coil": bool(actuator.coils), "saturates": actuator.saturates},
     }
 
 

@@ -55,7 +55,7 @@ class Conductor(Record):
         """What is said of its heat; sheets conduct."""
         if given.lamination_mm and not given.conductivity_MS_per_m:
             complain("sheets")
-        return {"thermal": in_si(ThermalMaterial, given)}
+        return {"thermal": in_si(ThermalMaterial, given, complain)}
 
 
 class LinearMaterial(Conductor, kw_only=False):
