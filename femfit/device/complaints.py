@@ -26,16 +26,14 @@ MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinit
 Tables = Mapping[str, Any]
 
 
-@cache
-def _sentences() -> dict[str, str]:
-    return tomllib.loads((files("femfit.device") / "complaints.toml").read_text(encoding="utf-8"))
+_SENTENCES = tomllib.loads((files("femfit.device") / "complaints.toml").read_text(encoding="utf-8"))
 
 
 class MistakeError(ValueError):
     """A mistake in the table or the key at a path, which says the sentence of its code."""
 
     def __init__(self, code: str, path: str = "", /, **facts: Any) -> None:
-        super().__init__(_sentences()[code].format(path=path, **facts))
+        super().__init__(_SENTENCES[code].format(path=path, **facts))
 
 
 def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) -> None:

@@ -95,7 +95,7 @@ class Record:
 class Key:
     """What is said of a key beside its field's type and default; all numbers are in the file's unit."""
 
-    says: str  # What to give, which is the remedy where it is missing or wrong
+    remedy: str  # What to do where it is missing or wrong, as a sentence
     file: str = ""  # Its name there, where it is not the field's; ``{unit}`` is the record's, here and above
     count: tuple[tuple[int, int], ...] = ()  # Fewest and most members of a list, and of the lists in it
     words: tuple[str, ...] = ()  # Names of directions, which may also be given as [r, z]
@@ -116,16 +116,7 @@ class Key:
     hint: Any = None
     records: tuple[Any, ...] = ()  # Of the table here, or of each table that has a name here
     named: bool = False
-
-    @property
-    def remedy(self) -> str:
-        """What to do, as a sentence."""
-        return f"Give {self.says}."
-
-    @property
-    def is_number(self) -> bool:
-        """Whether one number stands here, with or without None beside it."""
-        return float in (self.hint, *(get_args(self.hint) if isinstance(self.hint, UnionType) else ()))
+    is_number: bool = False  # One, with or without None beside it
 
 
 def converted(value: Any, power: int) -> Any:
@@ -149,7 +140,7 @@ def key(says: str, default: Any = MISSING, *, model: Mapping[str, Any] | None = 
         signs |= {"lower": 0.0} if limits.get("ge") == 0.0 else {"positive": True}
     return field(
         default=default,
-        metadata={"drawn": Key(says, limits=limits, **{"usual": ..., **facts}), **signs, **(model or {})},
+        metadata={"drawn": Key(f"Give {says}.", limits=limits, **{"usual": ..., **facts}), **signs, **(model or {})},
     )
 
 
@@ -171,8 +162,9 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
     units = ((name, each.si) for name, each in UNITS.items() if member.name.endswith(f"_{each.si}"))
     in_file, si = next(units, ("", ""))
     file = (declared.file or f"{member.name.removesuffix(si)}{in_file}").replace("{unit}", unit)
-    says = declared.says.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
-    alternatives = get_args(hint) if isinstance(hint, UnionType) or get_origin(hint) is tuple else (hint,)
+    remedy = declared.remedy.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
+    listed = get_origin(hint) is tuple
+    alternatives = get_args(hint) if isinstance(hint, UnionType) or listed else (hint,)
     kinds = [kind for each in alternatives for kind in (each, *get_args(each))]
     records = tuple(kind for kind in kinds if is_dataclass(kind))
     unit, usual = unit_of(file), declared.usual
@@ -180,8 +172,9 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
     required = declared.required or (usual is ... and member.default is MISSING)
     if usual is ...:
         usual = None if required or records else converted(member.default, -power)
-    bound = replace(declared, field=member.name, hint=hint, says=says, file=file, records=records, power=power)
-    return replace(bound, named=bool(records) and get_origin(hint) is tuple, required=required, usual=usual)
+    bound = replace(declared, field=member.name, hint=hint, remedy=remedy, file=file, records=records, power=power)
+    named, is_number = bool(records) and listed, float in alternatives and not listed
+    return replace(bound, named=named, is_number=is_number, required=required, usual=usual)
 
 
 keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)

@@ -38,8 +38,8 @@ from femfit.device.tolerances import nearest, numbers_of, with_value
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 PATH = "sweep.parameters"
 COUNT = ((1, MAX_AXIS_POINTS),)
-NUMBERS = Key("at least one number", count=COUNT, hint=tuple[float, ...], stepped=RangeEntry, limits=PARAMETER)
-NAMES = Key("at least one name of a material in quotes", count=COUNT, hint=tuple[str, ...])
+NUMBERS = Key("Give at least one number.", count=COUNT, hint=tuple[float, ...], stepped=RangeEntry, limits=PARAMETER)
+NAMES = Key("Give at least one name of a material in quotes.", count=COUNT, hint=tuple[str, ...])
 SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
 
 Value = float | str
