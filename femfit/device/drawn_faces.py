@@ -99,13 +99,13 @@ def _faces(part: PartTable) -> Iterator[Face]:
         if corners[0] == corners[-1]:
             corners.pop()
             stand[0] = [first + last for first, last in zip(stand[0], stand.pop(), strict=True)]
-        yield from _of_outline(corners, stand, part)
+        yield from _Outline(part, corners, stand).faces()
     elif shape.circle_mm is not None:
         yield from _of_circle(shape.circle_mm, part)
     elif shape.r_mm is not None and shape.z_mm is not None:
         ends = (0, 1), (0, 0), (1, 0), (1, 1)
         stand = [[((*path, "r_mm", r),), ((*path, "z_mm", z),)] for r, z in ends]
-        yield from _of_outline([(shape.r_mm[r], shape.z_mm[z]) for r, z in ends], stand, part)
+        yield from _Outline(part, [(shape.r_mm[r], shape.z_mm[z]) for r, z in ends], stand).faces()
 
 
 def _of_circle(circle: Sequence[float], part: PartTable) -> Iterator[Face]:
@@ -122,45 +122,67 @@ def _of_circle(circle: Sequence[float], part: PartTable) -> Iterator[Face]:
         yield Face(part, axis, value, locations, f"{part.label}: {words} {value:g} mm", (r, height))
 
 
-def _of_outline(
-    corners: Sequence[Sequence[float]], stand: Sequence[Sequence[tuple[Place, ...]]], part: PartTable
-) -> Iterator[Face]:
-    """Runs of edges across an axis, the coordinates of all other corners, and contours.
+@dataclass(frozen=True)
+class _Outline:
+    """Corners of a part (r, z, and the angle of an arc to the next), whose r and z each stand at places of the file."""
 
-    Each corner's r and z stand at locations of the file.
-    """
-    count = len(corners)
-    following = [*corners[1:], corners[0]]
-    area = sum(start[0] * end[1] - end[0] * start[1] for start, end in zip(corners, following, strict=True))
-    # Whether each edge is straight and lies at one coordinate
-    curved = [len(corner) == 3 and bool(corner[2]) for corner in corners]
-    edges = list(zip(corners, following, curved, strict=True))
-    joins = [[not arc and abs(start[axis] - end[axis]) < COINCIDENT for start, end, arc in edges] for axis in (0, 1)]
-    for axis in (0, 1):
-        flat = []
-        for run in _runs(joins[axis]):
-            value, along = corners[run[0]][axis], [corners[corner][1 - axis] for corner in run]
-            locations = _locations(run, stand, axis)
-            if len(run) == 1:
-                r, z = corners[run[0]][:2]
-                label = f"{part.label}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
-                yield Face(part, axis, value, locations, label, (r, z))
-                continue
-            # The inside lies to the left of an outline that runs counter-clockwise
-            side = (1 if area > 0.0 else -1) * (1 if (along[-1] > along[0]) == (axis == 1) else -1)
-            words = "face" if axis else "bore" if side > 0 else "outer surface"
-            label = f"{part.label}: {words} at {'rz'[axis]} = {value:g} mm"
-            at = _place(axis, value, 0.5 * (along[0] + along[-1]))
-            flat.append((run, Face(part, axis, value, locations, label, at, (min(along), max(along)), side)))
-            yield flat[-1][1]
-        for run in _runs([not is_joined for is_joined in joins[1 - axis]]):
-            if 1 < len(run) < count and not all(joins[axis][k] for k in run[:-1]):
-                over = [face for place, face in flat if place[0] in run]
-                yield _contour(run, corners, curved, axis, over, part, _locations(run, stand, axis))
+    part: PartTable
+    corners: Sequence[Sequence[float]]
+    stand: Sequence[Sequence[tuple[Place, ...]]]
 
+    def faces(self) -> Iterator[Face]:
+        """Runs of edges across an axis, the coordinates of all other corners, and contours."""
+        corners, count = self.corners, len(self.corners)
+        edges = list(zip(range(count), corners, [*corners[1:], corners[0]], strict=True))
+        area = sum(start[0] * end[1] - end[0] * start[1] for _, start, end in edges)
+        # Whether each edge is straight and lies at one coordinate
+        joins = [
+            [not self.is_arc(k) and abs(start[axis] - end[axis]) < COINCIDENT for k, start, end in edges]
+            for axis in (0, 1)
+        ]
+        for axis in (0, 1):
+            flat = []
+            for run in _runs(joins[axis]):
+                value, along = corners[run[0]][axis], [corners[corner][1 - axis] for corner in run]
+                if len(run) == 1:
+                    r, z = corners[run[0]][:2]
+                    label = f"{self.part.label}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
+                    yield Face(self.part, axis, value, self.locations(run, axis), label, (r, z))
+                    continue
+                # The inside lies to the left of an outline that runs counter-clockwise
+                side = (1 if area > 0.0 else -1) * (1 if (along[-1] > along[0]) == (axis == 1) else -1)
+                words = "face" if axis else "bore" if side > 0 else "outer surface"
+                label = f"{self.part.label}: {words} at {'rz'[axis]} = {value:g} mm"
+                span, at = (min(along), max(along)), _place(axis, value, 0.5 * (along[0] + along[-1]))
+                face = Face(self.part, axis, value, self.locations(run, axis), label, at, span, side)
+                flat.append((run, face))
+                yield face
+            for run in _runs([not is_joined for is_joined in joins[1 - axis]]):
+                if 1 < len(run) < count and not all(joins[axis][k] for k in run[:-1]):
+                    yield self.contour(run, axis, [face for place, face in flat if place[0] in run])
 
-def _locations(run: Sequence[int], stand: Sequence[Sequence[tuple[Place, ...]]], axis: int) -> tuple[Place, ...]:
-    return tuple(dict.fromkeys(place for corner in run for place in stand[corner][axis]))
+    def is_arc(self, corner: int) -> bool:
+        """Whether the edge from a corner is one."""
+        return len(self.corners[corner]) == 3 and bool(self.corners[corner][2])
+
+    def locations(self, run: Sequence[int], axis: int) -> tuple[Place, ...]:
+        """Places of a run's coordinates in the file."""
+        return tuple(dict.fromkeys(place for corner in run for place in self.stand[corner][axis]))
+
+    def contour(self, run: Sequence[int], axis: int, flat: Sequence[Face]) -> Face:
+        """All corners of a run, named by its longest flat face, or by its ends where it has none."""
+        key = f"{joined('', *self.part.place, 'polygon_mm')}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
+        values, along = ([self.corners[k][across] for k in run] for across in (axis, 1 - axis))
+        curved, locations = any(map(self.is_arc, run[:-1])), self.locations(run, axis)
+        if not flat:
+            ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
+            label = f"{self.part.label}: {'rounded edge' if curved else 'slanted face'} from {ends}"
+            middle = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
+            return Face(self.part, axis, values[0], locations, label, middle, key=key)
+        longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)
+        span, slope = (min(along), max(along)), "its curve" if curved else "its cone"
+        label, first = f"{longest.label} with {slope}", longest.locations[0]
+        return replace(longest, locations=locations, span=span, key=key, flat=first, slope=slope, label=label)
 
 
 def _place(axis: int, value: float, across: float) -> tuple[float, float]:
@@ -174,27 +196,3 @@ def _runs(joins: Sequence[bool]) -> Iterator[list[int]]:
     order = [(start + step) % count for step in range(count)]
     breaks = [0, *(step + 1 for step, k in enumerate(order[:-1]) if not joins[k]), count]
     yield from (order[first:last] for first, last in pairwise(breaks))
-
-
-def _contour(
-    run: Sequence[int],
-    corners: Sequence[Sequence[float]],
-    curved: Sequence[bool],
-    axis: int,
-    flat: Sequence[Face],
-    part: PartTable,
-    locations: tuple[Place, ...],
-) -> Face:
-    """All corners of a run, named by its longest flat face, or by its ends where it has none."""
-    key = f"{joined('', *part.place, 'polygon_mm')}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
-    values, along = ([corners[k][across] for k in run] for across in (axis, 1 - axis))
-    arcs = any(curved[k] for k in run[:-1])
-    if not flat:
-        ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
-        label = f"{part.label}: {'rounded edge' if arcs else 'slanted face'} from {ends}"
-        middle = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
-        return Face(part, axis, values[0], locations, label, middle, key=key)
-    longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)
-    span, slope = (min(along), max(along)), "its curve" if arcs else "its cone"
-    label, first = f"{longest.label} with {slope}", longest.locations[0]
-    return replace(longest, locations=locations, span=span, key=key, flat=first, slope=slope, label=label)

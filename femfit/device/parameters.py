@@ -85,22 +85,17 @@ class ParameterDesign:
 
     parameters: tuple[SweptParameter, ...]
     points: Points  # One a variant, one value a parameter, in the file's units or a material's name
+    places: Mapping[str, Place]  # Of what a parameter can set, by key path
 
     def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
         """The file of a variant, without ``[sweep.parameters]``."""
-        tables, places = deepcopy(dict(data)), _settable(data)
+        tables = deepcopy(dict(data))
         tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in ("current_A", "distance_mm")}
         for parameter, value in zip(self.parameters, point, strict=True):
             for key in parameter.keys:
                 number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
-                with_value(tables, places[key.path], number)
+                with_value(tables, self.places[key.path], number)
         return tables
-
-
-def _settable(data: Mapping[str, Any]) -> dict[str, Place]:
-    """What a parameter can set, by key path: every number, and the materials that regions name."""
-    materials = [(*part.place, "material") for part in part_tables(data) if not part.winding]
-    return numbers_of(data) | {joined("", *place): place for place in materials}
 
 
 def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign | None:
@@ -114,7 +109,8 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     entry = read_part(SweepEntry, data.get("sweep"), "parameters", "design", "samples", "seed")
     if entry is None or not entry.parameters:
         return None
-    count, places = len(problems), _settable(data)
+    materials = [(*part.place, "material") for part in part_tables(data) if not part.winding]
+    count, places = len(problems), numbers_of(data) | {joined("", *place): place for place in materials}
     known = tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
     read = [_parameter(name, table, places, known, problems) for name, table in _flat(entry.parameters).items()]
     parameters = tuple(parameter for parameter in read if parameter is not None)
@@ -129,7 +125,7 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
                 complain(problems, "key_twice", joined(PATH, parameter.name), key=key.path, owner=owners[place])
             owners[place] = parameter.name
     points = _points(entry, parameters, problems) if len(problems) == count else ()
-    return ParameterDesign(parameters, points) if len(problems) == count else None
+    return ParameterDesign(parameters, points, places) if len(problems) == count else None
 
 
 def _flat(tables: Mapping[str, Any], path: str = "") -> dict[str, Any]:
