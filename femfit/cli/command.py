@@ -17,7 +17,7 @@ from cyclopts.validators import Number
 
 from femfit import __version__
 from femfit.core.errors import UsageError
-from femfit.core.files import RESULT, require_outputs, write_json
+from femfit.core.files import RESULT, Kind, require_outputs, write_json
 from femfit.core.text import counted
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ class Writes:
 
     Attributes
     ----------
-    kind : str or function
-        Kind of the file, as in :mod:`femfit.core.files`, or what gives it of the command's arguments; without one,
+    kind : Kind or function
+        Of the file, as in :mod:`femfit.core.files`, or what gives it of the command's arguments; without one,
         what is written there looks after itself.
     name : str
         Name of the file in the directory that the option names.
@@ -55,7 +55,7 @@ class Writes:
         The path where the option is not given, of the command's other arguments.
     """
 
-    kind: str | Callable[[Mapping[str, Any]], str] | None = None
+    kind: Kind | Callable[[Mapping[str, Any]], Kind] | None = None
     name: str = ""
     default: Callable[[Mapping[str, Any]], Path] | None = None
 
@@ -154,10 +154,10 @@ def _conclude(outcome: Outcome, json: Path | None, *, verbose: bool) -> None:
 
 def _paths(
     signature: inspect.Signature, arguments: dict[str, Any]
-) -> tuple[list[Path], list[tuple[Path | None, str | None]]]:
+) -> tuple[list[Path], list[tuple[Path | None, Kind | None]]]:
     """Paths that are read, those of groups of options too, and files that are written, defaults filled in."""
     read: list[Path] = []
-    outputs: list[tuple[Path | None, str | None]] = []
+    outputs: list[tuple[Path | None, Kind | None]] = []
     for name, parameter in signature.parameters.items():
         metadata = getattr(parameter.annotation, "__metadata__", ())
         written = [entry for entry in metadata if isinstance(entry, Writes)]
@@ -165,7 +165,7 @@ def _paths(
             if arguments[name] is None and writes.default is not None:
                 arguments[name] = writes.default(arguments)
             if arguments[name] is not None and writes.kind is not None:
-                kind = writes.kind if isinstance(writes.kind, str) else writes.kind(arguments)
+                kind = writes.kind if isinstance(writes.kind, Kind) else writes.kind(arguments)
                 outputs.append((arguments[name] / writes.name, kind))
         if not written:
             value = arguments[name]

@@ -23,7 +23,7 @@ from femfit.cli.command import (
     parsed,
 )
 from femfit.core.errors import UsageError
-from femfit.core.files import LOOP, OPEN_LOOP, PICTURE
+from femfit.core.files import LOOP, OPEN_LOOP, PICTURE, Kind
 
 ControllerOption = Literal["backstepping", "pid", "state-feedback"]
 FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -137,7 +137,7 @@ class LoopOptions:
 _UNDRIVEN, _NO_LOOP = OpenLoopOptions(), LoopOptions()
 
 
-def _series(arguments: Mapping[str, Any]) -> str:
+def _series(arguments: Mapping[str, Any]) -> Kind:
     return LOOP if arguments["drive_options"] == _UNDRIVEN else OPEN_LOOP
 
 

@@ -79,19 +79,16 @@ class Library:
         self._points.argtypes = (ctypes.c_longlong, *(ctypes.c_void_p, ctypes.c_longlong) * 2)
 
     def __call__(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
-        """The output (entries, count) of inputs (entries, count), or (entries,) where one holds for all points."""
+        """The output (entries, count) of inputs (entries, count), or (entries, 1) where one holds for all points."""
         block = min(count, BLOCK)
         given, result = np.empty((self._entries, block)), np.empty((self._rows, count))
         for first in range(0, count, BLOCK):
             points, end = min(block, count - first), 0
             for x in inputs:
                 start, end = end, end + len(x)
-                alike = x.ndim == 2 and x.shape[1] == 1
-                given[start:end, :points] = x if alike else x[:, first : first + points] if x.ndim == 2 else x[:, None]
+                given[start:end, :points] = x if x.shape[1] == 1 else x[:, first : first + points]
             if self._points(points, given.ctypes.data, block, result[:, first:].ctypes.data, count):
-                raise FloatingPointError(
-                    "A compiled function could not be worked out."
-                )  # CasADi's functions of SX always can
+                raise FloatingPointError("A compiled function failed.")  # CasADi's functions of SX never do
         return result
 
 

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from zipfile import BadZipFile
 
 import numpy as np
@@ -115,63 +115,54 @@ def path_of(value: object, what: str) -> Path:
     return Path(value)
 
 
-MODEL, RESULT, MANIFEST = "a model file", "a JSON result", "the manifest of a sweep"
-NOTES, DRAWING = "a table's sidecar", "an actuator file"
-SWEEP, BENCH = "a sweep table", "a bench table"
-INTEGRATED, LOOP = "an integrated record", "a simulated loop's record"
-OPEN_LOOP, REPLAYED = "a simulated motion's record", "a record with estimates"
-PAGE, PICTURE, PARAVIEW = "an HTML page", "a picture", "a ParaView file"
+class Kind(NamedTuple):
+    """A kind of file that femfit writes."""
 
-_TABLES = {
-    LOOP: b"estimated_distance_m",
-    INTEGRATED: b"offset_v",
-    OPEN_LOOP: b"static_force_n",
-    REPLAYED: b"_innovation_",
-}
-"""Columns that only tables of femfit have: of simulate, observe and integrate, in lower case."""
+    words: str
+    suffixes: tuple[str, ...] = ()  # Of one that is written in one format
+    # What stands at the begin or at the end of one that femfit wrote, in lower case; of tables, a column of its own
+    marks: tuple[bytes, ...] = ()
 
-_MARKS = {kind: (mark,) for kind, mark in _TABLES.items()} | {
-    MODEL: (b'"magnetics":',),
-    RESULT: (b'"written_by": "femfit',),
-    MANIFEST: (b"{",),
-    PAGE: (b'name="generator" content="femfit"',),
-    NOTES: (b'notes = "flux linkage integrated from the coil voltage',),
-    DRAWING: (b"# imported from the femm model", b"# calibrated by femfit from"),
-    PICTURE: (b"\x89png", b"%pdf", b"<svg"),
-    PARAVIEW: (b"<vtkfile",),
-}
-"""Of what stands at the begin or at the end of a file of a kind that femfit wrote, in lower case."""
 
+MODEL = Kind("a model file", (".json",), (b'"magnetics":',))
+RESULT = Kind("a JSON result", (".json",), (b'"written_by": "femfit',))
+MANIFEST = Kind("the manifest of a sweep", (".json",), (b"{",))
+NOTES = Kind("a table's sidecar", (".toml",), (b'notes = "flux linkage integrated from the coil voltage',))
+DRAWING = Kind("an actuator file", (".toml",), (b"# imported from the femm model", b"# calibrated by femfit from"))
+SWEEP = Kind("a sweep table")
+BENCH = Kind("a bench table", (".csv",))
+LOOP = Kind("a simulated loop's record", (".csv",), (b"estimated_distance_m",))
+INTEGRATED = Kind("an integrated record", (), (b"offset_v",))
+OPEN_LOOP = Kind("a simulated motion's record", (), (b"static_force_n",))
+REPLAYED = Kind("a record with estimates", (".csv",), (b"_innovation_",))
+PAGE = Kind("an HTML page", (".html", ".htm"), (b'name="generator" content="femfit"',))
+PICTURE = Kind("a picture", (), (b"\x89png", b"%pdf", b"<svg"))
+PARAVIEW = Kind("a ParaView file", (), (b"<vtkfile",))
+
+_TABLE = Kind("a table", (), tuple(mark for kind in (LOOP, INTEGRATED, OPEN_LOOP, REPLAYED) for mark in kind.marks))
 _BY_SUFFIX = {
-    ".html": PAGE, ".vtu": PARAVIEW, ".json": RESULT, **dict.fromkeys((".png", ".svg", ".pdf"), PICTURE),
-    **dict.fromkeys((".csv", ".parquet"), "a table"),
+    ".html": PAGE, ".vtu": PARAVIEW, ".json": RESULT, ".png": PICTURE, ".svg": PICTURE, ".pdf": PICTURE,
+    ".csv": _TABLE, ".parquet": _TABLE,
 }  # fmt: skip
-
-_SUFFIXES = {
-    **dict.fromkeys((MODEL, RESULT, MANIFEST), (".json",)),
-    **dict.fromkeys((NOTES, DRAWING), (".toml",)),
-    **dict.fromkeys((BENCH, LOOP, REPLAYED), (".csv",)),
-    PAGE: (".html", ".htm"),
-}
-"""Kinds that are written in one format, and the suffixes that say so."""
-
+_OTHER = _TABLE._replace(words="a result")
 _OTHER_FORMATS = {".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".npz", ".toml", ".xml", ".fem", ".docx"}
 
 _MARKED = 2**16
 """Bytes at the begin, and at the end, of a file in which its mark stands: of a Parquet table at the end."""
 
 
-def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, str | None]) -> None:
+def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, Kind | None]) -> None:
     """Refuse outputs that would replace an input, each other or what femfit did not write as a file of that kind.
 
     A path of None stands for an option that was not given, a kind of None for that of the file's suffix.
     """
     read = {os.path.realpath(path) for path in inputs if path is not None}  # of a link to itself, too
     written: set[str] = set()
-    for path, kind in outputs:
+    for path, stated in outputs:
         if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
             continue
-        place = os.path.realpath(path)
+        place, suffix = os.path.realpath(path), path.suffix.lower()
+        kind = stated or _BY_SUFFIX.get(suffix, _OTHER)
         if place in read:
             raise OutputError(f"{path} is what this command reads; its result would replace it. Choose another name.")
         if place in written:
@@ -179,24 +170,23 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
         written.add(place)
         if path.is_dir():
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
-        fitting, suffix = _SUFFIXES.get(kind or "", ()), path.suffix.lower()
-        if fitting and suffix not in fitting and suffix in {*_BY_SUFFIX, *_OTHER_FORMATS}:
+        if kind.suffixes and suffix not in kind.suffixes and suffix in {*_BY_SUFFIX, *_OTHER_FORMATS}:
             raise OutputError(
-                f"{path} is to hold {kind}, which is not written as {suffix}. Give a name that ends in {fitting[0]}."
+                f"{path} is to hold {kind.words}, which is not written as {suffix}. Give a name that ends in "
+                f"{kind.suffixes[0]}."
             )
-        wanted = kind or _BY_SUFFIX.get(suffix, "a result")
-        if path.is_file() and path.stat().st_size and not _is_of(path, wanted):
+        if path.is_file() and path.stat().st_size and not _is_of(path, kind):
             raise OutputError(
-                f"{path} was not written by femfit as {wanted}, which would replace it. Choose another name, or delete "
-                "that file."
+                f"{path} was not written by femfit as {kind.words}, which would replace it. Choose another name, or "
+                "delete that file."
             )
 
 
-def _is_of(path: Path, kind: str) -> bool:
+def _is_of(path: Path, kind: Kind) -> bool:
     """Whether a file is one of a kind that femfit wrote."""
-    if kind == SWEEP:
+    if kind is SWEEP:
         return path.stem == "sweep" and path.with_name("manifest.json").is_file()
-    if kind == BENCH:
+    if kind is BENCH:
         return _is_of(path.with_suffix(".toml"), NOTES)
     if not path.is_file():
         return False
@@ -204,7 +194,7 @@ def _is_of(path: Path, kind: str) -> bool:
         text = file.read(_MARKED)
         file.seek(-min(_MARKED, path.stat().st_size), os.SEEK_END)
         text = (text + file.read()).lower()
-    return any(mark in text for mark in _MARKS.get(kind, tuple(_TABLES.values())))
+    return any(mark in text for mark in kind.marks)
 
 
 Made = TypeVar("Made")

@@ -310,27 +310,27 @@ class GraphFunction:
 
     def __call__(self, *inputs: FloatArray) -> FloatArray:
         """The output (entries, N) of inputs (entries, N), or (entries,) where one holds for all points."""
-        counts = {x.shape[1] for x in inputs if x.ndim == 2}
+        columns = [x if x.ndim == 2 else x[:, None] for x in inputs]
+        counts = {x.shape[1] for x in columns}
         count = max(counts, default=1) if 0 not in counts else 0
-        if [x.shape[0] for x in inputs] != self._sizes or not counts <= {1, count}:
+        if [x.shape[0] for x in columns] != self._sizes or not counts <= {1, count}:
             raise ValueError(
                 f"A function of {self._sizes} numbers must have inputs of as many rows, and of one point or as many as "
                 f"the others; instead received {[x.shape for x in inputs]}."
             )
         if (library := self._compilation.after(count)) is not None:
-            return library(inputs, count)
+            return library(columns, count)
         result = np.empty((self.output.numel(), count))
         # Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic
         if count <= NUMPY_US * self.operations / (CALL_US + INSTRUCTION_US * self.operations):
             for k in range(count):
-                result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
+                result[:, k] = self.point(*(x[:, min(k, x.shape[1] - 1)] for x in columns))
             return result
         if count <= (block := self._block):
-            return self._in_numpy(inputs, count).copy()
+            return self._in_numpy(columns, count).copy()
         for first in range(0, count, block):
             part = slice(first, min(first + block, count))
-            own = [x[:, part] if x.ndim == 2 and x.shape[1] > 1 else x for x in inputs]
-            result[:, part] = self._in_numpy(own, part.stop - first)
+            result[:, part] = self._in_numpy([x[:, part] if x.shape[1] > 1 else x for x in columns], part.stop - first)
         return result
 
     @cached_property

@@ -48,8 +48,7 @@ class Journal:
         self._file = (directory / JOURNAL_NAME).open("a+b", buffering=0)
         try:
             self._lock(directory)
-            self._make_room(header, directory)
-            self._length = self._read()
+            self._length = self._read(self._taken_up(header, directory))
             self._file.truncate(self._length)  # drops a line that a kill cut short
         except BaseException:
             self._file.close()
@@ -100,45 +99,42 @@ class Journal:
                 f"{directory} is in use by another femfit process. Wait for it, or use another directory with -o."
             ) from error
 
-    def _make_room(self, header: JournalHeader, directory: Path) -> None:
-        """Put a journal of another configuration aside, and take this one's up again where it was put aside."""
+    def _taken_up(self, header: JournalHeader, directory: Path) -> bytes:
+        """What this configuration's journal holds, also where it was put aside; that of another is put aside."""
         self._file.seek(0)
-        first = _header(self._file.readline())
+        content = self._file.read()
+        first = _header(content)
+        if first is not None and first.configuration_hash == header.configuration_hash:
+            return content
         aside = _kept(directory, header.configuration_hash)
-        if first is None and (end := self._file.tell()):
-            self._file.seek(end - 1)
-            cut_short = self._file.read(1) != b"\n"
-            self.changed = () if cut_short or aside.exists() else ("the journal's first line, which is damaged",)
-            self._file.truncate(0)
-        elif first is not None and first.configuration_hash != header.configuration_hash:
-            if not aside.exists():
-                changed = tuple(name for name, content in header.parts.items() if first.parts.get(name) != content)
-                self.changed = changed if first.parts else ("the version of femfit",)
-            self._file.seek(0)
-            _kept(directory, first.configuration_hash).write_bytes(self._file.read())
-            self._file.truncate(0)
-            first = None
-        if first is None and aside.exists():
-            self._file.truncate(0)
-            self._file.write(aside.read_bytes())  # into the same file, which is the locked one
+        if first is not None:
+            _kept(directory, first.configuration_hash).write_bytes(content)
+        elif b"\n" in content and not aside.exists():
+            self.changed = ("the journal's first line, which is damaged",)
+        self._file.truncate(0)
+        if aside.exists():
+            again = aside.read_bytes()
+            self._file.write(again)  # into the same file, which is the locked one
             aside.unlink()
+            return again
+        if first is not None:
+            changed = tuple(name for name, content in header.parts.items() if first.parts.get(name) != content)
+            self.changed = changed if first.parts else ("the version of femfit",)
+        return b""
 
-    def _read(self) -> int:
-        """Fill ``finished`` from an existing journal; return the length of its complete lines."""
-        length, first = 0, True
-        self._file.seek(0)
-        for line in self._file.read().splitlines(keepends=True):
-            entry = _parse(line)
-            if entry is None:
+    def _read(self, content: bytes) -> int:
+        """Fill ``finished`` from a journal; return the length of its complete lines."""
+        if _header(content) is None:
+            return 0
+        length = content.index(b"\n") + 1
+        for line in content[length:].splitlines(keepends=True):
+            entry = _parse(line) or {}
+            key, result = entry.get("key"), entry.get("result")
+            if not isinstance(key, str) or not isinstance(result, dict):
                 break
-            if not first:
-                key, result = entry.get("key"), entry.get("result")
-                if not isinstance(key, str) or not isinstance(result, dict):
-                    break
-                if entry.get("checksum") != _checksum(key, result):
-                    break  # what is damaged is dropped with all behind it, and worked out again
-                self.finished[key] = result
-            first = False
+            if entry.get("checksum") != _checksum(key, result):
+                break  # what is damaged is dropped with all behind it, and worked out again
+            self.finished[key] = result
             length += len(line)
         return length
 
@@ -159,9 +155,9 @@ def _kept(directory: Path, configuration_hash: str) -> Path:
     return directory / f"journal-{configuration_hash[:12]}.jsonl"
 
 
-def _header(line: bytes) -> JournalHeader | None:
+def _header(content: bytes) -> JournalHeader | None:
     """What a journal belongs to, by its first line; None where that does not say it."""
-    entry = _parse(line) or {}
+    entry = _parse(content[: content.find(b"\n") + 1]) or {}
     hashed, parts = entry.get("configuration_hash"), entry.get("parts", {})  # no parts before there were any
     if not isinstance(hashed, str) or not re.fullmatch(r"[0-9a-f]+", hashed) or not isinstance(parts, dict):
         return None
@@ -172,15 +168,9 @@ def _checksum(key: str, result: Mapping[str, Any]) -> int:
     return zlib.crc32(json.dumps([key, result]).encode())
 
 
-def _refused(text: str) -> float:
-    raise ValueError(f"{text} is the result of no computation")
-
-
 def _parse(line: bytes) -> dict[str, Any] | None:
-    if not line.endswith(b"\n"):
-        return None
     try:
-        entry = json.loads(line, parse_constant=_refused)
+        entry = json.loads(line)
     except (ValueError, RecursionError):
         return None
-    return entry if isinstance(entry, dict) else None
+    return entry if isinstance(entry, dict) and line.endswith(b"\n") else None

@@ -125,7 +125,7 @@ class Tape:
         self._local = threading.local()
 
     def __call__(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
-        """The output (entries, count), overwritten by the next call, of inputs (entries, count) or (entries,)."""
+        """The output (entries, count), overwritten by the next call, of inputs (entries, count) or (entries, 1)."""
         bound: dict[int, Any] = self._local.__dict__.setdefault("bound", {})  # of this thread alone
         if count not in bound:
             while len(bound) > 1:
@@ -133,7 +133,7 @@ class Tape:
             bound[count] = self._bind(count)
         given, instructions, result = bound[count]
         for row, x in zip(given, inputs, strict=True):
-            np.copyto(row, x if x.ndim == 2 else x[:, None])
+            np.copyto(row, x)
         with np.errstate(all="ignore"):
             for do, operands, out in instructions:
                 do(*operands, out=out)

@@ -32,12 +32,15 @@ def amount(value: float | None, unit: str, digits: int = 2) -> str:
     unit = _unit_of(unit)
     if value is None or not math.isfinite(value):
         return "unknown"
+    factor, shown = _shown(abs(float(f"{value:.{digits - 1}e}")), unit)
+    return f"{f'{value:.{max(digits, 3)}g}' if unit == 'C' else rounded(factor * value, digits)} {shown}"
+
+
+def _shown(size: float, unit: str) -> tuple[float, str]:
+    """Factor and words of a unit, after the size of what is said in it."""
     if unit in _SHARES:
-        return f"{rounded(100.0 * value, digits)} %{unit[1:].replace('/', ' per ').replace('^2', ' squared')}"
-    if unit == "C":
-        return f"{value:.{max(digits, 3)}g} °C"
-    factor, prefixed = _scale(abs(float(f"{value:.{digits - 1}e}")), unit)
-    return f"{rounded(factor * value, digits)} {prefixed}"
+        return 100.0, f"%{unit[1:].replace('/', ' per ').replace('^2', ' squared')}"
+    return (1.0, "°C") if unit == "C" else _scale(size, unit)
 
 
 def _unit_of(name: str) -> str:
@@ -78,19 +81,13 @@ def _in_common(low: float, high: float, unit: str, digits: int) -> tuple[float, 
     largest, width = max(abs(low), abs(high)), abs(high - low)
     if not math.isfinite(low) or not math.isfinite(high) or largest == 0.0:
         return None
-    shown = _unit_of(unit)
-    if shown == "C":
-        factor, prefixed = 1.0, "°C"
-    elif shown in _SHARES:
-        factor, prefixed = 100.0, amount(0.0, unit).partition(" ")[2]
-    else:
-        factor, prefixed = _scale(float(f"{largest:.{digits - 1}e}"), shown)
+    factor, shown = _shown(float(f"{largest:.{digits - 1}e}"), _unit_of(unit))
     if not 1e-5 <= factor * largest < 1e6:
         return None
     # A digit of the width where the ends are near each other, and one of an end that is far smaller
     wanted = [(factor * largest, digits), (factor * width, 1), *((factor * abs(end), 1) for end in (low, high) if end)]
     places = max(0, -max(min(_place(*place) for place in wanted), _place(factor * largest, _MOST_DIGITS)))
-    return factor, places, prefixed
+    return factor, places, shown
 
 
 def _place(value: float, digits: int) -> int:

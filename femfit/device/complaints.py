@@ -26,14 +26,33 @@ MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinit
 Tables = Mapping[str, Any]
 
 
-@cache
-def _sentences() -> dict[str, str]:
-    return tomllib.loads((files("femfit.device") / "complaints.toml").read_text(encoding="utf-8"))
+_SENTENCES = tomllib.loads((files("femfit.device") / "complaints.toml").read_text(encoding="utf-8"))
+
+
+class MistakeError(ValueError):
+    """A mistake in the table or the key at a path, which says the sentence of its code."""
+
+    def __init__(self, code: str, path: str = "", /, **facts: Any) -> None:
+        super().__init__(_SENTENCES[code].format(path=path, **facts))
 
 
 def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) -> None:
     """Append the sentence of a code on the table or key at a path."""
-    problems.append(_sentences()[code].format(path=path, **facts))
+    problems.append(str(MistakeError(code, path, **facts)))
+
+
+def complain_of_name(problems: list[str], code: str, path: str, given: str, names: Iterable[str]) -> None:
+    """Append the sentence of a code on a name that is none of those known, with the closest one."""
+    known = [*names]
+    near, listed = did_you_mean(given, known), ", ".join(known) or "none"
+    complain(problems, code, path, given=given[:60], near=near, known=listed)
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """`` Did you mean 'x'?`` for the closest known word, or nothing."""
+    by_lower = {word.lower(): word for word in names}
+    close = difflib.get_close_matches(name.lower()[:100], by_lower, n=1)
+    return f" Did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
 def read_table(record: Any, table: object, path: str, problems: list[str], **more: Any) -> Any:
@@ -46,28 +65,28 @@ def read_table(record: Any, table: object, path: str, problems: list[str], **mor
     if given.wrong:
         return None
     count = len(problems)
-    _check_lists(record, given, path, problems)
+    for name, key in ((name, key) for name, key in keys_of(record).items() if key.like):
+        size, needed = (len(getattr(given, each) or ()) for each in (name, key.like))
+        if size != needed:
+            complain(problems, "like", joined(path, name), count=size, other=key.like, needed=needed)
     read = in_si(record, given, lambda code, **facts: complain(problems, code, path, **vars(given) | facts), **more)
     return read if len(problems) == count else None
 
 
-def read_part(record: Any, table: object, *names: str) -> Any:
-    """A record out of a larger table, or None if one of its keys, or of those named, is wrong.
+def read_part(record: Any, table: object, *names: str) -> Given | None:
+    """What a larger table gives of the keys of a record, or None if one of them, or of those named, is wrong.
 
     The table's own record reports the problems: a mistake elsewhere in the table hides no later check.
     """
-    keys = names or tuple(keys_of(record))
-    part = {key: table[key] for key in keys if key in table} if isinstance(table, Mapping) else None
+    part = {key: table[key] for key in keys_of(record) if key in table} if isinstance(table, Mapping) else table
     given = given_by(record, part, "", [])
-    return None if given.wrong & {*keys, ""} else given if names else in_si(record, given)
+    return None if given.wrong & {*(names or keys_of(record)), ""} else given
 
 
 def given_by(record: Any, table: object, path: str, problems: list[str]) -> Given:
     """What a table gives of the keys of a record, each by itself."""
     keys = keys_of(record)
-    given = Given(
-        **{name: None if key.required else key.usual for name, key in keys.items()}, stated=set(), wrong=set()
-    )
+    given = Given(**{name: key.usual for name, key in keys.items()}, stated=set(), wrong=set())
     if not isinstance(table, Mapping):
         complain(problems, "no_table", path, given=shortened(table))
         given.wrong.add("")
@@ -81,8 +100,7 @@ def given_by(record: Any, table: object, path: str, problems: list[str]) -> Give
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
         given.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        facts = {"near": did_you_mean(str(name), keys), "known": ", ".join(keys)}
-        complain(problems, "unknown", joined(path, name), **facts)
+        complain_of_name(problems, "unknown", joined(path, name), str(name), keys)
     return given
 
 
@@ -96,11 +114,11 @@ def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
     except ValidationError as error:
         every = error.errors(include_url=False, include_context=False)
         problems += [_sentence(key, each, joined(path, *each["loc"])) for each in every]
-        return None if key.required else key.usual
+        return key.usual
     steps = [*pairwise(read or ())] if key.ascending or key.monotone else []
     fall = next((step for step in steps if step[0] >= step[1]), None)
     if fall and key.ascending:
-        complain(problems, "order", path, before=fall[0], after=fall[1])
+        complain(problems, "pair" if len(read) == 2 else "order", path, before=fall[0], after=fall[1])
     elif fall and not all(before > after for before, after in steps):
         complain(problems, "turns", path, given=shortened(read))
     return read
@@ -115,21 +133,11 @@ def json_schema(record: Any = FileEntry) -> dict[str, Any]:
         # Of a circuit's currents there is a table by their names, too
         ways += [{**json_schema(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
         form = ways[0] if len(ways) == 1 else {"anyOf": ways}
-        usual = {} if key.required or key.usual is None else {"default": key.usual}
+        usual = {} if key.usual is None else {"default": key.usual}
         properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
         properties[name] = {**properties[name], "description": key.remedy, **usual}
     needed = [name for name, key in keys_of(record).items() if key.required]
     return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
-
-
-def _check_lists(record: Any, given: Given, path: str, problems: list[str]) -> None:
-    """Report lists that are not as long as others, which are right each by itself."""
-    names = {key.field: name for name, key in keys_of(record).items()}
-    for name, key in keys_of(record).items():
-        values = getattr(given, name) or ()
-        if key.like and len(values) != len(other := getattr(given, names[key.like]) or ()):
-            facts = {"count": len(values), "other": names[key.like], "needed": len(other)}
-            complain(problems, "like", joined(path, name), **facts)
 
 
 @cache
@@ -149,9 +157,9 @@ def _limited(hint: Any, key: Key, depth: int = 0) -> Any:
         least, most = key.count[depth] if key.count else (1 + len(others),) * 2
         return Annotated[list[_limited(inner, key, depth + 1)], Field(min_length=least, max_length=most), Strict()]  # type: ignore[misc]
     if hint is str:
-        return Annotated[str, Strict(), Field(min_length=key.length[0], max_length=key.length[1], pattern=key.pattern)]
+        return Annotated[str, Strict(), Field(**key.limits)]
     if hint in (float, int):
-        limited = Annotated[hint, Strict(), Field(ge=key.ge, le=key.le, gt=key.gt, lt=key.lt)]
+        limited = Annotated[hint, Strict(), Field(**key.limits)]
         return Annotated[limited, AllowInfNan(False)] if hint is float else limited
     return Annotated[bool, Strict()] if hint is bool else hint
 
@@ -183,7 +191,7 @@ def _sentence(key: Key, error: ErrorDetails, where: str) -> str:
     return f"{where} {need}; it is {shortened(error['input'])}.{near} {key.remedy}"
 
 
-Place = tuple[str, ...]
+Place = tuple[str | int, ...]
 
 
 def tables_of(data: Tables, record: Any = FileEntry, place: Place = ()) -> Iterator[tuple[Place, Any, Any, Key]]:
@@ -214,7 +222,7 @@ def read_tables(data: Tables, problems: list[str]) -> dict[str, Any]:
     """The records of a file's tables by their key paths, without those in which anything is wrong."""
     read = {}
     for place, record, table, key in tables_of(data):
-        path, name = joined("", *place), place[-1]
+        path, name = joined("", *place), str(place[-1])
         if key.named and not key.any_name and not (re.match(NAME_PATTERN, name) and len(name) <= MAX_NAME):
             complain(problems, "name", path)
         # One that should not have a name and is no table is a mistake of the table above it
@@ -230,13 +238,6 @@ def table_at(data: Tables, *keys: str) -> dict[str, Any]:
     for key in keys:
         place = place.get(key) if isinstance(place, dict) else None
     return place if isinstance(place, dict) else {}
-
-
-def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """`` Did you mean 'x'?`` for the closest known word, or nothing."""
-    by_lower = {word.lower(): word for word in names}
-    close = difflib.get_close_matches(name.lower()[:100], by_lower, n=1)
-    return f" Did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
 def joined(path: str, *keys: object) -> str:

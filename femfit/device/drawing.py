@@ -4,38 +4,21 @@ Checked are overlap and collision, the sensor's place, and whether there is a fo
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain, combinations, pairwise
+from dataclasses import dataclass, field, replace
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
 from shapely import MultiPoint, Point, Polygon, unary_union
 from shapely.affinity import translate
 
-from femfit.device.complaints import complain, did_you_mean, joined, read_part, table_at
+from femfit.device.complaints import complain, complain_of_name, joined, read_part, table_at
 from femfit.device.electrics import unit_vector
 from femfit.device.keys import Given, OutlineEntry
 from femfit.device.materials import LIBRARY, curve_problems, read_bh_csv, without_flat_end
 from femfit.device.outlines import MIN_AREA, DrawnOutline, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, LinearMaterial, Material, NonlinearMaterial
 from femfit.device.schema import RegionEntry
-
-
-def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
-    """Everything that a polygon passes while it is shifted along z from start to stop.
-
-    Parameters
-    ----------
-    start, stop : float
-        Shifts in mm.
-    """
-    corners = list(polygon.exterior.coords)
-    tracks = [
-        MultiPoint([(r, z + shift) for r, z in (corner, end) for shift in (start, stop)]).convex_hull
-        for corner, end in pairwise(corners)
-    ]
-    return unary_union([translate(polygon, yoff=start), translate(polygon, yoff=stop), *tracks])
-
 
 CONTACT = 1e-6
 """Clearance in mm below which parts touch: the field solver needs air around the moving part."""
@@ -47,16 +30,63 @@ LARGEST_ASPECT = 1000.0
 NON_MAGNETIC_LIMIT = 1.001
 """Relative permeability below which a body without remanence feels no force worth modelling."""
 
+RESERVED = ("air", "coil")
+"""Region names that the field solver gives to what is not a region."""
+
 
 @dataclass(frozen=True)
-class DrawnPart:
-    """A region or the winding, as drawn."""
+class PartTable:
+    """The table of a region or of a winding, whatever is wrong with it."""
 
-    path: str
-    name: str
-    outline: DrawnOutline
+    place: tuple[str, ...]
+    content: Any
+    label: str  # Its name, after "coil" where a region has the same one
+    winding: bool = False
+
+    @property
+    def path(self) -> str:
+        """Key path of the table."""
+        return joined("", *self.place)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is drawn with the moving part."""
+        return self.place[0] == "moving" or (self.winding and self.content.get("moves") is True)
+
+    @property
+    def shape(self) -> Given | None:
+        """The keys of its outline; None where one is wrong."""
+        return read_part(OutlineEntry, self.content)
+
+
+def part_tables(data: Mapping[str, Any]) -> Iterator[PartTable]:
+    """Each region, the fixed ones first, and each winding."""
+    regions = {(body, "regions"): table_at(data, body, "regions") for body in (fixed_key(data), "moving")}
+    for place, tables in regions.items():
+        yield from (PartTable((*place, name), table, name) for name, table in tables.items())
+    if isinstance(data.get("coil"), dict):
+        yield PartTable(("coil",), data["coil"], "coil", winding=True)
+    for name, table in table_at(data, "coils").items():
+        shared = any(name in tables for tables in regions.values())
+        yield PartTable(("coils", name), table, f"{'coil ' * shared}{name}", winding=True)
+
+
+def fixed_key(data: Mapping[str, Any]) -> str:
+    """Which table has the fixed regions: ``fixed``, or ``electromagnet`` as in schema 1."""
+    return "fixed" if "fixed" in data else "electromagnet"
+
+
+def materials_used(data: Mapping[str, Any]) -> set[str]:
+    """Names of the materials of the file's regions."""
+    return {str(part.content.get("material")) for part in part_tables(data) if isinstance(part.content, dict)}
+
+
+@dataclass(frozen=True)
+class DrawnPart(PartTable):
+    """A region or a winding, as drawn."""
+
+    outline: DrawnOutline = field(kw_only=True)
     material: Material | None = None  # None for a winding and where the file's material is wrong
-    moves: bool = False  # Of a winding
 
     @property
     def polygon(self) -> Polygon:
@@ -64,102 +94,98 @@ class DrawnPart:
         return self.outline.polygon
 
 
-RESERVED = ("air", "coil")
-"""Region names that the field solver gives to what is not a region."""
-
-
 @dataclass(frozen=True)
 class Drawing:
-    """What could be drawn of a file."""
+    """What could be drawn of a file: the fixed regions first, then the moving ones, and the windings."""
 
-    # Regions of the fixed and of the moving part, without windings
-    fixed: tuple[DrawnPart, ...]
-    moving: tuple[DrawnPart, ...]
-    windings: tuple[DrawnPart, ...]
+    parts: tuple[DrawnPart, ...]
     complete: bool  # Whether every region and winding could be drawn
 
-    @property
-    def standing(self) -> tuple[DrawnPart, ...]:
-        """All that stands still: regions and windings."""
-        return (*self.fixed, *(winding for winding in self.windings if not winding.moves))
+    def of(self, *, moves: bool) -> list[DrawnPart]:
+        """All that moves, or all that stands still."""
+        return [part for part in self.parts if part.moves == moves]
 
-    @property
-    def mover(self) -> tuple[DrawnPart, ...]:
-        """All that moves: regions and windings."""
-        return (*self.moving, *(winding for winding in self.windings if winding.moves))
-
-    def check(self, distances: Sequence[float], problems: list[str], *, reference_face: bool) -> None:
+    def check(
+        self,
+        distances: Sequence[float],
+        elements: Mapping[str, Given],
+        problems: list[str],
+        *,
+        reference_face: bool,
+    ) -> None:
         """Report parts that cannot be meshed, share an area, are nowhere, or do not clear each other within distances.
 
         Parameters
         ----------
         distances : sequence of float
             Swept ones in mm.
+        elements : mapping
+            Places of Hall elements by their paths; none is inside of a solid part or in the moving part's way.
         reference_face : bool
             Whether the fixed part must have a face where distances are counted from, as in schema 1.
         """
-        for body in (*self.standing, *self.mover):  # whose elements are as large as it is thick
+        for body in self.parts:  # whose elements are as large as it is thick
             inner, lower, outer, upper = body.polygon.bounds
             thin, long = sorted((outer - inner, upper - lower))
             if long > LARGEST_ASPECT * thin:
-                facts = {"most": LARGEST_ASPECT, "aspect": long / thin, "least": long / LARGEST_ASPECT}
-                complain(problems, "thin", body.path, thin=thin, long=long, **facts)
-        for first, second in chain(combinations(self.standing, 2), combinations(self.mover, 2)):
+                aspect, least = long / thin, long / LARGEST_ASPECT
+                complain(
+                    problems, "thin", body.path, thin=thin, long=long, most=LARGEST_ASPECT, aspect=aspect, least=least
+                )
+        for first, second in combinations(self.parts, 2):
             shared = first.polygon.intersection(second.polygon)
-            if shared.area > MIN_AREA:
-                inner, lower, outer, upper = shared.bounds
-                box = {"inner": inner, "outer": outer, "lower": lower, "upper": upper}
-                complain(problems, "overlap", first.path, second=second.path, area=shared.area, **box)
+            if first.moves == second.moves and shared.area > MIN_AREA:
+                complain(problems, "overlap", first.path, second=second.path, area=shared.area, box=shared.bounds)
         if self.complete:
-            if not self.mover:
-                complain(problems, "no_moving")
-            if not self.standing:
-                complain(problems, "no_fixed")
-            self._check_zero_heights(problems, reference_face=reference_face)
-            self._check_moving_body(problems)
-        self._check_collisions(distances, problems)
+            self._check_bodies(problems, reference_face=reference_face)
+        self._check_ways(distances, elements, problems)
 
-    def _check_zero_heights(self, problems: list[str], *, reference_face: bool) -> None:
-        """Report faces that are not where distances are counted from."""
-        heights = [z for body in self.standing for _, z in body.polygon.exterior.coords]
+    def _check_bodies(self, problems: list[str], *, reference_face: bool) -> None:
+        """Report a body that is missing, in pieces, not where distances count from, or on which no force can act."""
+        standing, mover = self.of(moves=False), self.of(moves=True)
+        for bodies, code in ((mover, "no_moving"), (standing, "no_fixed")):
+            if not bodies:
+                complain(problems, code)
+        heights = [z for body in standing for _, z in body.polygon.exterior.coords]
         if reference_face and heights and all(abs(z) > CONTACT for z in heights):
             complain(problems, "no_face", lowest=min(heights), highest=max(heights))
-        nearest = min(self.mover, key=lambda part: float(part.polygon.bounds[1]), default=None)
+        nearest = min(mover, key=lambda part: float(part.polygon.bounds[1]), default=None)
         if nearest is not None and abs(height := nearest.polygon.bounds[1]) > CONTACT:
             complain(problems, "moving_face", nearest.path, height=height)
+        pieces = unary_union([body.polygon for body in mover])
+        if pieces.geom_type == "MultiPolygon":
+            complain(problems, "pieces", count=len(pieces.geoms))
+        materials = [body.material for body in mover if body.material is not None]
+        if len(materials) < len(mover) or not materials:  # a winding has none
+            return
+        if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
+            complain(problems, "no_force", names=", ".join(sorted({material.name for material in materials})))
 
-    def _check_collisions(self, distances: Sequence[float], problems: list[str]) -> None:
-        """Report each fixed part that the moving part touches within the distances, with the first such one."""
-        for mover in self.mover if distances else ():
+    def _check_ways(self, distances: Sequence[float], elements: Mapping[str, Given], problems: list[str]) -> None:
+        """Report what the moving part touches within the distances, with the first such one, and Hall elements."""
+        # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
+        points = {path: Point(max(hall.r_mm, CONTACT), hall.z_mm) for path, hall in elements.items()}
+        for path, hall in elements.items():
+            for part in (part for part in self.of(moves=False) if part.polygon.contains(points[path])):
+                complain(problems, "hall_inside", path, hall=hall, part=part.path)
+        for mover in self.of(moves=True) if distances else ():
             way = swept(mover.polygon, distances[0], distances[-1])
-            for body in self.standing:
+            for body in self.of(moves=False):
                 if way.distance(body.polygon) > CONTACT:
                     continue
                 hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(body.polygon) <= CONTACT)
                 first = next(hits, None)
                 when = "between two swept distances" if first is None else f"first at {first:g} mm"
                 complain(problems, "collision", mover.path, body=body.path, when=when)
+            for path in (path for path, point in points.items() if way.distance(point) <= CONTACT):
+                complain(problems, "hall_passed", path, hall=elements[path], part=mover.path)
 
-    def _check_moving_body(self, problems: list[str]) -> None:
-        """Report a moving part in pieces, and one on which no magnetic force can act."""
-        pieces = unary_union([body.polygon for body in self.mover])
-        if pieces.geom_type == "MultiPolygon":
-            complain(problems, "pieces", count=len(pieces.geoms))
-        materials = [body.material for body in self.mover if body.material is not None]
-        if len(materials) < len(self.mover) or not materials:  # a winding has none
-            return
-        if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
-            complain(problems, "no_force", names=", ".join(sorted({material.name for material in materials})))
 
-    def check_hall_place(self, path: str, hall: Given, distances: Sequence[float], problems: list[str]) -> None:
-        """Report a Hall element inside of a solid part or in the moving part's way."""
-        # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
-        element = Point(max(hall.r_mm, CONTACT), hall.z_mm)
-        for part in (part for part in self.standing if part.polygon.contains(element)):
-            complain(problems, "hall_inside", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
-        for part in self.mover if distances else ():
-            if swept(part.polygon, distances[0], distances[-1]).distance(element) <= CONTACT:
-                complain(problems, "hall_passed", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
+def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
+    """Everything that a polygon passes while it is shifted along z from start to stop, in mm."""
+    ends = [translate(polygon, yoff=shift) for shift in (start, stop)]
+    edges = zip(*(pairwise(end.exterior.coords) for end in ends), strict=True)
+    return unary_union([*ends, *(MultiPoint([*before, *after]).convex_hull for before, after in edges)])
 
 
 def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
@@ -169,43 +195,24 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
     for name, table in table_at(data, "materials").items():
         entry = entries.get(joined("materials", name))
         materials[name] = None if entry is None else _material(entry, table, directory, problems)
-    tables, fixed, moving, windings = dict(part_tables(data)), list[DrawnPart](), list[DrawnPart](), list[DrawnPart]()
-    for place, table in tables.items():
-        path = joined("", *place)
-        entry = None if is_winding(place) else entries.get(path)
-        material = None if entry is None else _region_material(entry, path, materials, problems)
-        part = _part(place, table, material, problems)
-        if part is not None:
-            (windings if is_winding(place) else moving if place[0] == "moving" else fixed).append(part)
-    names = {part.name for part in fixed}
-    for part in (part for part in moving if part.name in names):
-        complain(problems, "region_twice", part.path, body=fixed_key(data))
-    complete = len(fixed) + len(moving) + len(windings) == len(tables)
-    return Drawing(tuple(fixed), tuple(moving), tuple(windings), complete)
-
-
-def fixed_key(data: Mapping[str, Any]) -> str:
-    """Which table has the fixed regions: ``fixed``, or ``electromagnet`` as in schema 1."""
-    return "fixed" if "fixed" in data else "electromagnet"
-
-
-def part_tables(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Place and table of each region, the fixed ones first, and of each winding."""
-    for body in (fixed_key(data), "moving"):
-        yield from (((body, "regions", name), table) for name, table in table_at(data, body, "regions").items())
-    if isinstance(data.get("coil"), dict):
-        yield ("coil",), data["coil"]
-    yield from ((("coils", name), table) for name, table in table_at(data, "coils").items())
-
-
-def materials_used(data: Mapping[str, Any]) -> set[str]:
-    """Names of the materials of the file's regions."""
-    return {str(table.get("material")) for _, table in part_tables(data) if isinstance(table, dict)}
-
-
-def is_winding(place: Sequence[object]) -> bool:
-    """Whether the table of a winding stands at a place."""
-    return place[0] in {"coil", "coils"}
+    tables, parts = list(part_tables(data)), list[DrawnPart]()
+    for table in tables:
+        path, material = table.path, None
+        if not table.winding and path in entries:
+            material = _region_material(entries[path], path, materials, problems)
+        if not table.winding and table.label in RESERVED:
+            complain(problems, "reserved", path, names=" or ".join(RESERVED))
+        shape = table.shape
+        drawn = None if shape is None else outline(shape, path, problems)
+        if drawn is None:
+            continue
+        part = DrawnPart(**vars(table), outline=drawn, material=material)
+        if part.winding and drawn.polygon.bounds[0] <= 0:
+            complain(problems, "winding_on_axis", path)
+        if not part.winding and part.moves and part.place[-1] in {each.place[-1] for each in parts if not each.moves}:
+            complain(problems, "region_twice", path, body=fixed_key(data))
+        parts.append(part)
+    return Drawing(tuple(parts), len(parts) == len(tables))
 
 
 def _material(material: Material, table: Any, directory: Path, problems: list[str]) -> Material | None:
@@ -213,14 +220,12 @@ def _material(material: Material, table: Any, directory: Path, problems: list[st
     if not isinstance(material, NonlinearMaterial):
         return material
     path, source = joined("materials", material.name), table.get("bh_curve")
-    library_material, points, wrong = LIBRARY.get(source or ""), None, list[str]()
-    if source is None:
-        points = material.flux_density_T, material.field_A_per_m
-    elif library_material is not None and isinstance(library_material.material, NonlinearMaterial):
-        points = library_material.material.flux_density_T, library_material.material.field_A_per_m
+    steel = material if source is None else getattr(LIBRARY.get(source), "material", None)
+    points, wrong, remark = None, list[str](), ""
+    if isinstance(steel, NonlinearMaterial):
+        points = steel.flux_density_T, steel.field_A_per_m
     else:
         points, wrong = read_bh_csv(directory / source)
-    remark = ""
     if points is not None:
         if len(points[0]) == len(points[1]):
             points, remark = without_flat_end(*points)
@@ -236,43 +241,27 @@ def _region_material(
 ) -> Material | None:
     """The material at the region's temperature, turned as the region says."""
     if entry.material not in materials:
-        near, known = did_you_mean(entry.material, materials), ", ".join(materials)
-        complain(problems, "no_material", path, given=entry.material[:60], near=near, known=known)
+        complain_of_name(problems, "no_material", path, entry.material, materials)
         return None
     material, celsius, direction = materials[entry.material], entry.temperature_C, entry.magnetization
     if material is None:
         return None
-    warmed, code = material, ""
-    if celsius is not None and isinstance(material, LinearMaterial):
+    code, remanence_T = "", material.remanence_T
+    if bool(remanence_T) != bool(direction):
+        code = "magnetization" if direction else "no_magnetization"
+    elif celsius is not None and isinstance(material, LinearMaterial):
         # B_r (1 + alpha (T - 20 degC)) as in IEC 60404-8-1, the reversible part; the permeability is kept
-        factor = 1.0 + material.remanence_coefficient_per_K * (celsius - REFERENCE_TEMPERATURE)
-        warmed = replace(material, remanence_T=material.remanence_T * factor, temperature_C=celsius)
-    if material.remanence_T and direction is None:
-        code = "no_magnetization"
-    elif direction and not material.remanence_T:
-        code = "magnetization"
-    elif isinstance(warmed, LinearMaterial) and warmed is not material:
-        code = "" if warmed.remanence_coefficient_per_K * material.remanence_T else "temperature"
-        code = code or ("" if warmed.remanence_T > 0.0 else "no_remanence")
+        remanence_T *= 1.0 + material.remanence_coefficient_per_K * (celsius - REFERENCE_TEMPERATURE)
+        if not material.remanence_coefficient_per_K or not direction:
+            code = "temperature"
+        elif remanence_T <= 0.0:
+            code = "no_remanence"
+        material = replace(material, temperature_C=celsius)
     if code:
         complain(problems, code, path, material=material.name, celsius=celsius)
         return None
-    if isinstance(warmed, LinearMaterial) and direction is not None:
+    if isinstance(material, LinearMaterial) and direction is not None:
         opposed = isinstance(direction, str) and direction.startswith("-")
-        remanence_T = (-1.0 if opposed else 1.0) * warmed.remanence_T
-        warmed = replace(warmed, direction=unit_vector(direction), remanence_T=remanence_T)
-    return warmed
-
-
-def _part(place: tuple[str, ...], table: Any, material: Material | None, problems: list[str]) -> DrawnPart | None:
-    """A region of its material, or a winding; None without an outline."""
-    path, name, winding = joined("", *place), place[-1], is_winding(place)
-    if not winding and name in RESERVED:
-        complain(problems, "reserved", path, names=" or ".join(RESERVED))
-    shape = read_part(OutlineEntry, table)
-    drawn = None if shape is None else outline(shape, path, problems)
-    if drawn is None:
-        return None
-    if winding and drawn.polygon.bounds[0] <= 0:
-        complain(problems, "winding_on_axis", path)
-    return DrawnPart(path, name, drawn, material, moves=winding and table.get("moves") is True)
+        remanence_T = (-1.0 if opposed else 1.0) * remanence_T
+        material = replace(material, direction=unit_vector(direction), remanence_T=remanence_T)
+    return material

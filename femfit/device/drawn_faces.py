@@ -8,13 +8,14 @@ flat part, and its corners stay numbers of their own.
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, combinations
+from itertools import chain, pairwise
 from typing import Any
 
-from femfit.device.complaints import joined, read_part
-from femfit.device.drawing import is_winding, part_tables
-from femfit.device.file_numbers import Location
-from femfit.device.keys import OutlineEntry
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from femfit.device.complaints import Place, joined
+from femfit.device.drawing import PartTable, part_tables
 
 COINCIDENT = 1e-6
 """In mm: coordinates that differ by less are one."""
@@ -28,29 +29,25 @@ CONTOUR = ".."
 class Face:
     """Numbers of the file that are one coordinate: of a face across an axis, or of a corner or an arc."""
 
+    part: PartTable
     axis: int  # 0 for r, 1 for z
     value: float  # In mm
-    locations: tuple[Location, ...]
-    body: str  # ``fixed`` or ``moving``
+    locations: tuple[Place, ...]
+    label: str  # What a machinist calls it
+    at: tuple[float, float]  # A place on it, r and z in mm
     # Range in mm along the other axis, and on which side the part lies; of a face alone
     span: tuple[float, float] | None = None
     side: int = 0
-    part: Location = ()  # The table of the part
-    label: str = ""  # What a machinist calls it
     key: str = ""  # Of a contour; that of others is their first location's
-    flat: Location = ()  # First location of the face that a contour stands for
+    flat: Place = ()  # First location of the face that a contour stands for
     slope: str = ""  # What lies beside that in the contour
-    at: tuple[float, float] = (0.0, 0.0)  # A place on it, r and z in mm
 
-
-@dataclass(frozen=True)
-class _Part:
-    """A part's table with its outline."""
-
-    path: Location
-    body: str
-    entry: OutlineEntry
-    name: str  # As the file gives it, after "coil" where a region has the same one
+    def touches(self, other: "Face") -> bool:
+        """Whether two faces lie on each other."""
+        if self.span is None or other.span is None or (self.part.moves, self.axis) != (other.part.moves, other.axis):
+            return False
+        shared = min(self.span[1], other.span[1]) - max(self.span[0], other.span[0])
+        return self.side == -other.side and abs(self.value - other.value) < COINCIDENT and shared > COINCIDENT
 
 
 def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
@@ -58,188 +55,144 @@ def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
 
     Contours stand behind them.
     """
-    parts = list(_parts(data))
-    names = {part.path: part.name for part in parts}
-    drawn = [face for part in parts for face in _faces(part)]
+    drawn = [face for part in part_tables(data) for face in _faces(part)]
     faces = [face for face in drawn if not face.key and (face.axis == 1 or abs(face.value) > COINCIDENT)]
-    group = list(range(len(faces)))
-    for i, j in combinations(range(len(faces)), 2):
-        if _touch(faces[i], faces[j]):
-            first, second = sorted((group[i], group[j]))
-            group = [first if place == second else place for place in group]
-    merged = []
-    for place, face in enumerate(faces):
-        if group[place] == place:
-            members = [face for face, number in zip(faces, group, strict=True) if number == place]
-            locations = tuple(chain.from_iterable(member.locations for member in members))
-            beside = dict.fromkeys(names[member.part] for member in members if member.part != face.part)
-            touching = f" on {' and '.join(beside)}" if beside else ""
-            merged.append(replace(face, locations=locations, label=f"{_label(face, parts)}{touching}"))
     contours = [face for face in drawn if face.key]
-    for k, face in enumerate(merged):
-        over = [contour for contour in contours if contour.flat in face.locations]
-        if over:
-            merged[k] = replace(face, label=f"{face.label} without {over[0].slope}")
-    named = merged + [_completed(face, merged, parts) for face in contours]
-    count = Counter(face.label for face in named)
+    touching = np.array([[face.touches(other) for other in faces] for face in faces], dtype=bool)
+    count, group = connected_components(touching.reshape(len(faces), len(faces)), directed=False)
+    merged = [_merged([face for face, k in zip(faces, group, strict=True) if k == n], contours) for n in range(count)]
+    named = merged + [_completed(contour, merged) for contour in contours]
+    shared = Counter(face.label for face in named)
     for k, face in enumerate(named):
-        if count[face.label] > 1 and face.span:  # its part has another face at the same coordinate
+        if shared[face.label] > 1 and face.span:  # its part has another face at the same coordinate
             low, high = face.span
             named[k] = replace(face, label=f"{face.label} from {'zr'[face.axis]} = {low:g} to {high:g} mm")
     return named
 
 
-def _completed(contour: Face, merged: Sequence[Face], parts: Sequence[_Part]) -> Face:
-    """A contour with what touches its flat faces, and with its label."""
+def _merged(members: Sequence[Face], contours: Sequence[Face]) -> Face:
+    """Faces that touch as one, the first of them, which says what it lies on and that its contour is another."""
+    face = members[0]
+    locations = tuple(chain.from_iterable(member.locations for member in members))
+    beside = dict.fromkeys(member.part.label for member in members if member.part is not face.part)
+    label = f"{face.label} on {' and '.join(beside)}" if beside else face.label
+    slopes = [contour.slope for contour in contours if contour.flat in locations]
+    return replace(face, locations=locations, label=f"{label} without {slopes[0]}" if slopes else label)
+
+
+def _completed(contour: Face, merged: Sequence[Face]) -> Face:
+    """A contour with what touches its flat faces."""
     over = [face for face in merged if face.span is not None and {*face.locations} & {*contour.locations}]
     locations = dict.fromkeys(chain(contour.locations, *(face.locations for face in over)))
     flat = next((face.locations[0] for face in over if contour.flat in face.locations), ())
-    label = _label(contour, parts)
-    label = f"{label} with {contour.slope}" if contour.flat else label
-    return replace(contour, locations=tuple(locations), flat=flat, label=label)
+    return replace(contour, locations=tuple(locations), flat=flat)
 
 
-def _label(face: Face, parts: Sequence[_Part]) -> str:
-    """What a machinist calls a face."""
-    if face.label or face.span is None:
-        return face.label
-    owner = next(part for part in parts if part.path == face.part)
-    axis, words = "rz"[face.axis], "face"
-    if face.axis == 0:
-        words = "bore" if face.side > 0 else "outer surface"
-    return f"{owner.name}: {words} at {axis} = {face.value:g} mm"
-
-
-def _touch(first: Face, second: Face) -> bool:
-    if first.span is None or second.span is None or (first.body, first.axis) != (second.body, second.axis):
-        return False
-    shared = min(first.span[1], second.span[1]) - max(first.span[0], second.span[0])
-    return first.side == -second.side and abs(first.value - second.value) < COINCIDENT and shared > COINCIDENT
-
-
-def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
-    tables = dict(part_tables(data))
-    regions = {place[-1] for place in tables if not is_winding(place)}
-    for place, table in tables.items():
-        entry = read_part(OutlineEntry, table)
-        if entry is not None:
-            moves = place[0] == "moving" or (place[0] == "coils" and table.get("moves") is True)
-            shared = place[0] == "coils" and place[-1] in regions
-            yield _Part(place, "moving" if moves else "fixed", entry, f"{'coil ' * shared}{place[-1]}")
-
-
-def _faces(part: _Part) -> Iterator[Face]:
-    entry, path = part.entry, part.path
-    if entry.polygon_mm is not None:
-        corners = [(*path, "polygon_mm", k) for k in range(len(entry.polygon_mm))]
-        yield from _of_outline(entry.polygon_mm, [((*at, 0), (*at, 1)) for at in corners], part)
-    elif entry.circle_mm is not None:
-        yield from _of_circle(entry.circle_mm, part)
-    elif entry.r_mm is not None and entry.z_mm is not None:
+def _faces(part: PartTable) -> Iterator[Face]:
+    shape, path = part.shape, part.place
+    if shape is None:
+        return
+    if shape.polygon_mm is not None:
+        corners = list(shape.polygon_mm)
+        places: list[Place] = [(*path, "polygon_mm", k) for k in range(len(corners))]
+        stand: list[list[tuple[Place, ...]]] = [[((*place, axis),) for axis in (0, 1)] for place in places]
+        if corners[0] == corners[-1]:
+            corners.pop()
+            stand[0] = [first + last for first, last in zip(stand[0], stand.pop(), strict=True)]
+        yield from _Outline(part, corners, stand).faces()
+    elif shape.circle_mm is not None:
+        yield from _of_circle(shape.circle_mm, part)
+    elif shape.r_mm is not None and shape.z_mm is not None:
         ends = (0, 1), (0, 0), (1, 0), (1, 1)
-        box = [(entry.r_mm[r], entry.z_mm[z]) for r, z in ends]
-        yield from _of_outline(box, [((*path, "r_mm", r), (*path, "z_mm", z)) for r, z in ends], part)
+        stand = [[((*path, "r_mm", r),), ((*path, "z_mm", z),)] for r, z in ends]
+        yield from _Outline(part, [(shape.r_mm[r], shape.z_mm[z]) for r, z in ends], stand).faces()
+
+
+def _of_circle(circle: Sequence[float], part: PartTable) -> Iterator[Face]:
+    """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
+    r, z, radius = circle
+    stands = abs(z - radius) < COINCIDENT
+    lengths: list[tuple[int, float, list[int], str, float]] = [
+        (1, radius, [2, 1] if stands else [2], "radius of", z + radius),
+        *([] if stands else [(1, z, [1], "centre at z =", z)]),
+        (0, r, [0], "centre at r =", z),
+    ]
+    for axis, value, keys, words, height in lengths:
+        locations: tuple[Place, ...] = tuple((*part.place, "circle_mm", key) for key in keys)
+        yield Face(part, axis, value, locations, f"{part.label}: {words} {value:g} mm", (r, height))
+
+
+@dataclass(frozen=True)
+class _Outline:
+    """Corners of a part (r, z, and the angle of an arc to the next), whose r and z each stand at places of the file."""
+
+    part: PartTable
+    corners: Sequence[Sequence[float]]
+    stand: Sequence[Sequence[tuple[Place, ...]]]
+
+    def faces(self) -> Iterator[Face]:
+        """Runs of edges across an axis, the coordinates of all other corners, and contours."""
+        corners, count = self.corners, len(self.corners)
+        edges = list(zip(range(count), corners, [*corners[1:], corners[0]], strict=True))
+        area = sum(start[0] * end[1] - end[0] * start[1] for _, start, end in edges)
+        # Whether each edge is straight and lies at one coordinate
+        joins = [
+            [not self.is_arc(k) and abs(start[axis] - end[axis]) < COINCIDENT for k, start, end in edges]
+            for axis in (0, 1)
+        ]
+        for axis in (0, 1):
+            flat = []
+            for run in _runs(joins[axis]):
+                value, along = corners[run[0]][axis], [corners[corner][1 - axis] for corner in run]
+                if len(run) == 1:
+                    r, z = corners[run[0]][:2]
+                    label = f"{self.part.label}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
+                    yield Face(self.part, axis, value, self.locations(run, axis), label, (r, z))
+                    continue
+                # The inside lies to the left of an outline that runs counter-clockwise
+                side = (1 if area > 0.0 else -1) * (1 if (along[-1] > along[0]) == (axis == 1) else -1)
+                words = "face" if axis else "bore" if side > 0 else "outer surface"
+                label = f"{self.part.label}: {words} at {'rz'[axis]} = {value:g} mm"
+                span, at = (min(along), max(along)), _place(axis, value, 0.5 * (along[0] + along[-1]))
+                face = Face(self.part, axis, value, self.locations(run, axis), label, at, span, side)
+                flat.append((run, face))
+                yield face
+            for run in _runs([not is_joined for is_joined in joins[1 - axis]]):
+                if 1 < len(run) < count and not all(joins[axis][k] for k in run[:-1]):
+                    yield self.contour(run, axis, [face for place, face in flat if place[0] in run])
+
+    def is_arc(self, corner: int) -> bool:
+        """Whether the edge from a corner is one."""
+        return len(self.corners[corner]) == 3 and bool(self.corners[corner][2])
+
+    def locations(self, run: Sequence[int], axis: int) -> tuple[Place, ...]:
+        """Places of a run's coordinates in the file."""
+        return tuple(dict.fromkeys(place for corner in run for place in self.stand[corner][axis]))
+
+    def contour(self, run: Sequence[int], axis: int, flat: Sequence[Face]) -> Face:
+        """All corners of a run, named by its longest flat face, or by its ends where it has none."""
+        key = f"{joined('', *self.part.place, 'polygon_mm')}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
+        values, along = ([self.corners[k][across] for k in run] for across in (axis, 1 - axis))
+        curved, locations = any(map(self.is_arc, run[:-1])), self.locations(run, axis)
+        if not flat:
+            ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
+            label = f"{self.part.label}: {'rounded edge' if curved else 'slanted face'} from {ends}"
+            middle = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
+            return Face(self.part, axis, values[0], locations, label, middle, key=key)
+        longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)
+        span, slope = (min(along), max(along)), "its curve" if curved else "its cone"
+        label, first = f"{longest.label} with {slope}", longest.locations[0]
+        return replace(longest, locations=locations, span=span, key=key, flat=first, slope=slope, label=label)
 
 
 def _place(axis: int, value: float, across: float) -> tuple[float, float]:
-    return (value, across) if axis == 0 else (across, value)
-
-
-def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
-    """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
-    place, height, radius = circle
-
-    def face(axis: int, value: float, keys: tuple[int, ...], label: str, at: tuple[float, float]) -> Face:
-        locations = tuple((*part.path, "circle_mm", key) for key in keys)
-        return Face(axis, value, locations, part.body, part=part.path, label=f"{part.name}: {label}", at=at)
-
-    stands = abs(height - radius) < COINCIDENT
-    yield face(1, radius, (2, 1) if stands else (2,), f"radius of {radius:g} mm", (place, height + radius))
-    if not stands:
-        yield face(1, height, (1,), f"centre at z = {height:g} mm", (place, height))
-    yield face(0, place, (0,), f"centre at r = {place:g} mm", (place, height))
-
-
-def _of_outline(
-    corners: Sequence[Sequence[float]], stand: Sequence[tuple[Location, Location]], part: _Part
-) -> Iterator[Face]:
-    """Runs of edges across an axis, the coordinates of all other corners, and contours.
-
-    Each corner's r and z stand at two locations of the file.
-    """
-    places = [[k] for k in range(len(corners))]
-    if list(corners[0]) == list(corners[-1]):
-        places[0] += places.pop()
-    count = len(places)
-    area = sum(
-        corners[k][0] * corners[(k + 1) % count][1] - corners[(k + 1) % count][0] * corners[k][1] for k in range(count)
-    )
-    sense = 1 if area > 0.0 else -1
-    joins: tuple[list[bool], list[bool]] = [], []  # whether each edge is straight and lies at one coordinate
-    for k, start in enumerate(corners[:count]):
-        end, straight = corners[(k + 1) % count], len(start) < 3 or not start[2]
-        for axis in (0, 1):
-            joins[axis].append(straight and abs(start[axis] - end[axis]) < COINCIDENT)
-    for axis in (0, 1):
-        across, flat = 1 - axis, []
-        for run in _runs(joins[axis]):
-            locations = tuple(dict.fromkeys(stand[place][axis] for corner in run for place in places[corner]))
-            along, value = [corners[corner][across] for corner in run], corners[run[0]][axis]
-            if len(run) == 1:
-                r, z = corners[run[0]][:2]
-                label = f"{part.name}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
-                face = Face(axis, value, locations, part.body, part=part.path, label=label, at=(r, z))
-            else:
-                rising = along[-1] > along[0]
-                # The inside lies to the left of an outline that runs counter-clockwise
-                side = sense * (1 if rising == (axis == 1) else -1)
-                ends = min(along), max(along)
-                middle = _place(axis, value, 0.5 * (along[0] + along[-1]))
-                face = Face(axis, value, locations, part.body, ends, side, part.path, at=middle)
-                flat.append((run, face))
-            yield face
-        for run in _runs([not is_joined for is_joined in joins[across]]):
-            if 1 < len(run) < count and not all(joins[axis][k] for k in run[:-1]):
-                yield _contour(corners, places, run, axis, [face for place, face in flat if place[0] in run], part)
+    return (across, value) if axis else (value, across)
 
 
 def _runs(joins: Sequence[bool]) -> Iterator[list[int]]:
     """Corners that edges join, each to the next one, around an outline."""
     count = len(joins)
-    start, run = next((k for k in range(count) if not joins[k - 1]), 0), []
-    for step in range(count):
-        k = (start + step) % count
-        run.append(k)
-        if not joins[k] or step == count - 1:
-            yield run
-            run = []
-
-
-def _contour(
-    corners: Sequence[Sequence[float]],
-    places: Sequence[Sequence[int]],
-    run: Sequence[int],
-    axis: int,
-    flat: Sequence[Face],
-    part: _Part,
-) -> Face:
-    """All corners of a run, named by its longest flat face, or by its ends where it has none."""
-    path = (*part.path, "polygon_mm")
-    locations = tuple((*path, place, axis) for corner in run for place in places[corner])
-    key = f"{joined('', *path)}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
-    values, along = [corners[k][axis] for k in run], [corners[k][1 - axis] for k in run]
-    curved = any(len(corners[k]) == 3 and corners[k][2] for k in run[:-1])
-    if not flat:
-        ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
-        label = f"{part.name}: {'rounded edge' if curved else 'slanted face'} from {ends}"
-        middle = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
-        return Face(axis, values[0], locations, part.body, part=part.path, label=label, key=key, at=middle)
-    longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)
-    return replace(
-        longest,
-        locations=locations,
-        span=(min(along), max(along)),
-        key=key,
-        flat=longest.locations[0],
-        slope="its curve" if curved else "its cone",
-    )
+    start = next((k for k in range(count) if not joins[k - 1]), 0)
+    order = [(start + step) % count for step in range(count)]
+    breaks = [0, *(step + 1 for step, k in enumerate(order[:-1]) if not joins[k]), count]
+    yield from (order[first:last] for first, last in pairwise(breaks))

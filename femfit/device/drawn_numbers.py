@@ -7,24 +7,26 @@ coordinate that the drawing counts from, as the moving part's nearest face, is n
 catalogue scales exactly (turns and resistance of a circuit's only coil, the remanence of the only magnet material).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import joined
+from femfit.device.complaints import Place, joined
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.file_numbers import Location, value_at, with_value
 from femfit.device.keys import converted, decimal_sum, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.device.read_device import hall_places
-from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances
+from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances, value_at, with_value
 
 STEP = {"mm": 1e-3}
 """Numerical: by how much a number is changed either way, in its unit; outlines are linear in their coordinates."""
@@ -141,90 +143,69 @@ def numbers_from_toml(
         raise ActuatorFileError(
             source, ["sweep.parameters must be absent where signatures are asked for. Take one variant's drawing."]
         )
+
+    def moved(locations: Sequence[Place], change: float) -> Actuator:
+        tables = deepcopy(data)
+        for location in locations:
+            with_value(tables, location, decimal_sum(float(value_at(tables, location)), change, 1.0))
+        return actuator_from_tables(tables, source, directory)
+
     tolerances, general = read_tolerances(data, [])
-    faces, hall = (list(_moved(data, source, directory, lengths)) for lengths in (_faces(data), _hall_place(data)))
     numbers = []
-    for number in (*faces, *_materials(actuator), *hall, *_turns(data, actuator)):
-        facts = number.facts
-        named = [tolerances[key] for key in dict.fromkeys((facts.key, *facts.also)) if key in tolerances]
-        if named:
-            facts = replace(facts, tolerance=named[0] / facts.per(facts.value), declared=True)
+    suspects = _faces(data, moved), _materials(actuator), _hall_place(data, moved), _turns(data, actuator)
+    for facts, changed in chain(*suspects):
+        declared = [tolerances[key] for key in (facts.key, *facts.also) if key in tolerances]
+        if declared:
+            facts = replace(facts, tolerance=declared[0] / facts.per(facts.value), declared=True)  # noqa: PLW2901
         elif facts.unit == "mm" and general is not None:
-            facts = replace(facts, tolerance=general, declared=True)
+            facts = replace(facts, tolerance=general, declared=True)  # noqa: PLW2901
+        step = STEP.get(facts.unit, SHARE_STEP)
         if harmonic or KINDS[facts.kind].at_rest:
-            numbers.append(replace(number, facts=facts))
+            with suppress(ActuatorFileError):  # of a length from which the drawing counts
+                numbers.append(DrawnNumber(facts, step, changed(step), changed(-step)))
     return tuple(numbers)
 
 
-def _changed(data: dict[str, Any], locations: Iterable[Location], change: float) -> dict[str, Any]:
-    tables = deepcopy(data)
-    for location in locations:
-        with_value(tables, location, decimal_sum(float(value_at(tables, location)), change, 1.0))
-    return tables
+_Suspects = Iterator[tuple[NumberFacts, Callable[[float], Actuator]]]
+"""Numbers, each with the actuator that a change of it makes, which is in its unit or a share."""
 
 
-_Length = tuple[NumberFacts, tuple[Location, ...]]
-"""A length of the drawing, and where it stands in the file."""
-
-
-def _length(kind: str, value: float, locations: tuple[Location, ...], key: str = "", **facts: Any) -> _Length:
-    paths = [joined("", *location) for location in locations]
-    first, *also = dict.fromkeys([key, *paths] if key else paths)
-    return NumberFacts(first, tuple(also), kind, value, "mm", length_tolerance(value), **facts), locations
-
-
-def _faces(data: Mapping[str, Any]) -> Iterator[_Length]:
+def _faces(data: Mapping[str, Any], moved: Callable[..., Actuator]) -> _Suspects:
     for face in drawn_faces(data):
-        flat = joined("", *face.flat) if face.flat else ""
-        facts = {"label": face.label, "stands_for": flat, "at": face.at}
-        yield _length("length", face.value, face.locations, face.key, **facts)
+        paths = [joined("", *location) for location in face.locations]
+        first, *also = dict.fromkeys([face.key, *paths] if face.key else paths)
+        facts = NumberFacts(first, tuple(also), "length", face.value, "mm", length_tolerance(face.value))
+        named = replace(facts, label=face.label, stands_for=joined("", *face.flat), at=face.at)
+        yield named, partial(moved, face.locations)
 
 
-def _hall_place(data: Mapping[str, Any]) -> Iterator[_Length]:
+def _hall_place(data: Mapping[str, Any], moved: Callable[..., Actuator]) -> _Suspects:
     """Of the first Hall element, whose field the sweep solves."""
-    for path, element in islice(hall_places(data), 1):
+    for path, element in islice(hall_places(data).items(), 1):
         at = element.r_mm, element.z_mm
-        for key, value in zip(("r_mm", "z_mm"), at, strict=True):
-            if key == "z_mm" or value > 0.0:
-                label = f"Hall element at {key[0]} = {value:g} mm"
-                yield _length("hall_place", value, ((*path, key),), label=label, at=at)
+        for axis, value in zip("rz", at, strict=True):
+            if axis == "z" or value > 0.0:
+                key, label = f"{axis}_mm", f"Hall element at {axis} = {value:g} mm"
+                tolerance = length_tolerance(value)
+                facts = NumberFacts(f"{path}.{key}", (), "hall_place", value, "mm", tolerance, label=label, at=at)
+                yield facts, partial(moved, [(*path.split("."), key)])
 
 
-def _moved(
-    data: dict[str, Any], source: str, directory: Path | None, lengths: Iterable[_Length]
-) -> Iterator[DrawnNumber]:
-    """Lengths with which the drawing can be built a little larger and a little smaller; it counts from all others."""
-    step = STEP["mm"]
-    for facts, locations in lengths:
-        try:
-            larger, smaller = (
-                actuator_from_tables(_changed(data, locations, sign * step), source, directory) for sign in (1.0, -1.0)
-            )
-        except ActuatorFileError:
-            continue
-        yield DrawnNumber(facts, step, larger, smaller)
-
-
-def _turns(data: Mapping[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]:
+def _turns(data: Mapping[str, Any], actuator: Actuator) -> _Suspects:
     for coil in actuator.coils:
         alone = sum(winding.circuit == coil.circuit for winding in actuator.coils) == 1
         key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
         effect = "turns" if len(actuator.circuits) == 1 else f"turns:{coil.circuit}"
-        yield _share(key, "turns", coil.turns, partial(_with_coil, actuator, coil), effect=effect * alone)
+        facts = NumberFacts(key, (), "turns", coil.turns, "", KINDS["turns"].tolerance, effect * alone)
+        yield facts, partial(_with_turns, actuator, coil)
 
 
-def _with_coil(actuator: Actuator, coil: Coil, factor: float) -> Actuator:
-    """The actuator with the turns of a coil times a factor."""
-    wound = (replace(each, turns=each.turns * factor) if each is coil else each for each in actuator.coils)
+def _with_turns(actuator: Actuator, coil: Coil, share: float) -> Actuator:
+    wound = (replace(each, turns=each.turns * (1.0 + share)) if each is coil else each for each in actuator.coils)
     return replace(actuator, coils=tuple(wound))
 
 
-def _share(key: str, kind: str, value: float, built: Callable[[float], Actuator], *, effect: str) -> DrawnNumber:
-    facts = NumberFacts(key, (), kind, value, "", KINDS[kind].tolerance, effect)
-    return DrawnNumber(facts, SHARE_STEP, built(1.0 + SHARE_STEP), built(1.0 - SHARE_STEP))
-
-
-def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
+def _materials(actuator: Actuator) -> _Suspects:
     """Permeability and remanence of linear materials, the scales of B and of H of curves, and how each conducts."""
     used = {region.material.name: region.material for region in actuator.regions}
     magnets = [name for name, material in used.items() if material.remanence_T]
@@ -234,21 +215,20 @@ def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
             value = 1.0 if isinstance(drawn, tuple) else converted(abs(drawn), -key.power)
             if value == (1.0 if key.kind == "permeability" else 0.0) or not value:
                 continue
-            recoil = key.kind == "permeability" and material.remanence_T
-            kind = "recoil_permeability" if recoil else key.kind
+            kind = f"{'recoil_' * bool(key.kind == 'permeability' and material.remanence_T)}{key.kind}"
             effect = "remanence" if kind == "remanence" and len(magnets) == 1 else ""
-            built = partial(_with_material, actuator, name, key.field)
-            yield _share(joined("materials", name, path), kind, value, built, effect=effect)
+            facts = NumberFacts(joined("materials", name, path), (), kind, value, "", KINDS[kind].tolerance, effect)
+            yield facts, partial(_with_material, actuator, name, key.field)
 
 
-def _with_material(actuator: Actuator, name: str, field: str, factor: float) -> Actuator:
-    """The actuator with a number, or with all numbers of a list, of a material times a factor."""
+def _with_material(actuator: Actuator, name: str, field: str, share: float) -> Actuator:
+    """The actuator with a number, or with all numbers of a list, of a material more by a share."""
 
     def changed(region: Region) -> Region:
         if region.material.name != name:
             return region
-        drawn = getattr(region.material, field)
-        value: Any = tuple(factor * each for each in drawn) if isinstance(drawn, tuple) else factor * drawn
+        drawn: Any = np.asarray(getattr(region.material, field)) * (1.0 + share)
+        value: Any = tuple(drawn.tolist()) if drawn.ndim else float(drawn)
         return replace(region, material=replace(region.material, **{field: value}))
 
     moving = replace(actuator.moving, regions=tuple(map(changed, actuator.moving.regions)))

@@ -20,19 +20,12 @@ from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, OutlineEntry, 
 
 NOISE: dict[str, Any] = {"ge": 0.0, "le": 1e6}
 TURNS: dict[str, Any] = {"ge": 1.0, "le": 1e7, "kind": "turns"}
-DELAY: dict[str, Any] = {
-    "says": "how late a reading is in ms",
-    "default": 0.0,
-    "file": "delay_ms",
-    "ge": 0.0,
-    "le": 1e6,
-}
+DELAY: dict[str, Any] = {"says": "how late a reading is in ms", "default": 0.0, "ge": 0.0, "le": 1e6}
 SAMPLE_TIME: dict[str, Any] = {"says": "the time from one reading to the next, or leave it to the controller's"}
 SAMPLE_TIME |= {"default": None, "ge": 1e-6, "le": 1e6}
 
 
-@dataclass(frozen=True)
-class Drive(Record):
+class Drive(Record, kw_only=False):
     """How a command becomes voltage or current; the limits of the voltage are those of the circuit.
 
     A voltage source gives what is commanded, within its limits. With a freewheel diode it is one-sided: it gives
@@ -50,6 +43,10 @@ class Drive(Record):
     bandwidth_Hz: float | None = key("the bandwidth of a current amplifier", None, gt=0, le=1e9)
 
 
+BRIDGE = Drive()
+"""Voltages of both signs, as far as the limits go."""
+
+
 @dataclass(frozen=True)
 class Circuit:
     """Coils in series and their driver: U = R i + L_s i' + d(flux linkage)/dt."""
@@ -59,14 +56,13 @@ class Circuit:
     # Of the supply; a drawing without one leaves them open behind a current amplifier, a model has both
     voltage_min_V: float = -inf
     voltage_max_V: float = inf
-    drive: Drive = Drive()  # A bridge: voltages of both signs, as far as the limits go
+    drive: Drive = BRIDGE
     name: str = "coil"
     # L_s, in series, outside of the field
     inductance_H: float = limited(default=0.0, metadata={"lower": 0.0})
 
 
-@dataclass(frozen=True)
-class HallElement(Record):
+class HallElement(Record, kw_only=False):
     """A linear Hall element with its analogue output and converter; it stands still."""
 
     # Position (r, z) of the element
@@ -115,7 +111,6 @@ def unit_vector(values: Sequence[float] | str) -> tuple[float, float]:
     return values[0] / length, values[1] / length
 
 
-@dataclass(frozen=True)
 class _Range(Record):
     """The key of a reading's range."""
 
@@ -124,7 +119,6 @@ class _Range(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class Sensor(Record):
     """What all other sensors share; noise, range and resolution are in the unit of the reading."""
 
@@ -152,7 +146,6 @@ def _ends(given: Given, key: str, complain: Callable[..., None]) -> dict[str, An
     return dict(zip(("minimum", "maximum"), ends or (None, None), strict=True))
 
 
-@dataclass(frozen=True, kw_only=True)
 class CurrentSensor(Sensor):
     """The current of a circuit, read in A."""
 
@@ -161,10 +154,9 @@ class CurrentSensor(Sensor):
     circuit: str = key("the name of the circuit; it may be left out where there is one alone", usual="")
     gain: float = 1.0
     offset: float = 0.0
-    kind: Literal["current"] = key('"current" for a sensor of a circuit\'s current', "current", needed=True)
+    kind: Literal["current"] = key('"current" for a sensor of a circuit\'s current', "current", required=True)
 
 
-@dataclass(frozen=True)
 class _Drawn(Record):
     """Keys of a sensor of the distance from which its characteristic follows."""
 
@@ -176,7 +168,6 @@ class _Drawn(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class PositionSensor(Sensor):
     """The distance as a laser, an optical gate or an LVDT reads it: interpolated between points of a characteristic."""
 
@@ -195,11 +186,11 @@ class PositionSensor(Sensor):
         file="output_V",
         count=POINTS,
         monotone=True,
-        like="distances_m",
+        like="distance_mm",
         usual=None,
     )
     unit: str = "V"  # V, or m where the reading is the distance itself
-    kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", needed=True)
+    kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", required=True)
 
     @classmethod
     def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
@@ -222,7 +213,6 @@ class PositionSensor(Sensor):
         return values
 
 
-@dataclass(frozen=True, kw_only=True)
 class PickupCoil(Sensor):
     """A winding without current: the voltage that its flux linkage induces, in V."""
 
@@ -231,10 +221,9 @@ class PickupCoil(Sensor):
     vertices_m: tuple[tuple[float, float], ...] = ()
     turns: float = key("the number of turns", **TURNS)
     moves: bool = key("true for a coil that belongs to the moving part", False)
-    kind: Literal["pickup_coil"] = key('"pickup_coil" for a winding without current', "pickup_coil", needed=True)
+    kind: Literal["pickup_coil"] = key('"pickup_coil" for a winding without current', "pickup_coil", required=True)
 
 
-@dataclass(frozen=True, kw_only=True)
 class AccelerationSensor(Sensor):
     """The moving part's acceleration along growing distance, in m/s^2."""
 
@@ -242,16 +231,17 @@ class AccelerationSensor(Sensor):
 
     # Whether it reads d'' - g, as accelerometers of silicon do: a body at rest that hangs reads 9.8 towards the magnet
     reads_gravity: bool = key("true for one that reads gravity too at rest, as MEMS accelerometers do", False)
-    kind: Literal["acceleration"] = key('"acceleration" for an accelerometer on the body', "acceleration", needed=True)
+    kind: Literal["acceleration"] = key(
+        '"acceleration" for an accelerometer on the body', "acceleration", required=True
+    )
 
 
-@dataclass(frozen=True, kw_only=True)
 class ForceSensor(Sensor):
     """The magnetic force on the moving part, positive towards smaller distance, in N."""
 
     UNIT = "N"
 
-    kind: Literal["force"] = key('"force" for a load cell that holds the body', "force", needed=True)
+    kind: Literal["force"] = key('"force" for a load cell that holds the body', "force", required=True)
 
 
 AnySensor: TypeAlias = HallElement | CurrentSensor | PositionSensor | PickupCoil | AccelerationSensor | ForceSensor

@@ -9,9 +9,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
-from functools import cache, cached_property
+from functools import cache
 from types import SimpleNamespace, UnionType
-from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, NamedTuple, dataclass_transform, get_args, get_origin, get_type_hints
 
 
 def scaled(value: float, exponent: int = -3) -> float:
@@ -69,12 +69,17 @@ class Given(SimpleNamespace):
     wrong: set[str]  # Keys that are missing or whose values are no such ones
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 class Record:
-    """What the dataclass of a table says of it beside its fields; nothing usually."""
+    """Base of the frozen dataclasses of tables, and what one says of its table beside its fields; nothing usually."""
 
+    __dataclass_fields__: ClassVar[dict[str, Any]]
     beside: ClassVar[tuple[Any, ...]] = ()  # Records whose keys stand in the same table
     UNIT: ClassVar[str] = ""  # That keys end in which are named so
     any_keys: ClassVar[bool] = False  # Whether others may be there, which are not read
+
+    def __init_subclass__(cls, *, kw_only: bool = True, eq: bool = True) -> None:
+        dataclass(frozen=True, kw_only=kw_only, eq=eq)(cls)
 
     @classmethod
     def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:  # noqa: ARG003  of some records
@@ -90,61 +95,28 @@ class Record:
 class Key:
     """What is said of a key beside its field's type and default; all numbers are in the file's unit."""
 
-    says: str  # What to give, which is the remedy where it is missing or wrong
+    remedy: str  # What to do where it is missing or wrong, as a sentence
     file: str = ""  # Its name there, where it is not the field's; ``{unit}`` is the record's, here and above
-    ge: float | None = None
-    le: float | None = None
-    gt: float | None = None
-    lt: float | None = None
     count: tuple[tuple[int, int], ...] = ()  # Fewest and most members of a list, and of the lists in it
-    length: tuple[int, int | None] = (0, None)  # Of a text
-    pattern: str | None = None
     words: tuple[str, ...] = ()  # Names of directions, which may also be given as [r, z]
-    usual: Any = ...  # What the file takes where it is left out, if that is not the field's default
-    needed: bool = False  # Whether a table must have it though the field has a default
+    usual: Any = None  # What the file takes where it is left out, if that is not the field's default
+    required: bool = False  # Whether a table must have it, as where the field has no default
     kind: str = ""  # Of a number that a workshop may miss, of femfit.device.tolerances.KINDS
     ascending: bool = False
     monotone: bool = False  # A list that rises or falls throughout
-    like: str = ""  # Field of a list with as many values
+    like: str = ""  # Key of a list with as many values
     stepped: type | None = None  # Record of a table that may stand for a list, as { start, stop, step }
     form: type | None = None  # Record of a table whose values are read by a reader of its own
     older: bool = False  # Of schema 1: read, and no longer described
     any_name: bool = False  # Whether the tables may be named as one likes: no column or file is named after them
+    limits: Mapping[str, Any] = field(default_factory=dict)  # On each number or text, as pydantic calls them
     # From here on by the field, as :func:`keys_of` fills it in
     field: str = ""
+    power: int = 0  # Of ten, from the file's unit to the field's
     hint: Any = None
     records: tuple[Any, ...] = ()  # Of the table here, or of each table that has a name here
     named: bool = False
-
-    @property
-    def remedy(self) -> str:
-        """What to do, as a sentence."""
-        return f"Give {self.says}."
-
-    @cached_property
-    def power(self) -> int:
-        """Of ten, from the file's unit to the field's."""
-        unit = unit_of(self.file)
-        return 0 if not unit or self.field.endswith(f"_{unit}") else UNITS[unit].power
-
-    @property
-    def required(self) -> bool:
-        """Whether a table must have it."""
-        return self.usual is ...
-
-    @property
-    def is_number(self) -> bool:
-        """Whether one number stands here, with or without None beside it."""
-        return float in (self.hint, *(get_args(self.hint) if isinstance(self.hint, UnionType) else ()))
-
-    @property
-    def limits(self) -> dict[str, Any]:
-        """What a model file is held to: signs, since the drawing's other bounds are far from any actuator."""
-        least = self.ge if self.gt is None else self.gt
-        limits: dict[str, Any] = {} if self.lt is None else {"upper": self.lt}
-        if least is not None and least >= 0.0:
-            limits |= {"lower": 0.0} if self.ge == 0.0 else {"positive": True}
-        return limits
+    is_number: bool = False  # One, with or without None beside it
 
 
 def converted(value: Any, power: int) -> Any:
@@ -154,13 +126,22 @@ def converted(value: Any, power: int) -> Any:
     return scaled(value, power) if power and value is not None else value
 
 
+LIMITS = ("ge", "le", "gt", "lt", "min_length", "max_length", "pattern")
+
+
 def key(says: str, default: Any = MISSING, *, model: Mapping[str, Any] | None = None, **facts: Any) -> Any:
     """A field with its key: what to give, the default in the field's unit, and what :class:`Key` holds besides.
 
-    What a model file is held to follows from that, unless ``model`` says it.
+    A model file is held to ``model``, or else to signs, since the drawing's other bounds are far from any actuator.
     """
-    declared = Key(says, **facts)
-    return field(default=default, metadata={"drawn": declared, **declared.limits, **(model or {})})
+    limits = {name: facts.pop(name) for name in LIMITS if name in facts}
+    signs = {"upper": limits["lt"]} if "lt" in limits else {}
+    if limits.get("gt", limits.get("ge", -1.0)) >= 0.0:
+        signs |= {"lower": 0.0} if limits.get("ge") == 0.0 else {"positive": True}
+    return field(
+        default=default,
+        metadata={"drawn": Key(f"Give {says}.", limits=limits, **{"usual": ..., **facts}), **signs, **(model or {})},
+    )
 
 
 def _keys_of(record: Any) -> dict[str, Key]:
@@ -181,15 +162,19 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
     units = ((name, each.si) for name, each in UNITS.items() if member.name.endswith(f"_{each.si}"))
     in_file, si = next(units, ("", ""))
     file = (declared.file or f"{member.name.removesuffix(si)}{in_file}").replace("{unit}", unit)
-    says = declared.says.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
-    alternatives = get_args(hint) if isinstance(hint, UnionType) or get_origin(hint) is tuple else (hint,)
+    remedy = declared.remedy.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
+    listed = get_origin(hint) is tuple
+    alternatives = get_args(hint) if isinstance(hint, UnionType) or listed else (hint,)
     kinds = [kind for each in alternatives for kind in (each, *get_args(each))]
     records = tuple(kind for kind in kinds if is_dataclass(kind))
-    named = bool(records) and get_origin(hint) is tuple
-    bound = replace(declared, field=member.name, hint=hint, says=says, file=file, records=records, named=named)
-    if bound.needed or bound.usual is not ... or member.default is MISSING:
-        return bound
-    return replace(bound, usual=None if records else converted(member.default, -bound.power))
+    unit, usual = unit_of(file), declared.usual
+    power = 0 if not unit or member.name.endswith(f"_{unit}") else UNITS[unit].power
+    required = declared.required or (usual is ... and member.default is MISSING)
+    if usual is ...:
+        usual = None if required or records else converted(member.default, -power)
+    bound = replace(declared, field=member.name, hint=hint, remedy=remedy, file=file, records=records, power=power)
+    named, is_number = bool(records) and listed, float in alternatives and not listed
+    return replace(bound, named=named, is_number=is_number, required=required, usual=usual)
 
 
 keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)
@@ -201,7 +186,7 @@ def kind_of(record: Any) -> str:
     return "" if kind is None else str(get_args(kind.hint)[0])
 
 
-def in_si(record: Any, given: Given, complain: Callable[..., None] | None = None, **more: Any) -> Any:
+def in_si(record: Any, given: Given, complain: Callable[..., None], **more: Any) -> Any:
     """The record of a table, its own fields converted; what is not there is as usual."""
     values = {}
     for name, declared in keys_of(record).items():
@@ -209,18 +194,17 @@ def in_si(record: Any, given: Given, complain: Callable[..., None] | None = None
         if member and not declared.records and (name in given.stated or member.default is MISSING):
             value = getattr(given, name)
             values[declared.field] = value if declared.hint is Any else converted(value, declared.power)
-    return record(**values | record.derived(given, complain or (lambda *_, **__: None)) | more)
+    return record(**values | record.derived(given, complain) | more)
 
 
 _ANY = LENGTH | {"kind": "length"}
 
 
-@dataclass(frozen=True)
 class OutlineEntry(Record):
     """A box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
 
-    r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, **_ANY)
-    z_mm: tuple[float, float] | None = key("[lower, upper] height in mm", None, **_ANY)
+    r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, ascending=True, **_ANY)
+    z_mm: tuple[float, float] | None = key("[lower, upper] height in mm", None, ascending=True, **_ANY)
     polygon_mm: tuple[tuple[float, ...], ...] | None = key(
         "at least three corners [[r, z], ...] in mm; a third number is the angle in degrees of an arc to the next "
         "corner, positive counter-clockwise",
@@ -240,7 +224,6 @@ _DIGITS = 9
 """Significant digits of a frequency between the ends of a range, the same on every machine."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class RangeEntry(Record):
     """``{ start = ..., stop = ..., step = ... }``, both ends included; the same on every machine."""
 
@@ -263,7 +246,6 @@ class RangeEntry(Record):
         return {"values": tuple(float(start + k * step) for k in range(count + 1))}
 
 
-@dataclass(frozen=True, kw_only=True)
 class FrequencyRangeEntry(Record):
     """``{ start = ..., stop = ..., per_decade = ... }``, both ends included."""
 

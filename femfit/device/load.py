@@ -12,15 +12,16 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import complain, joined, read_table, read_tables, table_at
-from femfit.device.drawing import DrawnPart, read_drawing
-from femfit.device.keys import scaled
-from femfit.device.parameter_table import read_design
-from femfit.device.parameters import eddy_bias, read_axes
+from femfit.device.complaints import MistakeError, complain, read_table, read_tables, table_at
+from femfit.device.drawing import Drawing, read_drawing
+from femfit.device.keys import converted, scaled
+from femfit.device.parameters import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
 from femfit.device.read_device import (
+    Reading,
     check_circuit_names,
     hall_places,
+    read_axes,
     read_circuits,
     read_coils,
     read_mechanics,
@@ -53,9 +54,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
         raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
     version = data.get("schema")
     if isinstance(version, int) and version > SCHEMA_VERSION:
-        problems: list[str] = []
-        complain(problems, "later_schema", version=version, most=SCHEMA_VERSION)
-        raise ActuatorFileError(source, problems)
+        raise ActuatorFileError(source, [str(MistakeError("later_schema", version=version, most=SCHEMA_VERSION))])
     return data
 
 
@@ -91,83 +90,80 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     problems: list[str] = []
     read_design(data, problems)
     header: FileEntry | None = read_table(FileEntry, data, "", problems)
-    _check_schema(data, problems)
     tables, of_body, given = data, table_at(data, "moving"), data.get("mechanics")
     if "mass_g" in of_body and isinstance(given, dict):  # the mass stands in [moving], as in schema 1
         tables = {**data, "mechanics": {"mass_g": of_body["mass_g"]} | given}
-    entries = read_tables(tables, problems)
-    solver: SolverEntry | None = entries.get("solver")
+    file = Reading(data, {}, problems)
+    _check_schema(file)
+    file.entries.update(entries := read_tables(tables, problems))
+    solver: SolverEntry = entries.get("solver", SolverEntry())
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     drawn = read_drawing(data, entries, directory or Path(), problems)
-    coils = read_coils(entries, drawn, problems)
-    circuits, coils = read_circuits(data, entries, coils, problems)
+    circuits, coils = read_circuits(file, tuple(read_coils(file, drawn)))
     names = [circuit.name for circuit in circuits]
     check_circuit_names(names, problems)
-    mechanics = read_mechanics(data, entries, problems)
-    sensors = read_sensors(data, entries, circuits, problems)
-    currents_A, distances = read_axes(data, names, problems)
+    mechanics = read_mechanics(file)
+    sensors = tuple(read_sensors(file, names))
+    currents_A, distances = read_axes(file, names)
     first_A, *further_A = currents_A or [(0.0,)]
-    eddy_bias_A = eddy_bias(solver, len(circuits), problems)
+    bias_A = solver.eddy_bias_A
+    eddy_bias_A = bias_A if isinstance(bias_A, tuple) else () if bias_A is None else (bias_A,)
+    if bias_A is not None and len(eddy_bias_A) != len(circuits):
+        complain(problems, "eddy_bias", circuits=len(circuits), count=len(eddy_bias_A))
     steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:
         complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
     read_tolerances(data, problems)
-    reached = [distance for distance in distances if distance > 0.0] if is_schema_1(data) else distances
-    drawn.check(reached, problems, reference_face=is_schema_1(data))
-    for place, element in hall_places(data):
-        drawn.check_hall_place(joined("", *place), element, reached, problems)
+    reached = [distance for distance in distances if distance > 0.0] if file.is_schema_1 else distances
+    drawn.check(reached, hall_places(data), problems, reference_face=file.is_schema_1)
     if problems or header is None or mechanics is None:
         raise ActuatorFileError(source, problems)
     return Actuator(
         name=header.name,
         description=header.description,
-        fixed=tuple(_region(part) for part in drawn.fixed),
+        fixed=_regions(drawn, moves=False),
         coils=coils,
-        moving=MovingPart(tuple(_region(part) for part in drawn.moving)),
+        moving=MovingPart(_regions(drawn, moves=True)),
         mechanics=mechanics,
-        sweep=SweepAxes(first_A, tuple(map(scaled, distances)), tuple(further_A)),
+        sweep=SweepAxes(first_A, converted(distances, -3), tuple(further_A)),
         circuits=circuits,
         sample_time_s=entries["supply"].sample_time_s if "supply" in entries else None,
         sensors=sensors,
         reference_distances_m=reference_m,
-        tolerance=solver.tolerance if solver else None,
-        frequencies_Hz=solver.frequency_Hz or () if solver else (),
-        eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
+        tolerance=solver.tolerance,
+        frequencies_Hz=solver.frequency_Hz or (),
+        eddy_error=solver.eddy_error,
         thermal=entries.get("thermal", STILL_AIR),
         eddy_bias_A=eddy_bias_A,
     )
 
 
-SINCE_SCHEMA_2 = ("fixed", "coils", "circuits", "mechanics", "sensors")
-
-
-def _check_schema(data: dict[str, Any], problems: list[str]) -> None:
+def _check_schema(file: Reading) -> None:
     """Report tables that this schema does not have, and those that it must have."""
-    moving, first = table_at(data, "moving"), is_schema_1(data)
-    if "mechanics" not in data and "mass_g" not in moving and ("moving" in data or not first):
-        complain(problems, "no_mass", "moving" if "moving" in data else "mechanics")
-    needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
-    for key in (key for key in SINCE_SCHEMA_2 if first and key in data):
-        complain(problems, "schema_2", key)
-    for key in (key for key in needed if first and key not in data):
-        complain(problems, "missing", key, remedy=f"Give {needed[key]}.")
-    if not first and "fixed" in data and "electromagnet" in data:
-        complain(problems, "fixed_twice")
-    if not first and "coil" in data and "coils" in data:
-        complain(problems, "coils_twice")
-    if not first and "mass_g" in moving and "mass_g" in table_at(data, "mechanics"):
-        complain(problems, "mass_twice")
+    data, moving = file.data, table_at(file.data, "moving")
+    if "mechanics" not in data and "mass_g" not in moving and ("moving" in data or not file.is_schema_1):
+        file.complain("no_mass", "moving" if "moving" in data else "mechanics")
+    if file.is_schema_1:
+        for key in (key for key in ("fixed", "coils", "circuits", "mechanics", "sensors") if key in data):
+            file.complain("schema_2", key)
+        needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
+        for key in (key for key in needed if key not in data):
+            file.complain("missing", key, remedy=f"Give {needed[key]}.")
+        return
+    twice = {"fixed_twice": ("fixed", "electromagnet"), "coils_twice": ("coil", "coils")}
+    for code in (code for code, keys in twice.items() if data.keys() >= {*keys}):
+        file.complain(code)
+    if "mass_g" in moving and "mass_g" in table_at(data, "mechanics"):
+        file.complain("mass_twice")
 
 
-def is_schema_1(data: dict[str, Any]) -> bool:
-    """Whether a file is of schema 1: one coil, faces at z = 0, distances above zero."""
-    return data.get("schema") == 1
-
-
-def _region(part: DrawnPart) -> Region:
-    corners = tuple((scaled(r), scaled(z)) for r, z in part.outline.corners)
-    return Region(part.name, corners, part.material or AIR, part.outline.bulges)
+def _regions(drawn: Drawing, *, moves: bool) -> tuple[Region, ...]:
+    parts = [part for part in drawn.of(moves=moves) if not part.winding]
+    return tuple(
+        Region(part.place[-1], converted(part.outline.corners, -3), part.material or AIR, part.outline.bulges)
+        for part in parts
+    )
 
 
 def starter_text(name: str, title: str | None = None) -> str:
@@ -178,41 +174,28 @@ def starter_text(name: str, title: str | None = None) -> str:
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
     """The manifest's ``actuator`` entry: circuits, motion, sensors, and what kind of actuator it is."""
-    supplied = {}
+    record, supplied, kind = json_ready(asdict(actuator)), {}, {}
+    names = "name", "description", "sample_time_s", "reference_distances_m", "circuits", "mechanics", "sensors"
     if len(actuator.circuits) == 1 and actuator.supplies_V:  # as measured tables without a drawing have it, too
-        names = "resistance_ohm", "voltage_min_V", "voltage_max_V"
-        supplied = {name: getattr(actuator.circuits[0], name) for name in names}
+        limits = "resistance_ohm", "voltage_min_V", "voltage_max_V"
+        supplied = {name: getattr(actuator.circuits[0], name) for name in limits}
+    for body, regions in (("fixed", actuator.fixed), ("moving", actuator.moving.regions)):
+        kind[f"{body}_magnet"] = any(region.material.remanence_T for region in regions)
+        kind[f"{body}_iron"] = any(is_iron(region.material) for region in regions)
     return {
-        "name": actuator.name,
-        "description": actuator.description,
+        **{name: record[name] for name in names},
         "mass_kg": actuator.mechanics.mass_kg,
         **supplied,
-        "sample_time_s": actuator.sample_time_s,
-        "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
-        "circuits": [json_ready(asdict(circuit)) for circuit in actuator.circuits],
         "coils": [{"name": coil.name, "turns": coil.turns, "moves": coil.moves} for coil in actuator.coils],
-        "mechanics": asdict(actuator.mechanics),
-        "sensors": [asdict(sensor) for sensor in actuator.sensors],
-        "kind": {
-            "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
-            "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
-            "fixed_iron": any(is_iron(region.material) for region in actuator.fixed),
-            "moving_iron": any(is_iron(region.material) for region in actuator.moving.regions),
-            "coil": bool(actuator.coils),
-            "saturates": actuator.saturates,
-        },
+        "kind": {**kind, "coil": bool(actuator.coils), "saturates": actuator.saturates},
     }
 
 
 def remarks(actuator: Actuator) -> list[str]:
     """What was left out of a drawing's materials."""
-    materials = {region.material for region in actuator.regions}
-    return sorted(
-        f"Material {material.name}: {material.remark}."
-        for material in materials
-        if isinstance(material, NonlinearMaterial) and material.remark
-    )
+    curves = [region.material for region in actuator.regions if isinstance(region.material, NonlinearMaterial)]
+    return sorted({f"Material {curve.name}: {curve.remark}." for curve in curves if curve.remark})
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:

@@ -42,21 +42,20 @@ class BHCurve:
         slopes = np.minimum(_slopes(b, h), 1.0 / MU_0)
         tail = TAIL * b[-1]
         self.saturated_T = float(b[-1] + tail)
-        self._saturated_field = float(h[-1] + 0.5 * tail * (slopes[-1] + 1.0 / MU_0))
-        self._field = CubicHermiteSpline(
-            np.append(b, self.saturated_T), np.append(h, self._saturated_field), np.append(slopes, 1.0 / MU_0)
-        )
-        self._slope = self._field.derivative()
-        self._energy = self._field.antiderivative()
+        saturated = float(h[-1] + 0.5 * tail * (slopes[-1] + 1.0 / MU_0))
+        points = np.append(b, self.saturated_T), np.append(h, saturated), np.append(slopes, 1.0 / MU_0)
+        curve = CubicHermiteSpline(*points)
+        # From there on a straight line, and so beyond its end
+        curve.extend(np.array([[0.0], [0.0], [1.0 / MU_0], [saturated]]), np.array([self.saturated_T + 1.0]))
+        self._field, self._slope, self._energy = curve, curve.derivative(), curve.antiderivative()
 
     def field(self, b: FloatArray) -> FloatArray:
         """H in A/m."""
-        inside, beyond = self._split(b)
-        return np.asarray(self._field(inside) + beyond / MU_0)
+        return np.asarray(self._field(b))
 
     def differential_reluctivity(self, b: FloatArray) -> FloatArray:
         """dH/dB in m/H."""
-        return np.asarray(self._slope(self._split(b)[0]))
+        return np.asarray(self._slope(b))
 
     def reluctivity(self, b: FloatArray) -> FloatArray:
         """H / B in m/H, its limit dH/dB at B = 0."""
@@ -66,13 +65,7 @@ class BHCurve:
 
     def energy_density(self, b: FloatArray) -> FloatArray:
         """Integral of H dB from 0, in J/m^3."""
-        inside, beyond = self._split(b)
-        return np.asarray(self._energy(inside) + beyond * (self._saturated_field + 0.5 * beyond / MU_0))
-
-    def _split(self, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """B up to saturation, and what is beyond."""
-        inside = np.minimum(b, self.saturated_T)
-        return inside, b - inside
+        return np.asarray(self._energy(b))
 
 
 def _slopes(b: FloatArray, h: FloatArray) -> FloatArray:
@@ -120,16 +113,12 @@ def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
     names = [name.strip() for name in rows[0][1]] if rows else []
     if not set(HEADER) <= set(names):
         return None, [f"must have the columns {','.join(HEADER)}; {file.name} begins with {','.join(names)[:60]!r}."]
-    columns = [names.index(name) for name in HEADER]
-    values: list[tuple[float, float]] = []
-    problems: list[str] = []
+    columns, values, problems = [names.index(name) for name in HEADER], list[list[float]](), list[str]()
     for number, row in rows[1:]:
         try:
-            b, h = (float(row[column]) for column in columns)
+            values.append([float(row[column]) for column in columns])
         except (ValueError, IndexError):
             problems.append(f"must hold two numbers a line; line {number} of {file.name} is {','.join(row)[:60]!r}.")
-        else:
-            values.append((b, h))
     if problems:
         return None, problems[:5]
     return (tuple(b for b, _ in values), tuple(h for _, h in values)), []

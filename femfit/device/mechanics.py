@@ -5,7 +5,7 @@ Forces here are positive along growing distance, as gravity is on a body that ha
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,8 +16,7 @@ from femfit.core.numerics import GRAVITY, FloatArray
 from femfit.device.keys import FORCE, LENGTH, POINTS, Given, Record, key, scaled
 
 
-@dataclass(frozen=True)
-class Spring(Record):
+class Spring(Record, kw_only=False):
     """``[mechanics.springs.NAME]``: force along growing distance preload - stiffness (d - distance)."""
 
     stiffness_N_per_m: float = key("the stiffness in N/mm, or distance_mm and force_N as measured", **FORCE)
@@ -32,20 +31,18 @@ class Spring(Record):
         return {}
 
 
-@dataclass(frozen=True)
-class ForceTable(Record):
+class ForceTable(Record, kw_only=False):
     """A measured force along growing distance, interpolated linearly and continued by its last value."""
 
     distances_m: tuple[float, ...] = key(
         "ascending distances of a measured force", file="distance_mm", count=POINTS, ascending=True, **LENGTH
     )
     forces_N: tuple[float, ...] = key(
-        "the forces at distance_mm; positive pushes the parts apart", file="force_N", count=POINTS, like="distances_m"
+        "the forces at distance_mm; positive pushes the parts apart", file="force_N", count=POINTS, like="distance_mm"
     )
 
 
-@dataclass(frozen=True)
-class Stop(Record):
+class Stop(Record, kw_only=False):
     """``[mechanics.near_stop]`` and ``[mechanics.far_stop]``: an end of the travel."""
 
     distance_m: float = key("the distance at which the body meets the stop", **LENGTH)
@@ -58,7 +55,6 @@ class Stop(Record):
     )
 
 
-@dataclass(frozen=True)
 class _Drawn(Record):
     """Keys of ``[mechanics]`` from which others follow."""
 
@@ -76,8 +72,7 @@ DOWNWARD = {"hanging": 1.0, "standing": -1.0, "horizontal": 0.0, "off": 0.0}
 """Share of gravity along growing distance."""
 
 
-@dataclass(frozen=True)
-class Mechanics(Record):
+class Mechanics(Record, kw_only=False):
     """``[mechanics]``: the moving mass and everything mechanical that acts on it."""
 
     beside = (_Drawn,)
@@ -161,23 +156,13 @@ class Mechanics(Record):
 
     def push_of_springs(self, distance: Expression) -> Expression:
         """All springs along growing distance, in N."""
-        return sum(spring_force(spring, distance) for spring in self.springs) + 0.0 * distance
+        pieces = (_piece(spring, distance) for spring in self.springs)
+        return sum(force + slope * way for way, _, force, slope in pieces) + 0.0 * distance
 
     def energy_of_springs(self, distance: Expression) -> Expression:
-        """Energy of all springs in J at distances in m of any shape, or of an expression."""
-        return sum(spring_energy(spring, distance) for spring in self.springs) + 0.0 * distance
-
-
-def spring_force(spring: Spring | ForceTable, distance: Expression) -> Expression:
-    """Force of a spring along growing distance, in N."""
-    way, _, force, slope = _piece(spring, distance)
-    return force + slope * way
-
-
-def spring_energy(spring: Spring | ForceTable, distance: Expression) -> Expression:
-    """Energy of a spring in J, from nought at its distance or at the first one of its table."""
-    way, done, force, slope = _piece(spring, distance)
-    return -(done + force * way + 0.5 * slope * way**2)
+        """Energy of all springs in J, of each from nought at its distance or at the first one of its table."""
+        pieces = (_piece(spring, distance) for spring in self.springs)
+        return sum(-(done + force * way + 0.5 * slope * way**2) for way, done, force, slope in pieces) + 0.0 * distance
 
 
 def _piece(spring: Spring | ForceTable, distance: Expression) -> tuple[Expression, Expression, Expression, Expression]:

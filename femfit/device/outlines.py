@@ -11,12 +11,13 @@ AutoCAD DXF reference, group code 42 of LWPOLYLINE, for the bulge.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 from shapely import LineString, Polygon
 from shapely.validation import explain_validity
 
-from femfit.device.complaints import complain, joined
-from femfit.device.keys import OutlineEntry
+from femfit.device.complaints import MistakeError, joined
 
 LARGEST_STEP = math.radians(2.0)
 """Angle of a chord that stands for a piece of an arc in checks: 0.015 % of the radius away from it."""
@@ -92,95 +93,76 @@ class DrawnOutline:
     polygon: Polygon  # With chords for arcs
 
 
-def outline(entry: OutlineEntry, path: str, problems: list[str]) -> DrawnOutline | None:
-    """The outline of a region or winding; None if it is unusable."""
-    read = _drawn(entry, path, problems)
-    if read is None:
+def outline(entry: Any, path: str, problems: list[str]) -> DrawnOutline | None:
+    """The outline that the keys of an OutlineEntry give a region or winding; None if it is unusable."""
+    try:
+        return _closed(*_drawn(entry, path))
+    except MistakeError as mistake:
+        problems.append(str(mistake))
         return None
-    key, corners, bulges = read
-    points = flattened(corners, bulges)
-    inner = min(r for r, _ in points)
-    if inner < -(1e-12 * max(max(abs(r), abs(z)) for r, z in points)):
-        complain(problems, "negative_r", key, inner=inner)
-        return None
-    polygon = Polygon([(max(r, 0.0), z) for r, z in points])
-    # A figure of eight has no net area but spans one, a line does not.
-    if not polygon.is_valid and polygon.convex_hull.area >= MIN_AREA:
-        complain(problems, "crossing", key, where=explain_validity(polygon))
-        return None
-    if polygon.area < MIN_AREA:
-        complain(problems, "no_area", key)
-        return None
-    _, lower, _, upper = polygon.bounds
-    contact = polygon.intersection(LineString([(0.0, lower - 1.0), (0.0, upper + 1.0)]))  # with the axis
-    if any(piece.geom_type == "Point" for piece in getattr(contact, "geoms", [contact]) if not piece.is_empty):
-        complain(problems, "axis_point", key)
-        return None
-    if not polygon.exterior.is_ccw:
-        corners, bulges = reversed_outline(corners, bulges)
-        polygon = polygon.reverse()
-    return DrawnOutline(tuple(corners), tuple(bulges), polygon)
 
 
-Drawn = tuple[str, list[Corner], list[float]]
-"""Key path, corners and bulges."""
-
-
-def _drawn(entry: OutlineEntry, path: str, problems: list[str]) -> Drawn | None:
-    ways = {
-        "polygon_mm": entry.polygon_mm is not None,
-        "circle_mm": entry.circle_mm is not None,
-        "r_mm and z_mm": entry.r_mm is not None or entry.z_mm is not None,
-    }
-    ways_given = [way for way, there in ways.items() if there]
-    if len(ways_given) > 1:
-        complain(problems, "outlines", path, ways=" or ".join(ways_given))
-        return None
+def _drawn(entry: Any, path: str) -> tuple[str, list[Corner], list[float]]:
+    """Key path, corners and bulges."""
+    box = [key for key in ("r_mm", "z_mm") if getattr(entry, key) is not None]
+    ways = [key for key in ("polygon_mm", "circle_mm") if getattr(entry, key) is not None] + ["r_mm and z_mm"][
+        : len(box)
+    ]
+    if len(ways) > 1:
+        raise MistakeError("outlines", path, ways=" or ".join(ways))
     if entry.polygon_mm is not None:
-        return _polygon(entry.polygon_mm, joined(path, "polygon_mm"), problems)
+        return _polygon(entry.polygon_mm, joined(path, "polygon_mm"))
     if entry.circle_mm is not None:
-        return _circle(entry.circle_mm, joined(path, "circle_mm"), problems)
-    if entry.r_mm is not None and entry.z_mm is not None:
-        return _box(entry.r_mm, entry.z_mm, path, problems)
-    needed = " and ".join(key for key in ("r_mm", "z_mm") if getattr(entry, key) is None)
-    complain(problems, "no_outline", path, needed=needed)
-    return None
+        return _circle(entry.circle_mm, joined(path, "circle_mm"))
+    if len(box) < 2:
+        raise MistakeError("no_outline", path, needed=" and ".join(key for key in ("r_mm", "z_mm") if key not in box))
+    (inner, outer), (lower, upper) = entry.r_mm, entry.z_mm
+    return joined(path, "r_mm"), [(inner, lower), (outer, lower), (outer, upper), (inner, upper)], []
 
 
-def _polygon(polygon: Sequence[Sequence[float]], key: str, problems: list[str]) -> Drawn | None:
+def _polygon(polygon: Sequence[Sequence[float]], key: str) -> tuple[str, list[Corner], list[float]]:
     corners = [(corner[0], corner[1]) for corner in polygon]
     angles = [corner[2] if len(corner) == 3 else 0.0 for corner in polygon]
     if corners[0] == corners[-1]:
         corners.pop()
         angles.pop()
-    repeated = [n for n in range(1, len(corners)) if corners[n] == corners[n - 1]]
-    if repeated:
-        complain(problems, "corner_twice", joined(key, repeated[0]), corner=corners[repeated[0]])
-        return None
+    for n, (before, corner) in enumerate(pairwise(corners), 1):
+        if corner == before:
+            raise MistakeError("corner_twice", joined(key, n), corner=corner)
     if len(corners) < (2 if any(angles) else 3):
-        complain(problems, "few_corners", key, count=len(corners))
-        return None
-    wide = [n for n, angle in enumerate(angles) if abs(angle) > LARGEST_ARC]
-    if wide:
-        complain(problems, "wide_arc", joined(key, wide[0]), most=LARGEST_ARC, angle=angles[wide[0]])
-        return None
-    bulges = [math.tan(math.radians(angle) / 4.0) for angle in angles]
-    return key, corners, bulges if any(bulges) else []
+        raise MistakeError("few_corners", key, count=len(corners))
+    for n, angle in enumerate(angles):
+        if abs(angle) > LARGEST_ARC:
+            raise MistakeError("wide_arc", joined(key, n), most=LARGEST_ARC, angle=angle)
+    return key, corners, [math.tan(math.radians(angle) / 4.0) for angle in angles] if any(angles) else []
 
 
-def _circle(values: Sequence[float], key: str, problems: list[str]) -> Drawn | None:
+def _circle(values: Sequence[float], key: str) -> tuple[str, list[Corner], list[float]]:
     r, z, radius = values
     if radius <= 0.0:
-        complain(problems, "no_radius", key, radius=radius)
-        return None
+        raise MistakeError("no_radius", key, radius=radius)
     if 0.0 < r <= radius:
-        complain(problems, "circle_on_axis", key, r=r, radius=radius)
-        return None
+        raise MistakeError("circle_on_axis", key, r=r, radius=radius)
     return key, *circle((r, z), radius)
 
 
-def _box(r: Sequence[float], z: Sequence[float], path: str, problems: list[str]) -> Drawn | None:
-    descending = [(key, low, high) for key, (low, high) in (("r_mm", r), ("z_mm", z)) if low >= high]
-    for key, low, high in descending:
-        complain(problems, "box", joined(path, key), low=low, high=high)
-    return None if descending else (joined(path, "r_mm"), [(r[0], z[0]), (r[1], z[0]), (r[1], z[1]), (r[0], z[1])], [])
+def _closed(key: str, corners: list[Corner], bulges: list[float]) -> DrawnOutline:
+    """The outline, counter-clockwise, of one area beside the axis."""
+    points = flattened(corners, bulges)
+    inner = min(r for r, _ in points)
+    if inner < -(1e-12 * max(max(abs(r), abs(z)) for r, z in points)):
+        raise MistakeError("negative_r", key, inner=inner)
+    polygon = Polygon([(max(r, 0.0), z) for r, z in points])
+    # A figure of eight has no net area but spans one, a line does not.
+    if not polygon.is_valid and polygon.convex_hull.area >= MIN_AREA:
+        raise MistakeError("crossing", key, where=explain_validity(polygon))
+    if polygon.area < MIN_AREA:
+        raise MistakeError("no_area", key)
+    _, lower, _, upper = polygon.bounds
+    contact = polygon.intersection(LineString([(0.0, lower - 1.0), (0.0, upper + 1.0)]))  # with the axis
+    if any(piece.geom_type == "Point" for piece in getattr(contact, "geoms", [contact]) if not piece.is_empty):
+        raise MistakeError("axis_point", key)
+    if not polygon.exterior.is_ccw:
+        corners, bulges = reversed_outline(corners, bulges)
+        polygon = polygon.reverse()
+    return DrawnOutline(tuple(corners), tuple(bulges), polygon)

@@ -1,6 +1,7 @@
-"""What a file sweeps: currents, distances and frequencies, and the points of ``[sweep.parameters]``.
+"""``[sweep.parameters]``: which numbers and materials of the file are swept, under which names, through which values.
 
-A grid is a key of the sweep table; it must come out the same on every machine and in every language.
+A parameter is a key path of the file with its values, or a name of one's own with several ``keys`` that follow it
+together, as a sleeve and the winding round it, or all parts of a core.
 
 References
 ----------
@@ -11,69 +12,35 @@ import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from itertools import product
+from math import prod
 from typing import Any
 
 import numpy as np
 
-from femfit.device.complaints import complain, did_you_mean, given_by, joined, read_value
-from femfit.device.drawing import is_winding, part_tables
-from femfit.device.file_numbers import Location, with_value
-from femfit.device.keys import SI_UNITS, RangeEntry, decimal_sum, keys_of, scaled, unit_of
-from femfit.device.schema import SampledEntry, SolverEntry, SweepEntry
+from femfit.core.sweep_columns import COLUMNS, VARIANT
+from femfit.device.complaints import (
+    Place,
+    complain,
+    complain_of_name,
+    joined,
+    read_part,
+    read_table,
+    read_value,
+    table_at,
+)
+from femfit.device.drawing import part_tables
+from femfit.device.keys import MAX_AXIS_POINTS, UNITS, Given, Key, RangeEntry, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.materials import LIBRARY
+from femfit.device.schema import PARAMETER, KeyEntry, NamedParameterEntry, SampledEntry, SweepEntry
+from femfit.device.tolerances import nearest, numbers_of, with_value
 
-MIN_DISTANCE = 1e-3
-"""In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
-
-CURRENT = keys_of(SweepEntry)["current_A"]
-
-
-def read_axes(
-    data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]
-) -> tuple[list[tuple[float, ...]], tuple[float, ...]]:
-    """The currents in A of each of these circuits, and the distances in mm; empty where they are unusable."""
-    sweep = data.get("sweep")
-    if not isinstance(sweep, dict):
-        return [], ()
-    currents, without = sweep.get("current_A"), not any(is_winding(place) for place, _ in part_tables(data))
-    axes, each = [], isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
-    shared = {key: value for key, value in sweep.items() if key != "current_A" or not (each or without)}
-    entry = given_by(SweepEntry, shared, "sweep", problems)
-    if isinstance(currents, dict) and each:
-        axes = _by_circuit(currents, circuits, problems)
-    elif currents is None and not without:
-        complain(problems, "missing", "sweep.current_A", remedy=CURRENT.remedy)
-    elif not without:
-        if len(circuits) > 1:
-            first, second, *_ = circuits
-            complain(problems, "each_current", known=", ".join(circuits), first=first, second=second)
-        axes = [tuple(entry.current_A or ())]
-    distances_mm = () if "distance_mm" in entry.wrong else tuple(entry.distance_mm)
-    if distances_mm and distances_mm[0] < MIN_DISTANCE and data.get("schema") == 1:
-        complain(problems, "no_gap", start=distances_mm[0], least=MIN_DISTANCE)
-    return axes, distances_mm
-
-
-def _by_circuit(currents: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> list[tuple[float, ...]]:
-    paths = {name: joined("sweep.current_A", name) for name in (*currents, *circuits)}
-    for name in (name for name in currents if name not in circuits):
-        near, known = did_you_mean(name, circuits), ", ".join(circuits) or "none"
-        complain(problems, "not_a_circuit", paths[name], near=near, known=known)
-    for name in (name for name in circuits if name not in currents):
-        complain(problems, "missing", paths[name], remedy="Give the circuit's currents.")
-    swept = (name for name in circuits if name in currents)
-    return [tuple(read_value(CURRENT, currents[name], paths[name], problems) or ()) for name in swept]
-
-
-def eddy_bias(entry: SolverEntry | None, circuits: int, problems: list[str]) -> tuple[float, ...]:
-    """The currents in A about which eddy currents are linearised; empty where the file gives none."""
-    bias = entry.eddy_bias_A if entry is not None else None
-    if bias is None:
-        return ()
-    values = bias if isinstance(bias, tuple) else (bias,)
-    if len(values) != circuits:
-        complain(problems, "eddy_bias", circuits=circuits, count=len(values))
-    return values
-
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+PATH = "sweep.parameters"
+COUNT = ((1, MAX_AXIS_POINTS),)
+NUMBERS = Key("Give at least one number.", count=COUNT, hint=tuple[float, ...], stepped=RangeEntry, limits=PARAMETER)
+NAMES = Key("Give at least one name of a material in quotes.", count=COUNT, hint=tuple[str, ...])
+SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
 
 Value = float | str
 """Value of a parameter: a number, or the name of a material."""
@@ -83,6 +50,186 @@ Points = tuple[tuple[Value, ...], ...]
 
 Values = Sequence[float] | Sequence[str] | SampledEntry
 """Those of one parameter, or the range that they are drawn from."""
+
+
+@dataclass(frozen=True)
+class SweptParameter:
+    """A parameter of a sweep."""
+
+    name: str
+    keys: tuple[KeyEntry, ...]  # Numbers that it sets to offset + factor * value, or names of materials that it sets
+    values: Values
+
+    @property
+    def column(self) -> str:
+        """Name in the table, which ends in the SI unit: ``sleeve_radius_mm`` is ``sleeve_radius_m`` there."""
+        stem, unit, si = self._unit
+        return f"{stem.removesuffix(f'_{unit}')}{self.name.removeprefix(stem)}_{si}" if unit else self.name
+
+    def in_si(self, value: Value) -> Value:
+        """A value of the file in the table's unit."""
+        _, unit, si = self._unit
+        return value if isinstance(value, str) or unit == si else scaled(value)
+
+    @property
+    def _unit(self) -> tuple[str, str, str]:
+        """The name without positions in a list at its end, its unit, and that of the table, of a thousandth another."""
+        stem = re.sub(r"(?:\[\d+\])*\Z", "", self.name)
+        unit = unit_of(stem)
+        return stem, unit, UNITS[unit].si if unit and UNITS[unit].power == -3 else unit
+
+
+@dataclass(frozen=True)
+class ParameterDesign:
+    """The variants of a file."""
+
+    parameters: tuple[SweptParameter, ...]
+    points: Points  # One a variant, one value a parameter, in the file's units or a material's name
+    places: Mapping[str, Place]  # Of what a parameter can set, by key path
+
+    def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
+        """The file of a variant, without ``[sweep.parameters]``."""
+        tables = deepcopy(dict(data))
+        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in ("current_A", "distance_mm")}
+        for parameter, value in zip(self.parameters, point, strict=True):
+            for key in parameter.keys:
+                number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
+                with_value(tables, self.places[key.path], number)
+        return tables
+
+
+def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign | None:
+    """Read what a file sweeps beside its axes.
+
+    Returns
+    -------
+    ParameterDesign or None
+        None without parameters, or if anything is wrong.
+    """
+    entry = read_part(SweepEntry, data.get("sweep"), "parameters", "design", "samples", "seed")
+    if entry is None or not entry.parameters:
+        return None
+    materials = [(*part.place, "material") for part in part_tables(data) if not part.winding]
+    count, places = len(problems), numbers_of(data) | {joined("", *place): place for place in materials}
+    known = tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
+    read = [_parameter(name, table, places, known, problems) for name, table in _flat(entry.parameters).items()]
+    parameters = tuple(parameter for parameter in read if parameter is not None)
+    columns: list[str] = []
+    owners: dict[Place, str] = {}
+    for parameter in parameters:
+        if parameter.column in {*COLUMNS, VARIANT, *columns}:
+            complain(problems, "column_twice", column=parameter.column)
+        columns.append(parameter.column)
+        for key in parameter.keys:
+            if (place := places[key.path]) in owners:
+                complain(problems, "key_twice", joined(PATH, parameter.name), key=key.path, owner=owners[place])
+            owners[place] = parameter.name
+    points = _points(entry, parameters, problems) if len(problems) == count else ()
+    return ParameterDesign(parameters, points, places) if len(problems) == count else None
+
+
+def _flat(tables: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    """Key paths written without quotes are tables within tables to TOML: ``coil.turns = [1, 2]``."""
+    flat: dict[str, Any] = {}
+    for name, table in tables.items():
+        inner = f"{path}.{name}" if path else name
+        keys = table if isinstance(table, dict) else {}
+        gives_values = any(key in SPECIFICATION and not isinstance(value, dict) for key, value in keys.items())
+        flat |= _flat(keys, inner) if keys and not gives_values else {inner: table}
+    return flat
+
+
+def _parameter(
+    name: str, content: object, places: Mapping[str, Place], known: Sequence[str], problems: list[str]
+) -> SweptParameter | None:
+    """A key path of the file, or a name of one's own for several, with its values; None where something is wrong."""
+    path = joined(PATH, name)
+    named = isinstance(content, dict) and bool(content.keys() & keys_of(NamedParameterEntry).keys())
+    entry = read_table(NamedParameterEntry, content if named else {"keys": [name], "values": content}, path, problems)
+    if entry is None:
+        return None
+    read = [
+        _following(text, f"{path}.keys[{n}]" if named else path, places, problems) for n, text in enumerate(entry.keys)
+    ]
+    keys = tuple(key for key in read if key is not None)
+    ends = [[step for step in places[key.path] if isinstance(step, str)][-1] for key in keys]
+    units, materials = sorted({unit_of(end) for end in ends}), [end == "material" for end in ends]
+    if any(materials) and not all(materials):
+        complain(problems, "keys_mixed", path)
+        return None
+    place = f"{path}.values" if named else path
+    values = (
+        _names(entry.values, place, known, problems) if any(materials) else _values(entry.values, place, name, problems)
+    )
+    if not values or len(keys) < len(read):
+        return None
+    if len(units) > 1:
+        complain(problems, "key_units", path, units=" and ".join(unit or "none" for unit in units))
+    elif named and (unit_of(name) != units[0] or not NAME.fullmatch(name)):
+        end = f"end in _{units[0]}, the unit of its keys" if units[0] else "not end in a unit, as its keys have none"
+        complain(problems, "parameter_name", path, end=end)
+    return SweptParameter(name, keys, values)
+
+
+def _following(value: object, path: str, places: Mapping[str, Place], problems: list[str]) -> KeyEntry | None:
+    table = {"key": value} if isinstance(value, str) else value
+    entry: KeyEntry | None = read_table(KeyEntry, table, path, problems)
+    if entry is not None and entry.path not in places:
+        near = ", ".join(nearest(entry.path, places))
+        near = f"Nearest: {near}." if near else 'An example: "coils.NAME.turns".'
+        complain(problems, "no_key", path, key=entry.path[:100], near=near)
+        return None
+    if entry is not None and places[entry.path][-1] == "material" and isinstance(table, dict) and len(table) > 1:
+        complain(problems, "material_factor", path)
+    return entry
+
+
+def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
+    if isinstance(value, dict) and value.keys() & {"min", "max"}:
+        return read_table(SampledEntry, value, path, problems)
+    if isinstance(value, list | dict):
+        return read_value(NUMBERS, value, path, problems)
+    complain(problems, "no_values", path, given=str(value)[:60], name=name[:60])
+    return None
+
+
+def _names(value: object, path: str, known: Sequence[str], problems: list[str]) -> Sequence[str] | None:
+    if not isinstance(value, list):
+        complain(problems, "no_names", path, given=str(value)[:60], first=known[0], last=known[-1])
+        return None
+    names: list[str] = read_value(NAMES, value, path, problems) or []
+    wrong = next((name for name in names if name not in known), None)
+    if wrong is None:
+        return names
+    complain_of_name(problems, "wrong_name", path, wrong, known)
+    return None
+
+
+def _points(entry: Given, parameters: tuple[SweptParameter, ...], problems: list[str]) -> Points:
+    """Every combination, the last parameter fastest; the first values together, and so on; or samples of the ranges."""
+    sampled, count = entry.design == "latin_hypercube", len(problems)
+    columns: list[Any] = [parameter.values for parameter in parameters]
+    for parameter, column in zip(parameters, columns, strict=True):
+        path, ranged = joined(PATH, parameter.name), isinstance(column, SampledEntry)
+        if ranged != sampled and (ranged or not all(isinstance(value, str) for value in column)):
+            form = "{ min, max }" if sampled else "a list or { start, stop, step }"
+            complain(problems, "design_form", path, form=form, design=entry.design)
+        elif not ranged and entry.design == "grid" and len(set(column)) < len(column):
+            complain(problems, "repeated", path)
+    if sampled and entry.samples is None:
+        complain(problems, "no_samples")
+    if len(problems) > count:
+        return ()
+    if sampled and entry.samples is not None:
+        return latin_hypercube(columns, entry.samples, entry.seed)
+    sizes = {parameter.name: len(column) for parameter, column in zip(parameters, columns, strict=True)}
+    if entry.design == "grid" and prod(sizes.values()) > MAX_AXIS_POINTS:
+        complain(problems, "many_points", most=MAX_AXIS_POINTS, count=prod(sizes.values()))
+    elif entry.design == "list" and len({*sizes.values()}) > 1:
+        complain(problems, "list_lengths", lengths=", ".join(f"{name} {size}" for name, size in sizes.items()))
+    else:
+        return tuple(product(*columns) if entry.design == "grid" else zip(*columns, strict=True))
+    return ()
 
 
 def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
@@ -96,9 +243,7 @@ def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int
     from scipy.stats import qmc  # noqa: PLC0415  half a second that other actuator files need not spend
 
     shares = qmc.LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(samples)
-    return tuple(
-        tuple(_at_share(entry, float(share)) for entry, share in zip(ranges, row, strict=True)) for row in shares
-    )
+    return tuple(tuple(map(_at_share, ranges, row.tolist())) for row in shares)
 
 
 def _at_share(entry: SampledEntry | Sequence[str], share: float) -> Value:
@@ -108,59 +253,3 @@ def _at_share(entry: SampledEntry | Sequence[str], share: float) -> Value:
         return entry.min + share * (entry.max - entry.min)
     steps = round((entry.max - entry.min) / entry.step)
     return decimal_sum(entry.min, min(int(share * (steps + 1)), steps), entry.step)
-
-
-_POSITIONS = re.compile(r"(?:\[\d+\])*\Z")
-
-
-@dataclass(frozen=True)
-class FollowingKey:
-    """A number of the file that a parameter sets to offset + factor * value, or a material's name that it sets."""
-
-    location: Location
-    factor: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class SweptParameter:
-    """A parameter of a sweep."""
-
-    name: str
-    keys: tuple[FollowingKey, ...]
-    values: Values
-
-    @property
-    def column(self) -> str:
-        """Name in the table, which ends in the SI unit: ``sleeve_radius_mm`` is ``sleeve_radius_m`` there."""
-        if not self._unit:
-            return self.name
-        stem = _POSITIONS.sub("", self.name)
-        positions = self.name.removeprefix(stem)
-        return f"{stem.removesuffix(f'_{self._unit}')}{positions}_{SI_UNITS.get(self._unit, self._unit)}"
-
-    def in_si(self, value: Value) -> Value:
-        """A value of the file in the table's unit."""
-        return scaled(value) if self._unit in SI_UNITS and not isinstance(value, str) else value
-
-    @property
-    def _unit(self) -> str:
-        return unit_of(_POSITIONS.sub("", self.name))
-
-
-@dataclass(frozen=True)
-class ParameterDesign:
-    """The variants of a file."""
-
-    parameters: tuple[SweptParameter, ...]
-    points: Points  # One a variant, one value a parameter, in the file's units or a material's name
-
-    def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
-        """The file of a variant, without ``[sweep.parameters]``."""
-        tables = deepcopy(dict(data))
-        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in ("current_A", "distance_mm")}
-        for parameter, value in zip(self.parameters, point, strict=True):
-            for key in parameter.keys:
-                number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
-                with_value(tables, key.location, number)
-        return tables

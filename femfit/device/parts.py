@@ -28,7 +28,6 @@ CURVE = ((0, 1000),)
 """Fewest and most points of a curve that are read, which is then checked as a whole."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Conductor(Record):
     """How a material of either kind conducts current and heat."""
 
@@ -56,11 +55,10 @@ class Conductor(Record):
         """What is said of its heat; sheets conduct."""
         if given.lamination_mm and not given.conductivity_MS_per_m:
             complain("sheets")
-        return {"thermal": in_si(ThermalMaterial, given)}
+        return {"thermal": in_si(ThermalMaterial, given, complain)}
 
 
-@dataclass(frozen=True)
-class LinearMaterial(Conductor):
+class LinearMaterial(Conductor, kw_only=False):
     """``[materials.NAME]``: a material with H = (B - B_r) / (mu_0 mu_r)."""
 
     name: str
@@ -69,7 +67,7 @@ class LinearMaterial(Conductor):
         1.0,
         ge=1e-6,
         le=1e7,
-        needed=True,
+        required=True,
         kind="permeability",
     )
     # B_r along the direction (negative: against it); zero for everything but magnets
@@ -90,17 +88,13 @@ class LinearMaterial(Conductor):
         return 1.0 / (MU_0 * self.relative_permeability)
 
 
-@dataclass(frozen=True)
 class _Curve(Record):
     """Key of a file with a magnetisation curve."""
 
-    bh_curve: str | None = key(
-        "a steel of the library, or a CSV file with columns B_T,H_A_per_m", None, length=(1, None)
-    )
+    bh_curve: str | None = key("a steel of the library, or a CSV file with columns B_T,H_A_per_m", None, min_length=1)
 
 
-@dataclass(frozen=True)
-class NonlinearMaterial(Conductor):
+class NonlinearMaterial(Conductor, kw_only=False):
     """``[materials.NAME]``: a soft one, H along B, |H| a monotone function of |B|, without hysteresis."""
 
     beside = (*Conductor.beside, _Curve)

@@ -1,93 +1,101 @@
-"""Windings, circuits, mechanics and sensors of an actuator file, from its right tables by their key paths."""
+"""Windings, circuits, mechanics, sensors and the grid of an actuator file, from its right tables by their key paths."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import permutations
 from math import inf
 from typing import Any
 
-from femfit.device.complaints import complain, did_you_mean, joined, read_part, table_at
-from femfit.device.drawing import Drawing, DrawnPart
+from femfit.device.complaints import complain, complain_of_name, given_by, joined, read_part, read_value, table_at
+from femfit.device.drawing import Drawing, part_tables
 from femfit.device.electrics import AnySensor, Circuit, CurrentSensor, Drive, HallElement, PickupCoil
-from femfit.device.keys import Given, OutlineEntry, scaled
+from femfit.device.keys import Given, OutlineEntry, RangeEntry, converted, keys_of, scaled
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import flattened, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, Coil, smallest_winding_area, wire_resistance
-from femfit.device.schema import CircuitEntry, CoilEntry, SupplyEntry
+from femfit.device.schema import CircuitEntry, CoilEntry, SupplyEntry, SweepEntry
 
-Tables = Mapping[str, Any]
+MIN_DISTANCE = 1e-3
+"""In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
 
 
-def read_coils(entries: Tables, drawing: Drawing, problems: list[str]) -> tuple[Coil, ...]:
+@dataclass(frozen=True)
+class Reading:
+    """A file that is read."""
+
+    data: Mapping[str, Any]
+    entries: dict[str, Any]  # Records of its tables by key path, without those in which anything is wrong
+    problems: list[str]
+
+    def complain(self, code: str, path: str = "", /, **facts: Any) -> None:
+        """Report a mistake."""
+        complain(self.problems, code, path, **facts)
+
+    @property
+    def is_schema_1(self) -> bool:
+        """Whether the file is of schema 1: one coil, faces at z = 0, distances above zero."""
+        return bool(self.data.get("schema") == 1)
+
+
+def read_coils(file: Reading, drawing: Drawing) -> Iterator[Coil]:
     """The windings whose tables are right, in the file's order."""
-    drawn = [winding for winding in drawing.windings if winding.path in entries]
-    coils = [_coil(entries[winding.path], winding, problems) for winding in drawn]
-    return tuple(coil for coil in coils if coil is not None)
+    for winding in (part for part in drawing.parts if part.winding and part.path in file.entries):
+        entry: CoilEntry = file.entries[winding.path]
+        diameter, resistance = entry.wire_diameter_mm, entry.resistance_ohm
+        temperature = REFERENCE_TEMPERATURE if diameter is None or resistance is not None else entry.temperature_C
+        if diameter is not None:
+            area, radius = winding.polygon.area, winding.polygon.centroid.x * 1e-3
+            if (needed := smallest_winding_area(entry.turns, diameter)) > area:
+                file.complain("wire", winding.path, turns=entry.turns, wire=diameter, needed=needed, area=area)
+            if resistance is None:
+                resistance = wire_resistance(entry.turns, radius, diameter * 1e-3, temperature)
+        if resistance is None:
+            file.complain("resistance", winding.path)
+            continue
+        outline, name = (
+            winding.outline,
+            winding.place[-1],
+        )  # its arcs become chords: nothing of it is singular at a corner
+        corners = converted(flattened(outline.corners, outline.bulges), -3)
+        wire = converted(diameter, -3)
+        yield Coil(corners, entry.turns, resistance, wire, name, winding.moves, name, temperature_C=temperature)
 
 
-def _coil(entry: CoilEntry, winding: DrawnPart, problems: list[str]) -> Coil | None:
-    path, name, polygon = winding.path, winding.name, winding.polygon
-    diameter = entry.wire_diameter_mm
-    needed = 0.0 if diameter is None else smallest_winding_area(entry.turns, diameter)
-    if needed > polygon.area:
-        complain(problems, "wire", path, turns=entry.turns, wire=diameter, needed=needed, area=polygon.area)
-    resistance, temperature = entry.resistance_ohm, REFERENCE_TEMPERATURE
-    if resistance is None:
-        if diameter is None:
-            complain(problems, "resistance", path)
-            return None
-        temperature = entry.temperature_C
-        resistance = wire_resistance(entry.turns, polygon.centroid.x * 1e-3, diameter * 1e-3, temperature)
-    outline = winding.outline  # its arcs become chords: nothing of a winding is singular at a corner
-    corners = tuple((scaled(r), scaled(z)) for r, z in flattened(outline.corners, outline.bulges))
-    wire = None if diameter is None else scaled(diameter)
-    return Coil(corners, entry.turns, resistance, wire, name, winding.moves, circuit=name, temperature_C=temperature)
-
-
-def read_circuits(
-    data: Tables, entries: Tables, coils: Sequence[Coil], problems: list[str]
-) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
+def read_circuits(file: Reading, coils: Sequence[Coil]) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
     """The circuits in their order, without a table one a coil, and the coils as they are connected in them."""
-    supply: SupplyEntry | None = entries.get("supply")
+    supply: SupplyEntry | None = file.entries.get("supply")
     usual = {key: getattr(supply, key, None) for key in ("voltage_min_V", "voltage_max_V", "diode_V")}
-    low, high, diode_V = usual.values()
-    _check_driver("supply", low, high, diode_V, problems)
-    tables, by_name = table_at(data, "circuits"), {coil.name: coil for coil in coils}
-    if coils and not tables and "supply" not in data:
-        complain(problems, "no_supply")
+    _check_driver(file, "supply", *usual.values())
+    tables, by_name = table_at(file.data, "circuits"), {coil.name: coil for coil in coils}
+    if coils and not tables and "supply" not in file.data:
+        file.complain("no_supply")
     connected: dict[str, Coil] = {}
-    circuits, count = [], len(problems)
+    circuits, count = [], len(file.problems)
     for name in tables or by_name:
         path = joined("circuits", name)
-        entry: CircuitEntry | None = entries.get(path) if tables else CircuitEntry(coils=(name,))
+        entry: CircuitEntry | None = file.entries.get(path) if tables else CircuitEntry(coils=(name,))
         if entry is None:
             continue
-        members = _connect(entry, name, by_name, connected, problems)
+        members = list(_connected(file, entry, name, by_name, connected))
         resistance = sum(coil.resistance_ohm for coil in members) + entry.external_resistance_ohm
         low, high, diode_V = (usual[key] if getattr(entry, key) is None else getattr(entry, key) for key in usual)
         drive = Drive(diode_V=diode_V)
         if entry.kind == "current":
             drive = Drive("current", None, entry.current_min_A, entry.current_max_A, entry.bandwidth_Hz)
-            least, most = drive.current_min_A, drive.current_max_A
-            if least is None or most is None:
-                complain(problems, "no_currents", path)
-            elif least >= most:
-                complain(problems, "exchanged", path, low="current_min_A", high="current_max_A", least=least, most=most)
-        elif tables and None in (low, high) and (supply is not None or "supply" not in data):
-            complain(problems, "no_voltages", path)
+            if None in (drive.current_min_A, drive.current_max_A):
+                file.complain("no_currents", path)
+            _check_ascent(file, path, current_min_A=drive.current_min_A, current_max_A=drive.current_max_A)
+        elif tables and None in (low, high) and (supply is not None or "supply" not in file.data):
+            file.complain("no_voltages", path)
         if tables:
-            _check_driver(path, low, high, entry.diode_V if entry.kind == "voltage" else None, problems)
-        circuits.append(Circuit(resistance, *_open(low, high), drive, name, entry.external_inductance_H))
+            _check_driver(file, path, low, high, entry.diode_V if entry.kind == "voltage" else None)
+        limits = (-inf, inf) if low is None or high is None else (low, high)
+        circuits.append(Circuit(resistance, limits[0], limits[1], drive, name, entry.external_inductance_H))
     unconnected = [coil for coil in by_name if coil not in connected]
-    if unconnected and len(problems) == count and len(circuits) == len(tables):
-        complain(problems, "unconnected", coils=", ".join(unconnected))
+    if unconnected and len(file.problems) == count and len(circuits) == len(tables):
+        file.complain("unconnected", coils=", ".join(unconnected))
     return tuple(circuits), tuple(connected.get(coil.name, coil) for coil in coils)
-
-
-def _open(low: float | None, high: float | None) -> tuple[float, float]:
-    """Limits of a voltage, open where they are not known."""
-    return (-inf, inf) if low is None or high is None else (low, high)
 
 
 def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
@@ -98,87 +106,118 @@ def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
         complain(problems, "columns", column=column)
 
 
-def _connect(
-    entry: CircuitEntry, circuit: str, coils: Mapping[str, Coil], connected: dict[str, Coil], problems: list[str]
-) -> list[Coil]:
+def _connected(
+    file: Reading, entry: CircuitEntry, circuit: str, coils: Mapping[str, Coil], connected: dict[str, Coil]
+) -> Iterator[Coil]:
     """The coils of a circuit, which join those that are connected already."""
-    path, members = joined("circuits", circuit), []
+    path = joined("circuits", circuit)
     for stated in entry.coils:
         name, sign = (stated[1:], -1.0) if stated.startswith("-") else (stated, 1.0)
         if name not in coils:
-            near, known = did_you_mean(name, coils), ", ".join(coils) or "none"
-            complain(problems, "no_coil", path, given=stated[:60], near=near, known=known)
+            complain_of_name(file.problems, "no_coil", path, stated, coils)
         elif name in connected:
-            complain(problems, "coil_twice", path, coil=name, owner=joined("circuits", connected[name].circuit))
+            file.complain("coil_twice", path, coil=name, owner=joined("circuits", connected[name].circuit))
         else:
             connected[name] = replace(coils[name], circuit=circuit, sign=sign)
-            members.append(connected[name])
-    return members
+            yield connected[name]
 
 
-def _check_driver(path: str, low: float | None, high: float | None, diode: float | None, problems: list[str]) -> None:
-    if low is None or high is None:
-        return
-    if low >= high:
-        complain(problems, "exchanged", path, low="voltage_min_V", high="voltage_max_V", least=low, most=high)
-    if diode is not None and low < 0.0:
-        complain(problems, "diode", path, least=low)
+def _check_driver(file: Reading, path: str, low: float | None, high: float | None, diode: float | None) -> None:
+    _check_ascent(file, path, voltage_min_V=low, voltage_max_V=high)
+    if low is not None and high is not None and diode is not None and low < 0.0:
+        file.complain("diode", path, least=low)
 
 
-def read_mechanics(data: Tables, entries: Tables, problems: list[str]) -> Mechanics | None:
+def _check_ascent(file: Reading, path: str, **limits: float | None) -> None:
+    """Report two limits, by their keys, of which the first is not the lower one."""
+    (low, least), (high, most) = limits.items()
+    if least is not None and most is not None and least >= most:
+        file.complain("exchanged", path, low=low, high=high, least=least, most=most)
+
+
+def read_mechanics(file: Reading) -> Mechanics | None:
     """The mechanics, of which schema 1 has the mass alone; None if something is wrong."""
-    mechanics: Mechanics | None = entries.get("mechanics")
+    entries, mechanics = file.entries, file.entries.get("mechanics")
     if mechanics is None:
-        mass = entries["moving"].mass_g if "moving" in entries and "mechanics" not in data else None
+        mass = entries["moving"].mass_g if "moving" in entries and "mechanics" not in file.data else None
         return None if mass is None else Mechanics(scaled(mass))
-    places = [joined("mechanics.springs", name) for name in table_at(data, "mechanics", "springs")]
+    places = [joined("mechanics.springs", name) for name in table_at(file.data, "mechanics", "springs")]
     stops = {key: entries[f"mechanics.{key}"] for key in ("near_stop", "far_stop") if f"mechanics.{key}" in entries}
-    springs = tuple(entries[place] for place in places if place in entries)
-    mechanics = replace(mechanics, springs=springs, **stops)
-    near, far = (1e3 * end for end in mechanics.ends)
+    whole: Mechanics = replace(mechanics, springs=tuple(entries[each] for each in places if each in entries), **stops)
+    near, far = (1e3 * end for end in whole.ends)
     if near >= far:
-        complain(problems, "stops", near=near, far=far)
-        return None
-    return mechanics
+        file.complain("stops", near=near, far=far)
+    return whole
 
 
-def _sensor_tables(data: Tables) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Place and table of each sensor, ``[hall]`` first."""
-    if "hall" in data:
-        yield ("hall",), data["hall"]
-    yield from ((("sensors", name), table) for name, table in table_at(data, "sensors").items())
+def sensor_tables(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Table of each sensor by its path, ``[hall]`` first."""
+    sensors = {joined("sensors", name): table for name, table in table_at(data, "sensors").items()}
+    return ({"hall": data["hall"]} if "hall" in data else {}) | sensors
 
 
-def read_sensors(
-    data: Tables, entries: Tables, circuits: Sequence[Circuit], problems: list[str]
-) -> tuple[AnySensor, ...]:
-    """All sensors in the file's order, ``[hall]`` first."""
-    if "hall" in data and "hall" in table_at(data, "sensors"):
-        complain(problems, "sensor_twice", name="hall")
-    tables = ((joined("", *place), table) for place, table in _sensor_tables(data))
-    return tuple(_placed(entries[path], path, table, circuits, problems) for path, table in tables if path in entries)
-
-
-def hall_places(data: Tables) -> Iterator[tuple[tuple[str, ...], Given]]:
-    """Place of the table and in the drawing of each Hall element whose place is right, whatever else of it is wrong."""
-    for place, table in _sensor_tables(data):
+def hall_places(data: Mapping[str, Any]) -> dict[str, Given]:
+    """Place in the drawing of each Hall element whose place is right, by its path, whatever else of it is wrong."""
+    places = {}
+    for path, table in sensor_tables(data).items():
         element = read_part(HallElement, table, "r_mm", "z_mm")
-        if element is not None and (place[0] == "hall" or table.get("kind") == "hall"):
-            yield place, element
+        if element is not None and (path == "hall" or table.get("kind") == "hall"):
+            places[path] = element
+    return places
 
 
-def _placed(sensor: AnySensor, path: str, table: Any, circuits: Sequence[Circuit], problems: list[str]) -> AnySensor:
-    """A sensor with the outline of its winding, or the circuit whose current it reads."""
-    if isinstance(sensor, PickupCoil):
-        drawn = outline(read_part(OutlineEntry, table), path, problems)
-        corners = () if drawn is None else flattened(drawn.corners, drawn.bulges)
-        return replace(sensor, vertices_m=tuple((scaled(r), scaled(z)) for r, z in corners))
-    names = [circuit.name for circuit in circuits]
-    if isinstance(sensor, CurrentSensor) and "circuit" not in table:
-        if len(names) != 1:
-            complain(problems, "no_circuit", path, count=len(names), known=", ".join(names) or "none")
-        return replace(sensor, circuit=names[0] if names else "")
-    if isinstance(sensor, CurrentSensor) and sensor.circuit not in names:
-        near, known = did_you_mean(sensor.circuit, names), ", ".join(names) or "none"
-        complain(problems, "which_circuit", path, given=sensor.circuit[:60], near=near, known=known)
-    return sensor
+def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
+    """All sensors in the file's order, ``[hall]`` first, with what they are placed on: a winding, or a circuit."""
+    if "hall" in file.data and "hall" in table_at(file.data, "sensors"):
+        file.complain("sensor_twice", name="hall")
+    for path, table in sensor_tables(file.data).items():
+        sensor: AnySensor | None = file.entries.get(path)
+        if isinstance(sensor, PickupCoil):
+            drawn = outline(read_part(OutlineEntry, table), path, file.problems)
+            corners = () if drawn is None else flattened(drawn.corners, drawn.bulges)
+            sensor = replace(sensor, vertices_m=converted(corners, -3))
+        elif isinstance(sensor, CurrentSensor) and "circuit" not in table:
+            if len(circuits) != 1:
+                file.complain("no_circuit", path, count=len(circuits), known=", ".join(circuits) or "none")
+            sensor = replace(sensor, circuit="".join(circuits[:1]))
+        elif isinstance(sensor, CurrentSensor) and sensor.circuit not in circuits:
+            complain_of_name(file.problems, "which_circuit", path, sensor.circuit, circuits)
+        if sensor is not None:
+            yield sensor
+
+
+CURRENT = keys_of(SweepEntry)["current_A"]
+
+
+def read_axes(file: Reading, circuits: Sequence[str]) -> tuple[list[tuple[float, ...]], tuple[float, ...]]:
+    """The currents in A of each of these circuits, and the distances in mm; empty where they are unusable."""
+    sweep = file.data.get("sweep")
+    if not isinstance(sweep, dict):
+        return [], ()
+    currents, wound = sweep.get("current_A"), any(part.winding for part in part_tables(file.data))
+    each = isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
+    shared = {key: value for key, value in sweep.items() if key != "current_A" or (wound and not each)}
+    given, axes = given_by(SweepEntry, shared, "sweep", file.problems), []
+    if each:
+        axes = list(_by_circuit(file, currents, circuits))
+    elif wound and currents is None:
+        file.complain("missing", "sweep.current_A", remedy=CURRENT.remedy)
+    elif wound:
+        if len(circuits) > 1:
+            file.complain("each_current", known=", ".join(circuits), first=circuits[0], second=circuits[1])
+        axes = [tuple(given.current_A or ())]
+    distances_mm = () if "distance_mm" in given.wrong else tuple(given.distance_mm)
+    if distances_mm and distances_mm[0] < MIN_DISTANCE and file.is_schema_1:
+        file.complain("no_gap", start=distances_mm[0], least=MIN_DISTANCE)
+    return axes, distances_mm
+
+
+def _by_circuit(file: Reading, currents: Any, circuits: Sequence[str]) -> Iterator[tuple[float, ...]]:
+    for name in (name for name in currents if name not in circuits):
+        complain_of_name(file.problems, "not_a_circuit", joined("sweep.current_A", name), name, circuits)
+    for name in circuits:
+        path = joined("sweep.current_A", name)
+        if name in currents:
+            yield tuple(read_value(CURRENT, currents[name], path, file.problems) or ())
+        else:
+            file.complain("missing", path, remedy="Give the circuit's currents.")

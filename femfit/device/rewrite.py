@@ -15,13 +15,12 @@ from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import joined
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.file_numbers import numbers_of, value_at, with_value
 from femfit.device.keys import decimal_sum
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
-from femfit.device.parameter_table import read_design
-from femfit.device.parameters import ParameterDesign, Value
+from femfit.device.parameters import Value, read_design
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
+from femfit.device.tolerances import numbers_of, value_at, with_value
 
 _DIGITS = 9
 """Significant digits of a scaled number: points of a curve, a warm magnet's remanence."""
@@ -124,25 +123,21 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
     design = read_design(data, [])
     if design is None:
         return only(actuator)
-    variants = tuple(_variant(design, point, data, actuator, directory) for point in design.points)
+    variants = []
+    for point in design.points:
+        values = tuple(parameter.in_si(value) for parameter, value in zip(design.parameters, point, strict=True))
+        try:
+            built = actuator_from_tables(design.variant(data, point), "variant", directory)
+            variants.append(Variant(values, built.sweep, built))
+        except ActuatorFileError as error:
+            variants.append(Variant(values, actuator.sweep, None, " ".join(error.problems)))
     if all(variant.actuator is None for variant in variants):
         raise ActuatorFileError(
             source, [f"sweep.parameters must leave a variant that can be built; the first one: {variants[0].problem}"]
         )
-    return VariantSweep(actuator, tuple(parameter.column for parameter in design.parameters), variants)
+    return VariantSweep(actuator, tuple(parameter.column for parameter in design.parameters), tuple(variants))
 
 
 def only(actuator: Actuator) -> VariantSweep:
     """An actuator without parameters as a sweep of variants."""
     return VariantSweep(actuator, (), (Variant((), actuator.sweep, actuator),))
-
-
-def _variant(
-    design: ParameterDesign, point: tuple[Value, ...], data: dict[str, Any], base: Actuator, directory: Path | None
-) -> Variant:
-    values = tuple(parameter.in_si(value) for parameter, value in zip(design.parameters, point, strict=True))
-    try:
-        built = actuator_from_tables(design.variant(data, point), "variant", directory)
-    except ActuatorFileError as error:
-        return Variant(values, base.sweep, None, " ".join(error.problems))
-    return Variant(values, built.sweep, built)

@@ -6,7 +6,6 @@ Those that are parts of the device as they stand are read straight into their re
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
 from femfit.device.electrics import TURNS, AnySensor, Drive, HallElement
@@ -36,7 +35,6 @@ AXIS: dict[str, Any] = {"count": ((1, MAX_AXIS_POINTS),), "ascending": True, "st
 BODIES = ("electromagnet", "fixed", "moving")
 
 
-@dataclass(frozen=True, kw_only=True)
 class RegionEntry(Record):
     """``[fixed.regions.NAME]`` or ``[moving.regions.NAME]``."""
 
@@ -51,14 +49,12 @@ class RegionEntry(Record):
     temperature_C: float | None = key("a magnet's temperature in degC, or leave it at 20 degC", None, ge=-273, le=500)
 
 
-@dataclass(frozen=True, kw_only=True)
 class FixedEntry(Record):
     """``[fixed]``, or ``[electromagnet]`` of schema 1."""
 
     regions: tuple[RegionEntry, ...] = key("each fixed part as a table [fixed.regions.NAME]", ())
 
 
-@dataclass(frozen=True, kw_only=True)
 class MovingEntry(Record):
     """``[moving]``."""
 
@@ -68,7 +64,6 @@ class MovingEntry(Record):
     regions: tuple[RegionEntry, ...] = key("each magnetic part of the body as [moving.regions.NAME]", ())
 
 
-@dataclass(frozen=True, kw_only=True)
 class CoilEntry(Record):
     """``[coils.NAME]``, or ``[coil]`` of schema 1."""
 
@@ -82,14 +77,12 @@ class CoilEntry(Record):
     temperature_C: float = key("the winding's temperature for the resistance from the wire", 20.0, ge=-200, le=500)
 
 
-@dataclass(frozen=True, kw_only=True)
 class WindingEntry(CoilEntry):
     """``[coils.NAME]``."""
 
     moves: bool = key("true for a coil that belongs to the moving part", False)
 
 
-@dataclass(frozen=True, kw_only=True)
 class CircuitEntry(Drive):
     """``[circuits.NAME]``."""
 
@@ -102,7 +95,6 @@ class CircuitEntry(Drive):
     voltage_max_V: float | None = key("the highest voltage, or have it from [supply]", None, **ELECTRICAL)
 
 
-@dataclass(frozen=True, kw_only=True)
 class SupplyEntry(Record):
     """``[supply]``."""
 
@@ -114,7 +106,6 @@ class SupplyEntry(Record):
     diode_V: float | None = key("the forward voltage of the freewheel diode of a one-sided driver", None, ge=0, le=100)
 
 
-@dataclass(frozen=True, kw_only=True)
 class SomeSensor(Record):
     """``[sensors.NAME]`` of no known kind, of which no other key can be read."""
 
@@ -123,10 +114,11 @@ class SomeSensor(Record):
     kind: Literal["hall", "current", "position", "pickup_coil", "acceleration", "force"] = key("one of them")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DesignEntry(Record):
-    """How a sweep's parameters are combined."""
+class SweepEntry(Record):
+    """``[sweep]``: its axes, and how its parameters are combined."""
 
+    current_A: tuple[float, ...] = key("ascending currents as a list or as { start, stop, step }", usual=None, **AXIS)
+    distance_mm: tuple[float, ...] = key("ascending distances as a list or as { start, stop, step }", **AXIS)
     parameters: Mapping[str, Any] = key(
         "what else is swept as a table [sweep.parameters], or leave it out", None, usual={}
     )
@@ -137,15 +129,6 @@ class DesignEntry(Record):
     seed: int = key("the seed of a latin_hypercube", 1, ge=0, le=2**63 - 1)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SweepEntry(DesignEntry):
-    """``[sweep]``."""
-
-    current_A: tuple[float, ...] = key("ascending currents as a list or as { start, stop, step }", usual=None, **AXIS)
-    distance_mm: tuple[float, ...] = key("ascending distances as a list or as { start, stop, step }", **AXIS)
-
-
-@dataclass(frozen=True, kw_only=True)
 class KeyEntry(Record):
     """``{ key = ..., factor = ..., offset = ... }``: a number of the file that follows a parameter, or a material."""
 
@@ -154,7 +137,6 @@ class KeyEntry(Record):
     offset: float = key("what is added then, in the file's unit", 0.0, **PARAMETER)
 
 
-@dataclass(frozen=True, kw_only=True)
 class SampledEntry(Record):
     """``{ min = ..., max = ..., step = ... }``: a range that a latin_hypercube draws from."""
 
@@ -174,7 +156,6 @@ class SampledEntry(Record):
         return {}
 
 
-@dataclass(frozen=True, kw_only=True)
 class NamedParameterEntry(Record):
     """``[sweep.parameters.NAME]``: a name of one's own for one or more keys of the file."""
 
@@ -182,7 +163,6 @@ class NamedParameterEntry(Record):
     values: Any = key("a list, { start, stop, step }, or { min, max } for a latin_hypercube")
 
 
-@dataclass(frozen=True, kw_only=True)
 class SolverEntry(Record):
     """``[solver]``: how accurate the field solver has to be, and at which frequencies."""
 
@@ -211,7 +191,6 @@ class SolverEntry(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReferenceEntry(Record):
     """``[reference]``: the closed loop's steps."""
 
@@ -220,7 +199,6 @@ class ReferenceEntry(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class ToleranceEntry(Record):
     """``[tolerances]``: how far numbers of the file may be off, beside those that are named by their key paths."""
 
@@ -231,7 +209,6 @@ class ToleranceEntry(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class FileEntry(Record):
     """The top level; each table is read by its own record so that one mistake hides no other."""
 
@@ -239,7 +216,7 @@ class FileEntry(Record):
     name: str = key(
         "a short name of letters, digits, - and _, after which directories are named",
         pattern=NAME_PATTERN,
-        length=(0, MAX_NAME),
+        max_length=MAX_NAME,
     )
     description: str = key("free text in quotes", "")
     materials: tuple[LinearMaterial | NonlinearMaterial, ...] = key(

@@ -1,6 +1,6 @@
 """How parts conduct and store heat, and what surrounds an actuator, in SI units but degC."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from femfit.device.keys import Record, key
@@ -14,8 +14,7 @@ LORENZ_NUMBER = 2.44e-8
 ROOM_K = 293.15
 
 
-@dataclass(frozen=True)
-class ThermalMaterial(Record):
+class ThermalMaterial(Record, kw_only=False):
     """What is known of a material's heat; None where :func:`thermal_of` takes what is usual for its kind."""
 
     conductivity_W_per_m_K: float | None = key(
@@ -32,8 +31,7 @@ class ThermalMaterial(Record):
 UNKNOWN = ThermalMaterial()
 
 
-@dataclass(frozen=True)
-class Surroundings(Record):
+class Surroundings(Record, kw_only=False):
     """``[thermal]`` of an actuator file: what a drawing does not say of its heat."""
 
     ambient_C: float = key("the temperature around the actuator", 20.0, ge=-200, le=500)

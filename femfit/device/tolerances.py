@@ -1,19 +1,21 @@
-"""How far a drawing's numbers may be off: as its ``[tolerances]`` say, or else by the kind of number.
+"""The numbers of an actuator file by their key paths, and how far each may be off.
 
-Limits that a standard or a maker guarantees are read as two standard deviations. They are conventional: a drawing's own
-``[tolerances]``, by key paths, replace them.
+That is as its ``[tolerances]`` say, by key paths, or else by the kind of number: conventional values, for which limits
+that a standard or a maker guarantees are read as two standard deviations.
 """
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.device.complaints import complain, joined, read_table
+from femfit.device.complaints import Place, complain, joined, read_table, table_at, tables_of
 from femfit.device.drawing import materials_used
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.file_numbers import nearest_numbers, numbers_of
 from femfit.device.keys import keys_of
+from femfit.device.materials import LIBRARY
 from femfit.device.schema import ToleranceEntry
+from femfit.device.thermal import ThermalMaterial
 
 _ISO_2768_M = ((3.0, 0.1), (6.0, 0.1), (30.0, 0.2), (120.0, 0.3), (400.0, 0.5), (1000.0, 0.8), (2000.0, 1.2))
 """Limits in mm of lengths in mm up to so much, ISO 2768-1 (1989), table 1, class m."""
@@ -58,6 +60,64 @@ LARGEST = 1e5
 """No number of a drawing has a larger standard deviation."""
 
 
+WITHOUT_FIELD = {"conductivity_MS_per_m", "lamination_mm", *keys_of(ThermalMaterial)}
+"""Keys of materials on which no field at rest depends."""
+
+NOT_OF_THE_DEVICE = ("schema", "sweep", "solver", "thermal", "reference", "tolerances")
+"""Tables whose numbers can neither be swept nor be off: they say how it is solved, heated or used, not what it is."""
+
+
+def numbers_of(data: Mapping[str, Any]) -> dict[str, Place]:
+    """Where the numbers of a file are.
+
+    Returns
+    -------
+    dict
+        Locations by key path; also optional numbers that the file leaves out, and those of library materials in use.
+    """
+    library = sorted((materials_used(data) - table_at(data, "materials").keys()) & LIBRARY.keys())
+    unwritten = [(("materials", name), type(LIBRARY[name].material), dict[str, Any](), None) for name in library]
+    locations: list[Place] = []
+    for place, record, table, _ in (*tables_of(data), *unwritten):
+        if place[0] not in NOT_OF_THE_DEVICE and isinstance(table, dict):
+            for name, key in keys_of(record).items():
+                locations += [(*place, name)] if key.is_number else _in_list(table.get(name), (*place, name))
+    return {joined("", *location): location for location in locations}
+
+
+def _in_list(value: object, place: Place) -> Iterator[Place]:
+    if isinstance(value, list):
+        for k, each in enumerate(value):
+            yield from _in_list(each, (*place, k))
+    elif isinstance(value, int | float) and isinstance(place[-1], int):
+        yield place
+
+
+def value_at(data: Mapping[str, Any], location: Place) -> Any:
+    """What stands at a place of a file; None where it leaves that out."""
+    place: Any = data
+    for key in location:
+        place = place.get(key) if isinstance(place, dict) else place[key]
+        if place is None:
+            return None
+    return place
+
+
+def with_value(data: dict[str, Any], location: Place, value: float | str) -> None:
+    """Set a number of a file, or the name of a material, in place."""
+    first, name = location[:2]
+    if first == "materials" and name not in table_at(data, "materials"):
+        data.setdefault("materials", {})[name] = LIBRARY[str(name)].table
+    value_at(data, location[:-1])[location[-1]] = value
+
+
+def nearest(path: str, known: Iterable[str]) -> list[str]:
+    """The key paths closest to one that does not exist, closest first."""
+    known = list(known)
+    inside = [name for name in known if path and name.startswith((f"{path}.", f"{path}["))]
+    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], known, n=4, cutoff=0.4)]))[:4]
+
+
 def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[str, float], float | None]:
     """Standard deviations by key path, each in its number's unit, and that of all other lengths in mm."""
     table = data.get("tolerances")
@@ -65,15 +125,13 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
         return {}, None
     entries = {key: value for key, value in table.items() if key in keys_of(ToleranceEntry)}
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
-    keys, tolerances = {*numbers_of(data)}, {}
-    for material in materials_used(data):
-        # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
-        keys |= {joined("materials", material, name) for name in ("B_T", "H_A_per_m")}
+    # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
+    curves = {joined("materials", name, key) for name in materials_used(data) for key in ("B_T", "H_A_per_m")}
+    contours = {face.key for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
+    numbers, tolerances = numbers_of(data), {}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
-        if CONTOUR in key and any(face.key == key for face in drawn_faces(data)):
-            keys.add(key)
-        if key not in keys:
-            complain(problems, "no_number", key=key, near=", ".join(nearest_numbers(key, data)))
+        if not key or key not in {*numbers, *curves, *contours}:
+            complain(problems, "no_number", key=key, near=", ".join(nearest(key, numbers)))
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < LARGEST:
             complain(problems, "tolerance", key=key, given=str(value)[:60])
         else:

@@ -124,8 +124,7 @@ class HallSensor:
         return self.output(np.asarray(distance), np.asarray(current)[..., None])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PickupSensor(Sensor):
+class PickupSensor(Sensor, eq=False):
     """The winding, whose flux linkage stands in Wb; its reading in V."""
 
     flux: HallField = limited(metadata={"kinds": (SensedField,)})

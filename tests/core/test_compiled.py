@@ -41,7 +41,7 @@ def compilation_of(factor=2.0):
 
 
 def value(library, x):
-    return library([np.array([x])], 1)[0, 0]
+    return library([np.array([[x]])], 1)[0, 0]
 
 
 @needs_compiler
@@ -52,7 +52,7 @@ def test_arrays_points_and_compiled_code_are_equal_to_the_bit(cache):
     points = np.array([function.at_a_point(column, *inputs).full().ravel() for column in x.T]).T
     np.testing.assert_array_equal(in_numpy, points)
     library = waited_for(function._compilation)
-    np.testing.assert_array_equal(library([x, *inputs], 700), points)
+    np.testing.assert_array_equal(library([x, *(y[:, None] for y in inputs)], 700), points)
     np.testing.assert_array_equal(function(x[:, ::2], *inputs), points[:, ::2])
     np.testing.assert_array_equal(function(np.asfortranarray(x), np.outer(inputs[0], np.ones(700)), inputs[1]), points)
     np.testing.assert_array_equal(function.point(x[:, 5], *inputs), points[:, 5])

@@ -16,11 +16,10 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
 from femfit.device.complaints import joined, table_at
 from femfit.device.drawn_numbers import DrawnNumber, NumberFacts, numbers_from_toml
-from femfit.device.file_numbers import WITHOUT_FIELD, numbers_of
 from femfit.device.load import parse
 from femfit.device.rewrite import rewritten
 from femfit.device.schema import BODIES
-from femfit.device.tolerances import KINDS, read_tolerances
+from femfit.device.tolerances import KINDS, WITHOUT_FIELD, numbers_of, read_tolerances
 from femfit.effects.catalogue import effect_by_name, known_effect
 from femfit.effects.circuit import RESISTANCE
 from femfit.identify.decision.naming import Decision
