@@ -226,12 +226,12 @@ def run_loops(
 
 
 def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummary:
-    held, statistics = result.held, result.statistics
+    held = result.held
     lost_s = result.outcome_time_s[~held].tolist()
-    read = np.where(held, statistics.readings, 0.0)
+    read = np.where(held, result.readings, 0.0)
     total = int(read.sum())
-    squared = float(np.nansum(statistics.normalised_innovation_squared * read)) / total if total else None
-    tracking = _spread(statistics.tracking_rms_m[held])
+    squared = float(np.nansum(result.normalised_innovation_squared * read)) / total if total else None
+    tracking = _spread(result.tracking_rms_m[held])
     findings = []
     if held.any() and loop.plant is None and (growths := loop.growths) > 1.0:
         growth, grown = loop.growth_per_s(), growths > CERTAIN
@@ -249,7 +249,7 @@ def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummar
         outcomes=Counter(LoopOutcome(code).name for code in result.outcome.tolist()),
         first_loss_s=min(lost_s, default=None),
         last_loss_s=max(lost_s, default=None),
-        estimate_rms_m=_spread(statistics.estimate_rms_m[held]),
+        estimate_rms_m=_spread(result.estimate_rms_m[held]),
         tracking_rms_m=tracking,
         normalised_innovation_squared=squared,
         innovation_band=consistency_band(max(1, total)),

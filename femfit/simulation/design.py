@@ -121,8 +121,8 @@ class LoopDesign:
     @property
     def delay_s(self) -> float:
         """Longest time in s from the body to the command that answers it, without the samples themselves."""
-        delay = max(sensor.delay for sensor in self.loop_sensors()) + self.latency
-        return delay * self.model.sample_time_s
+        latest_s = max(sensor.reading.delay_s for sensor in self.loop_sensors())
+        return latest_s + self.latency * self.model.sample_time_s
 
     @property
     def reads_slowly(self) -> bool:

@@ -164,7 +164,7 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
     slopes = []
     for sensor in sensors:
         # Of p samples one is read: what is seen is (p - 1)/2 samples old on average
-        late = (sensor.delay + 0.5 * (sensor.period - 1)) * model.sample_time_s
+        late = sensor.reading.delay_s + 0.5 * (sensor.period - 1) * model.sample_time_s
         weights = sample_weights(replace(sensor.sensor, delay_s=late), model.sample_time_s)
         slope = central_differences(partial(sampled_value, model, sensor.sensor), rest[None], scale)
         slopes.append(np.outer(weights, slope[0]))

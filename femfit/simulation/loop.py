@@ -78,24 +78,17 @@ class TimeSeries:
 
 
 @dataclass(frozen=True, eq=False)
-class LoopStatistics:
-    """Over the samples of each run, of shape (runs,); NaN for runs that were lost."""
-
-    estimate_rms_m: FloatArray  # sqrt(mean((estimated - true distance)^2))
-    tracking_rms_m: FloatArray
-    normalised_innovation_squared: FloatArray  # Mean over the readings; 1 is expected of a true filter
-    readings: FloatArray  # How many a filter took, of all sensors; 0 without one
-
-
-@dataclass(frozen=True, eq=False)
 class LoopResult:
-    """What came of a batch of runs."""
+    """What came of a batch of runs; the last four are of each run's samples, NaN for runs that were lost."""
 
     time_s: FloatArray
     series: TimeSeries
-    statistics: LoopStatistics
     outcome: IntArray  # A :class:`LoopOutcome` each; shape (runs,)
     outcome_time_s: FloatArray  # When it was lost; NaN for runs that were held; shape (runs,)
+    estimate_rms_m: FloatArray  # sqrt(mean((estimated - true distance)^2)); shape (runs,)
+    tracking_rms_m: FloatArray
+    normalised_innovation_squared: FloatArray  # Mean over the readings; 1 is expected of a true filter
+    readings: FloatArray  # How many a filter took, of all sensors; 0 without one
 
     @property
     def held(self) -> BoolArray:
@@ -180,14 +173,9 @@ def run_loop(
     mean = np.where(outcome == _HELD, sums, np.nan) / steps
     with np.errstate(invalid="ignore"):
         statistics = np.stack([np.sqrt(mean[0]), np.sqrt(mean[1]), mean[2] / mean[3], sums[3]])
+    time_s = step * np.arange(steps, dtype=np.float64)
     return [
-        LoopResult(
-            time_s=step * np.arange(steps, dtype=np.float64),
-            series=_series(rows, n, len(loop.sensors)),
-            statistics=LoopStatistics(*statistics[:, which]),
-            outcome=outcome[which],
-            outcome_time_s=when[which],
-        )
+        LoopResult(time_s, _series(rows, n, len(loop.sensors)), outcome[which], when[which], *statistics[:, which])
         for rows, (_, which) in zip(np.split(record, len(controlled), axis=1), controlled, strict=True)
     ]
 

@@ -226,8 +226,8 @@ def _until_rest(model: ActuatorModel, values: list[float], times: list[float]) -
         motion = simulate(model, drive=command, duration_s=times[-1] + after)
         if motion.left_domain:
             return None if any(name == "distance" for name, _ in motion.left_domain) else motion
-        moving = [event.time_s for event in motion.events if event.name != "sticks"]
-        still = abs(motion.table["velocity_m_s"][-1]) == 0.0 and (not moving or max(moving) < times[-1] + 0.8 * after)
+        moved_s = max((event.time_s for event in motion.events if event.name != "sticks"), default=0.0)
+        still = motion.table["velocity_m_s"][-1] == 0.0 and moved_s < times[-1] + 0.8 * after
         if (still and len(motion.switchings) == len(values)) or after > LONGEST_S:
             return motion
         after *= 2.0

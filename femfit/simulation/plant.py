@@ -121,7 +121,6 @@ class LoopSensor:
 
     reading: Reading
     sensor: AnySensor
-    delay: float  # In samples
     period: int  # Samples from one reading to the next
 
     @property
@@ -165,7 +164,7 @@ def loop_sensors(model: ActuatorModel, noise: Mapping[str, float], sample_time_s
                 f"{amount(samples * sample_time_s, 's', 3)} and the controller's sample is "
                 f"{amount(sample_time_s, 's', 3)}. Make [sensors.{name}] sample_time_ms a multiple of it."
             )
-        read.append(LoopSensor(reading, sensor_named(model, name), reading.delay_s / sample_time_s, period))
+        read.append(LoopSensor(reading, sensor_named(model, name), period))
     return tuple(read)
 
 

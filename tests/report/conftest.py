@@ -73,7 +73,7 @@ def made_up_loop(design, controller, held, runs):
     arrays = [path, still, amperes[:, None], path + noise, still, amperes[:, None], volts[:, None], path[:, None]]
     columns = [(known * array.T).T[:, None] for array in (*arrays, path, 1.0 + still)]
     outcome = np.where(np.arange(runs) < held, 0, 2)
-    result = LoopResult(time, TimeSeries(*columns), None, outcome, np.where(outcome, 0.02, np.nan))
+    result = LoopResult(time, TimeSeries(*columns), outcome, np.where(outcome, 0.02, np.nan), *[None] * 4)
     lost_s, nan = None if held == runs else 0.02, Spread(np.nan, np.nan)
     outcomes, band = {"HELD": held, "FELL": runs - held}, ConsistencyBand(0.98, 1.02)
     experiment = Experiment(controller, "ukf", design.targets_m)

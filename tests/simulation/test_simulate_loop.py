@@ -41,13 +41,13 @@ def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(levitation_model, s
     lost = int(np.round(result.outcome_time_s[0] / design.model.sample_time_s))
     assert np.isfinite(result.series.distance_m[:lost]).all()
     assert np.isnan(result.series.distance_m[lost:]).all()
-    assert np.isnan(result.statistics.tracking_rms_m).all()  # a lost magnet is never a number
+    assert np.isnan(result.tracking_rms_m).all()  # a lost magnet is never a number
 
 
 def test_a_diverging_filter_is_named_and_says_what_to_do(design):
     result = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
     assert set(result.outcome.tolist()) == {LoopOutcome.FILTER_DIVERGED}
-    assert np.isnan(result.statistics.estimate_rms_m).all()
+    assert np.isnan(result.estimate_rms_m).all()
 
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
