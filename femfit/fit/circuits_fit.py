@@ -36,7 +36,6 @@ class CircuitsFit:
 
     magnetics: CoenergyMatrix | CoenergyTensor
     worst: float  # Of the force at any point of the table
-    share: float  # Rms error over the rms, of the force or the flux linkage that is met worst
     # The largest of the force with a whole distance left out and, where the iron saturates, with a whole current;
     # infinite where the others do not determine the fit
     distance_left_out: float
@@ -92,20 +91,20 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
     fit = CircuitsFit(
         magnetics,
         float(np.max(np.abs(force) / rows.force_scale)),
-        max(rms_share(force, rows.force) or 0.0, rms_share(flux, rows.linked) or 0.0),
         left_out[0][1],
         max((worst for _, worst, _ in left_out[1:]), default=0.0),
         max(left_out, key=lambda axis: axis[0])[2],
     )
-    if fit.share > constants.POOR_CIRCUIT and saturates:
+    share = max(rms_share(force, rows.force) or 0.0, rms_share(flux, rows.linked) or 0.0)
+    if share > constants.POOR_CIRCUIT and saturates:
         raise FitError(
-            f"The iron saturates, and the co-energy misses force or flux linkages by {amount(fit.share, '')} of their "
+            f"The iron saturates, and the co-energy misses force or flux linkages by {amount(share, '')} of their "
             "rms: the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances; "
             f"first of all add {fit.to_be_added()}."
         )
-    if fit.share > constants.POOR_CIRCUIT:
+    if share > constants.POOR_CIRCUIT:
         raise FitError(
-            f"No co-energy meets force and flux linkages together: the best one misses them by {amount(fit.share, '')} "
+            f"No co-energy meets force and flux linkages together: the best one misses them by {amount(share, '')} "
             "of their rms. Sweep more distances; if it stays, a sign or a unit of these columns is wrong."
         )
     return fit

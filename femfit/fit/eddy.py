@@ -24,6 +24,7 @@ from femfit.device.tolerances import KINDS
 from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
 from femfit.fit.drawing import CONDUCTIVITY, drawn_effect, spline_frequencies, with_impedances
 from femfit.fit.eddy_states import StateChoice
+from femfit.laws.law import STEP
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, basis_matrix
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
@@ -32,9 +33,6 @@ from femfit.model.impedance import impedance_change
 from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
 from femfit.tables.sweep_table import SweepTable
-
-TINY_STEP = 1e-30
-"""Numerical: of the distance in m, along which the entries are differentiated."""
 
 
 def fit_eddy(
@@ -157,7 +155,7 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     rest to the bias; small currents alone, and C = L^-1 m, do not tell what they link there.
     """
     c, count = len(table.circuits), len(table.distances_m)
-    flux = table.flux_linkage - 2j * TINY_STEP * table.force[:, 1:]
+    flux = table.flux_linkage - 2j * STEP * table.force[:, 1:]
     rest = flux[:, :, 0] if table.rest is None else table.rest
     own, between, among = flux[:, :c, 1 : 1 + c], flux[:, :c, 1 + c :], flux[:, c:, 1 + c :]
     coupling = np.linalg.solve(own, between)
@@ -174,7 +172,7 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
         hall = table.hall[:, 1 + c :] - (turned @ table.hall[:, 1 : 1 + c, None])[:, :, 0]
         entries.append(hall)
     values = np.concatenate(entries, axis=1)
-    slopes, known = values.imag / TINY_STEP, sum(entry.shape[1] for entry in entries[:3])
+    slopes, known = values.imag / STEP, sum(entry.shape[1] for entry in entries[:3])
     slopes[:, known if table.bias_A is None else 0 :] = np.nan
     return values.real, slopes
 
