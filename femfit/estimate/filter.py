@@ -89,7 +89,7 @@ class FilterState:
         In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
         samples are missing.
         """
-        ratio = (self.innovation**2 / self.innovation_variance).reshape(len(self.mean), -1)
+        ratio = np.atleast_2d((self.innovation**2 / self.innovation_variance).T).T
         read = np.isfinite(ratio)
         return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
 
