@@ -48,6 +48,9 @@ class FilterOutcome(IntEnum):
         return sentence("filter", "outcome", self.name)
 
 
+RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to compare with
+
+
 @dataclass(frozen=True, eq=False)
 class FilterState:
     """Estimates of many runs; never changed, every step returns a new one."""
@@ -86,7 +89,7 @@ class FilterState:
         In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
         samples are missing.
         """
-        ratio = (self.innovation**2 / self.innovation_variance).reshape(len(self.mean), -1)
+        ratio = np.atleast_2d((self.innovation**2 / self.innovation_variance).T).T
         read = np.isfinite(ratio)
         return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
 
@@ -224,13 +227,15 @@ class Filter(Printed, ABC):
         read, noise = ~np.isnan(measurement), self.process.outputs[sensor].variance
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             mean, covariance, (row,), (spreads,) = self.corrected(self._terms, sensor, before, measurement, noise)
-            innovation, variance = row[0], np.where(read, spreads[0], np.nan)
+            innovation, variance, outcome = row[0], spreads[0], state.outcome
+            mean, covariance = mean[:, 0].T, covariance.transpose(2, 0, 1)
             outside = innovation**2 > BAND_99_9 * variance
             fraction = state.out_of_band + read * (outside - state.out_of_band) / self.divergence_steps
-            out = (fraction > 0.5) & (state.outcome == FilterOutcome.RUNNING)
-            outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, state.outcome)
-            mean = np.where(read[:, None], mean[:, 0].T, state.mean)
-            covariance = np.where(read[:, None, None], covariance.transpose(2, 0, 1), state.covariance)
+            if not read.all():
+                variance, mean = np.where(read, variance, np.nan), np.where(read[:, None], mean, state.mean)
+                covariance = np.where(read[:, None, None], covariance, state.covariance)
+            if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
+                outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
             return self._next(mean, covariance, (innovation, variance, fraction), outcome)
 
     @final
@@ -295,12 +300,12 @@ class Filter(Printed, ABC):
             finite = np.isfinite(mean).all(axis=1)
             healthy = finite & definite
             code = np.where(finite, FilterOutcome.COVARIANCE_LOST, FilterOutcome.NOT_FINITE)
-            outcome = np.where((outcome == FilterOutcome.RUNNING) & ~healthy, code, outcome)
+            outcome = np.where((outcome == RUNNING) & ~healthy, code, outcome)
             mean = np.where(healthy[:, None], mean, np.nan)
         plausible = self.process.plausible(mean)
         if not plausible.all():
             # A run that broke down has its name already
-            outcome = np.where((outcome == FilterOutcome.RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
+            outcome = np.where((outcome == RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
         return FilterState(mean, covariance, factor, *judged, outcome)
 
 

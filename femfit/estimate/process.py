@@ -12,7 +12,7 @@ of a state that earlier ones are added to.
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, partial, reduce
 
 import casadi as ca
 import numpy as np
@@ -74,7 +74,7 @@ class FilterProcess:
         """Number of states that are no samples."""
         return self.model.order + len(self.biases)
 
-    @property
+    @cached_property
     def order(self) -> int:
         """Number of all states."""
         return self.base + sum(len(output.weights) - 1 for output in self.outputs)
@@ -106,7 +106,7 @@ class FilterProcess:
         """Whether exact Jacobians, and a step as one function, are made in a second; else differences serve."""
         return self.step(first=True).operations <= MOST_EXACT
 
-    @property
+    @cached_property
     def steps(self) -> list[bool]:
         """Of each step in a sample whether it is the first, which remembers samples; all are where there are none."""
         return [True, *[self.order == self.base] * (self.model.sample_step.count - 1)]
@@ -172,16 +172,15 @@ class FilterProcess:
         The slopes are exact, or of a large graph differences over a first estimate's deviations.
         """
         if not self.light:
-            deviations = np.sqrt(np.diag(self.start_covariance))
-            repeated = np.concatenate([inputs] * (2 * self.order))
-            slopes = central_differences(lambda points: self.transition(points, repeated), states, deviations)
-            return self.transition(states, inputs), slopes
-        slopes = np.eye(self.order)
+            repeated, steps = np.concatenate([inputs] * (2 * self.order)), np.sqrt(np.diag(self.start_covariance))
+            differences = central_differences(lambda points: self.transition(points, repeated), states, steps)
+            return self.transition(states, inputs), differences
+        slopes: list[FloatArray] = []
         for first in self.steps:
             values = self._values(self.step(first=first, slopes=True), states, inputs)
             states, columns = np.split(values, [self.order], axis=1)
-            slopes = columns.reshape(len(states), self.order, self.order).swapaxes(1, 2) @ slopes
-        return states, slopes
+            slopes.append(columns.reshape(len(states), self.order, self.order).swapaxes(1, 2))
+        return states, reduce(lambda before, own: own @ before, slopes)
 
     def measure(self, name: str, states: FloatArray) -> FloatArray:
         """Readings (N,) of a sensor in states (N, n)."""

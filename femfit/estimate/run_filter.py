@@ -83,9 +83,9 @@ def _run(
     opens, last = np.isin(first, record.begins), state
     for j in range(int(length.max())):
         alive, row = length > j, np.minimum(first + j, samples - 1)
-        moved = state
-        for predicting, here in ((filter_, ~record.held[row]), (resting, record.held[row])):
-            if here.any():
+        moved, held = state, record.held[row]
+        for predicting, here in ((filter_, np.flatnonzero(~held)), (resting, np.flatnonzero(held))):
+            if len(here):
                 moved = moved.with_runs(here, predicting.predict(state.of_runs(here), record.inputs[row[here]]))
         if j == 0:  # nothing moves before a stretch's first sample
             moved = moved.with_runs(opens, state.of_runs(opens))

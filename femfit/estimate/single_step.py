@@ -50,7 +50,7 @@ def in_arrays(process: FilterProcess) -> Terms:
         return np.ascontiguousarray(values.T).reshape(-1, *points.shape[1:])
 
     def moved(points: FloatArray, inputs: FloatArray) -> FloatArray:
-        every = np.tile(inputs, (points.shape[1], 1))
+        every = np.concatenate([inputs] * points.shape[1])
         return as_points(process.transition(points.reshape(len(points), -1).T, every), points)
 
     def moved_with_slope(state: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:

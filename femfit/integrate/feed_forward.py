@@ -58,8 +58,7 @@ class ZeroReadingIntegrator(Integrator):
         last, _ = increments(state.last, block[:count], self.coil, self.noise, self.sample_time)
         totals, samples = before.total + np.cumsum(block.voltage[:count]), before.samples + count
         state = self.with_offset(state, float(totals[-1]) / samples, samples, 0.5 * self.sample_time)
-        self.write(out[:, :count], np.repeat(state.mean[..., None], count, axis=2), 0.0)
-        out[2, :count] = totals / np.arange(before.samples + 1, samples + 1)
+        self.write(out[:, :count], state.mean[0, :, None], 0.0, totals / np.arange(before.samples + 1, samples + 1))
         return replace(state, last=last, memory=ZeroReading(before.begin, float(totals[-1]), samples)), count
 
 

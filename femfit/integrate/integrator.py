@@ -54,11 +54,12 @@ def increments(
     voltage = np.concatenate([[block.voltage[0] if first else last.voltage], block.voltage])
     sample = noise.voltage.variance(voltage)
     variance = np.square(dt / coil.area_m2) * (sample[1:] + sample[:-1]) / 2.0
-    highest = np.maximum.accumulate(np.maximum(np.abs(voltage), last.highest))
-    variance += np.where(dt > GAP * sample_time, np.square(dt * highest[:-1] / coil.area_m2), 0.0)
+    for k in np.flatnonzero(dt > GAP * sample_time):
+        before = max(last.highest, float(np.abs(voltage[: k + 1]).max()))
+        variance[k] += (dt[k] * before / coil.area_m2) ** 2
     field = dt * (voltage[1:] + voltage[:-1]) / (2.0 * coil.area_m2)
-    last = LastSample(float(block.time[-1]), float(voltage[-1]), float(highest[-1]))
-    return last, Increments(dt, field, variance)
+    highest = max(last.highest, float(np.abs(block.voltage).max()))
+    return LastSample(float(block.time[-1]), float(voltage[-1]), highest), Increments(dt, field, variance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,14 +132,14 @@ class Integrator:
         mean[1, 0] = offset
         return replace(state, mean=mean, covariance=np.array([[state.covariance[0, 0], across], [across, of_mean]]))
 
-    def write(self, out: FloatArray, mean: FloatArray, variance: FloatArray | float) -> None:
-        """Rows of a FieldBlock from means of shape (2, 4, samples), or of one sample (2, 4), and the field's variance.
+    def write(self, out: FloatArray, field: FloatArray, variance: Any, offset: Any) -> None:
+        """Rows of a FieldBlock from the field with its responses, of shape (4, samples), or (4,) of one sample.
 
         What the coil brought is what neither the reference nor the known beginning did.
         """
         known = 0.0 if math.isnan(self.initial_field) else self.initial_field
-        out[0], out[1], out[2] = mean[0, 0], variance, mean[1, 0]
-        out[5], out[6:] = mean[0, 0] - mean[0, 1] - known * (1.0 - mean[0, 2]), mean[0, 1:]
+        out[0], out[1], out[2] = field[0], variance, offset
+        out[5], out[6:] = field[0] - field[1] - known * (1.0 - field[2]), field[1:]
 
     def _predict(self, state: IntegratorState, samples: FloatArray, out: FloatArray) -> IntegratorState:
         """Write down every sample since the last correction; the state at the last one."""
@@ -151,7 +152,7 @@ class Integrator:
         spread = P[0, 0] - 2.0 * late * P[0, 1] + late**2 * P[1, 1] + np.cumsum(variances) + q * late**2 * elapsed / 3.0
         # The noise of samples and of their own mean nearly cancels once the mean has been in use as long
         spread = np.maximum(spread, 0.0)
-        self.write(out, np.stack([columns, np.broadcast_to(mean[1, :, None], columns.shape)]), spread)
+        self.write(out, columns, spread, mean[1, 0])
         across = P[0, 1] - late[-1] * (P[1, 1] + 0.5 * q * elapsed[-1])
         covariance = np.array([[spread[-1], across], [across, P[1, 1] + q * elapsed[-1]]])
         return replace(state, mean=np.stack([columns[:, -1], mean[1]]), covariance=covariance)

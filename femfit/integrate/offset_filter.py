@@ -95,5 +95,5 @@ class OffsetFilter(Integrator):
         kept = np.eye(2) - np.outer(gain, H)
         covariance = kept @ prior @ kept.T + R * np.outer(gain, gain)  # Joseph's form keeps it positive
         out[3:5, -1] = innovation[0], spread
-        self.write(out[:, -1], mean, covariance[0, 0])
+        self.write(out[:, -1], mean[0], covariance[0, 0], mean[1, 0])
         return replace(state, mean=mean, covariance=covariance, memory=magnet)
