@@ -41,7 +41,7 @@ def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) ->
     problems.append(str(MistakeError(code, path, **facts)))
 
 
-def complain_of_name(problems: list[str], code: str, path: str, given: str, names: Iterable[str]) -> None:
+def refuse_name(problems: list[str], code: str, path: str, given: str, names: Iterable[str]) -> None:
     """Append the sentence of a code on a name that is none of those known, with the closest one."""
     known = [*names]
     near, listed = did_you_mean(given, known), ", ".join(known) or "none"
@@ -100,7 +100,7 @@ def given_by(record: Any, table: object, path: str, problems: list[str]) -> Give
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
         given.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        complain_of_name(problems, "unknown", joined(path, name), str(name), keys)
+        refuse_name(problems, "unknown", joined(path, name), str(name), keys)
     return given
 
 

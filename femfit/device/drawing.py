@@ -12,7 +12,7 @@ from typing import Any
 from shapely import MultiPoint, Point, Polygon, unary_union
 from shapely.affinity import translate
 
-from femfit.device.complaints import complain, complain_of_name, joined, read_part, table_at
+from femfit.device.complaints import complain, joined, read_part, refuse_name, table_at
 from femfit.device.electrics import unit_vector
 from femfit.device.keys import Given, OutlineEntry
 from femfit.device.materials import LIBRARY, curve_problems, read_bh_csv, without_flat_end
@@ -241,7 +241,7 @@ def _region_material(
 ) -> Material | None:
     """The material at the region's temperature, turned as the region says."""
     if entry.material not in materials:
-        complain_of_name(problems, "no_material", path, entry.material, materials)
+        refuse_name(problems, "no_material", path, entry.material, materials)
         return None
     material, celsius, direction = materials[entry.material], entry.temperature_C, entry.magnetization
     if material is None:

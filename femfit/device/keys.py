@@ -5,7 +5,6 @@ with; a field's name and its key's say which. How a key is read and converted, w
 row of the reference page, its JSON Schema and its limits in a model file all follow from the declaration.
 """
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
@@ -215,54 +214,3 @@ class OutlineEntry(Record):
     circle_mm: tuple[float, float, float] | None = key(
         "[r, z, radius]: a ball where r is 0, a ring with a round section elsewhere", None, **_ANY
     )
-
-
-MAX_AXIS_POINTS = 10_000
-MAX_FREQUENCIES = 1000
-FREQUENCY: dict[str, Any] = {"gt": 0.0, "le": 1e9}
-_DIGITS = 9
-"""Significant digits of a frequency between the ends of a range, the same on every machine."""
-
-
-class RangeEntry(Record):
-    """``{ start = ..., stop = ..., step = ... }``, both ends included; the same on every machine."""
-
-    start: float = key("the first value", **LENGTH)
-    stop: float = key("the last value; it belongs to the grid", **LENGTH)
-    step: float = key("a positive step that divides stop - start", gt=0)
-    values: tuple[float, ...]
-
-    @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
-        """The values, in decimals."""
-        start, stop, step = (Decimal(repr(float(value))) for value in (given.start, given.stop, given.step))
-        count = round(min((stop - start) / step, Decimal(MAX_AXIS_POINTS)))
-        if stop <= start:
-            complain("no_range")
-        elif count >= MAX_AXIS_POINTS:
-            complain("many_steps", most=MAX_AXIS_POINTS)
-        elif start + count * step != stop:
-            complain("no_divisor", end=float(start + count * step))
-        return {"values": tuple(float(start + k * step) for k in range(count + 1))}
-
-
-class FrequencyRangeEntry(Record):
-    """``{ start = ..., stop = ..., per_decade = ... }``, both ends included."""
-
-    start: float = key("the lowest frequency in Hz", **FREQUENCY)
-    stop: float = key("the highest frequency in Hz; it belongs to the list", **FREQUENCY)
-    per_decade: int = key("how many frequencies there are in each decade", ge=1, le=100)
-    values: tuple[float, ...]
-
-    @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
-        """The values, equally spaced in their logarithm."""
-        ratio = given.stop / given.start
-        # A range of no whole number of steps gets a step more, not wider ones
-        steps = math.ceil(round(given.per_decade * math.log10(ratio), _DIGITS))
-        if ratio <= 1.0:
-            complain("no_range")
-        elif steps >= MAX_FREQUENCIES:
-            complain("many_frequencies", most=MAX_FREQUENCIES, count=steps + 1)
-        between = (given.start * ratio ** (k / steps) for k in range(1, steps))
-        return {"values": (given.start, *(float(f"{value:.{_DIGITS}g}") for value in between), given.stop)}

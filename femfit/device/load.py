@@ -17,16 +17,7 @@ from femfit.device.drawing import Drawing, read_drawing
 from femfit.device.keys import converted, scaled
 from femfit.device.parameters import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
-from femfit.device.read_device import (
-    Reading,
-    check_circuit_names,
-    hall_places,
-    read_axes,
-    read_circuits,
-    read_coils,
-    read_mechanics,
-    read_sensors,
-)
+from femfit.device.read_device import Reading, hall_places, read_axes, read_circuits, read_mechanics, read_sensors
 from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
 from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
@@ -99,9 +90,8 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     solver: SolverEntry = entries.get("solver", SolverEntry())
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     drawn = read_drawing(data, entries, directory or Path(), problems)
-    circuits, coils = read_circuits(file, tuple(read_coils(file, drawn)))
+    circuits, coils = read_circuits(file, drawn)
     names = [circuit.name for circuit in circuits]
-    check_circuit_names(names, problems)
     mechanics = read_mechanics(file)
     sensors = tuple(read_sensors(file, names))
     currents_A, distances = read_axes(file, names)

@@ -19,28 +19,21 @@ from typing import Any
 import numpy as np
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
-from femfit.device.complaints import (
-    Place,
-    complain,
-    complain_of_name,
-    joined,
-    read_part,
-    read_table,
-    read_value,
-    table_at,
-)
+from femfit.device import schema
+from femfit.device.complaints import Place, complain, joined, read_part, read_table, read_value, refuse_name, table_at
 from femfit.device.drawing import part_tables
-from femfit.device.keys import MAX_AXIS_POINTS, UNITS, Given, Key, RangeEntry, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.keys import UNITS, Given, Key, decimal_sum, keys_of, scaled, unit_of
 from femfit.device.materials import LIBRARY
-from femfit.device.schema import PARAMETER, KeyEntry, NamedParameterEntry, SampledEntry, SweepEntry
 from femfit.device.tolerances import nearest, numbers_of, with_value
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 PATH = "sweep.parameters"
-COUNT = ((1, MAX_AXIS_POINTS),)
-NUMBERS = Key("Give at least one number.", count=COUNT, hint=tuple[float, ...], stepped=RangeEntry, limits=PARAMETER)
+COUNT = ((1, schema.MAX_AXIS_POINTS),)
+NUMBERS = Key(
+    "Give at least one number.", count=COUNT, hint=tuple[float, ...], stepped=schema.RangeEntry, limits=schema.PARAMETER
+)
 NAMES = Key("Give at least one name of a material in quotes.", count=COUNT, hint=tuple[str, ...])
-SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
+SPECIFICATION = {*keys_of(schema.RangeEntry), *keys_of(schema.SampledEntry), *keys_of(schema.NamedParameterEntry)}
 
 Value = float | str
 """Value of a parameter: a number, or the name of a material."""
@@ -48,7 +41,7 @@ Value = float | str
 Points = tuple[tuple[Value, ...], ...]
 """One tuple a point, one value a parameter."""
 
-Values = Sequence[float] | Sequence[str] | SampledEntry
+Values = Sequence[float] | Sequence[str] | schema.SampledEntry
 """Those of one parameter, or the range that they are drawn from."""
 
 
@@ -57,7 +50,8 @@ class SweptParameter:
     """A parameter of a sweep."""
 
     name: str
-    keys: tuple[KeyEntry, ...]  # Numbers that it sets to offset + factor * value, or names of materials that it sets
+    # Of numbers that it sets to offset + factor * value, or of names of materials that it sets
+    keys: tuple[schema.KeyEntry, ...]
     values: Values
 
     @property
@@ -106,7 +100,7 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     ParameterDesign or None
         None without parameters, or if anything is wrong.
     """
-    entry = read_part(SweepEntry, data.get("sweep"), "parameters", "design", "samples", "seed")
+    entry = read_part(schema.SweepEntry, data.get("sweep"), "parameters", "design", "samples", "seed")
     if entry is None or not entry.parameters:
         return None
     materials = [(*part.place, "material") for part in part_tables(data) if not part.winding]
@@ -144,13 +138,13 @@ def _parameter(
 ) -> SweptParameter | None:
     """A key path of the file, or a name of one's own for several, with its values; None where something is wrong."""
     path = joined(PATH, name)
-    named = isinstance(content, dict) and bool(content.keys() & keys_of(NamedParameterEntry).keys())
-    entry = read_table(NamedParameterEntry, content if named else {"keys": [name], "values": content}, path, problems)
+    named = isinstance(content, dict) and bool(content.keys() & keys_of(schema.NamedParameterEntry).keys())
+    table = content if named else {"keys": [name], "values": content}
+    entry = read_table(schema.NamedParameterEntry, table, path, problems)
     if entry is None:
         return None
-    read = [
-        _following(text, f"{path}.keys[{n}]" if named else path, places, problems) for n, text in enumerate(entry.keys)
-    ]
+    paths = [f"{path}.keys[{n}]" if named else path for n in range(len(entry.keys))]
+    read = [_following(text, each, places, problems) for text, each in zip(entry.keys, paths, strict=True)]
     keys = tuple(key for key in read if key is not None)
     ends = [[step for step in places[key.path] if isinstance(step, str)][-1] for key in keys]
     units, materials = sorted({unit_of(end) for end in ends}), [end == "material" for end in ends]
@@ -171,9 +165,9 @@ def _parameter(
     return SweptParameter(name, keys, values)
 
 
-def _following(value: object, path: str, places: Mapping[str, Place], problems: list[str]) -> KeyEntry | None:
+def _following(value: object, path: str, places: Mapping[str, Place], problems: list[str]) -> schema.KeyEntry | None:
     table = {"key": value} if isinstance(value, str) else value
-    entry: KeyEntry | None = read_table(KeyEntry, table, path, problems)
+    entry: schema.KeyEntry | None = read_table(schema.KeyEntry, table, path, problems)
     if entry is not None and entry.path not in places:
         near = ", ".join(nearest(entry.path, places))
         near = f"Nearest: {near}." if near else 'An example: "coils.NAME.turns".'
@@ -186,7 +180,7 @@ def _following(value: object, path: str, places: Mapping[str, Place], problems: 
 
 def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
     if isinstance(value, dict) and value.keys() & {"min", "max"}:
-        return read_table(SampledEntry, value, path, problems)
+        return read_table(schema.SampledEntry, value, path, problems)
     if isinstance(value, list | dict):
         return read_value(NUMBERS, value, path, problems)
     complain(problems, "no_values", path, given=str(value)[:60], name=name[:60])
@@ -201,7 +195,7 @@ def _names(value: object, path: str, known: Sequence[str], problems: list[str]) 
     wrong = next((name for name in names if name not in known), None)
     if wrong is None:
         return names
-    complain_of_name(problems, "wrong_name", path, wrong, known)
+    refuse_name(problems, "wrong_name", path, wrong, known)
     return None
 
 
@@ -210,7 +204,7 @@ def _points(entry: Given, parameters: tuple[SweptParameter, ...], problems: list
     sampled, count = entry.design == "latin_hypercube", len(problems)
     columns: list[Any] = [parameter.values for parameter in parameters]
     for parameter, column in zip(parameters, columns, strict=True):
-        path, ranged = joined(PATH, parameter.name), isinstance(column, SampledEntry)
+        path, ranged = joined(PATH, parameter.name), isinstance(column, schema.SampledEntry)
         if ranged != sampled and (ranged or not all(isinstance(value, str) for value in column)):
             form = "{ min, max }" if sampled else "a list or { start, stop, step }"
             complain(problems, "design_form", path, form=form, design=entry.design)
@@ -223,8 +217,8 @@ def _points(entry: Given, parameters: tuple[SweptParameter, ...], problems: list
     if sampled and entry.samples is not None:
         return latin_hypercube(columns, entry.samples, entry.seed)
     sizes = {parameter.name: len(column) for parameter, column in zip(parameters, columns, strict=True)}
-    if entry.design == "grid" and prod(sizes.values()) > MAX_AXIS_POINTS:
-        complain(problems, "many_points", most=MAX_AXIS_POINTS, count=prod(sizes.values()))
+    if entry.design == "grid" and prod(sizes.values()) > schema.MAX_AXIS_POINTS:
+        complain(problems, "many_points", most=schema.MAX_AXIS_POINTS, count=prod(sizes.values()))
     elif entry.design == "list" and len({*sizes.values()}) > 1:
         complain(problems, "list_lengths", lengths=", ".join(f"{name} {size}" for name, size in sizes.items()))
     else:
@@ -232,7 +226,7 @@ def _points(entry: Given, parameters: tuple[SweptParameter, ...], problems: list
     return ()
 
 
-def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
+def latin_hypercube(ranges: Sequence[schema.SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
     """Samples of which each of equally many slices of every range holds one.
 
     Returns
@@ -246,8 +240,8 @@ def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int
     return tuple(tuple(map(_at_share, ranges, row.tolist())) for row in shares)
 
 
-def _at_share(entry: SampledEntry | Sequence[str], share: float) -> Value:
-    if not isinstance(entry, SampledEntry):
+def _at_share(entry: schema.SampledEntry | Sequence[str], share: float) -> Value:
+    if not isinstance(entry, schema.SampledEntry):
         return entry[int(share * len(entry))]
     if entry.step is None:
         return entry.min + share * (entry.max - entry.min)

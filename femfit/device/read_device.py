@@ -7,14 +7,14 @@ from itertools import permutations
 from math import inf
 from typing import Any
 
-from femfit.device.complaints import complain, complain_of_name, given_by, joined, read_part, read_value, table_at
+from femfit.device.complaints import complain, given_by, joined, read_part, read_value, refuse_name, table_at
 from femfit.device.drawing import Drawing, part_tables
 from femfit.device.electrics import AnySensor, Circuit, CurrentSensor, Drive, HallElement, PickupCoil
-from femfit.device.keys import Given, OutlineEntry, RangeEntry, converted, keys_of, scaled
+from femfit.device.keys import Given, OutlineEntry, converted, keys_of, scaled
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import flattened, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, Coil, smallest_winding_area, wire_resistance
-from femfit.device.schema import CircuitEntry, CoilEntry, SupplyEntry, SweepEntry
+from femfit.device.schema import CircuitEntry, CoilEntry, RangeEntry, SupplyEntry, SweepEntry
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
@@ -62,8 +62,9 @@ def read_coils(file: Reading, drawing: Drawing) -> Iterator[Coil]:
         yield Coil(corners, entry.turns, resistance, wire, name, winding.moves, name, temperature_C=temperature)
 
 
-def read_circuits(file: Reading, coils: Sequence[Coil]) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
+def read_circuits(file: Reading, drawing: Drawing) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
     """The circuits in their order, without a table one a coil, and the coils as they are connected in them."""
+    coils = tuple(read_coils(file, drawing))
     supply: SupplyEntry | None = file.entries.get("supply")
     usual = {key: getattr(supply, key, None) for key in ("voltage_min_V", "voltage_max_V", "diode_V")}
     _check_driver(file, "supply", *usual.values())
@@ -95,6 +96,7 @@ def read_circuits(file: Reading, coils: Sequence[Coil]) -> tuple[tuple[Circuit, 
     unconnected = [coil for coil in by_name if coil not in connected]
     if unconnected and len(file.problems) == count and len(circuits) == len(tables):
         file.complain("unconnected", coils=", ".join(unconnected))
+    check_circuit_names([circuit.name for circuit in circuits], file.problems)
     return tuple(circuits), tuple(connected.get(coil.name, coil) for coil in coils)
 
 
@@ -114,7 +116,7 @@ def _connected(
     for stated in entry.coils:
         name, sign = (stated[1:], -1.0) if stated.startswith("-") else (stated, 1.0)
         if name not in coils:
-            complain_of_name(file.problems, "no_coil", path, stated, coils)
+            refuse_name(file.problems, "no_coil", path, stated, coils)
         elif name in connected:
             file.complain("coil_twice", path, coil=name, owner=joined("circuits", connected[name].circuit))
         else:
@@ -181,7 +183,7 @@ def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
                 file.complain("no_circuit", path, count=len(circuits), known=", ".join(circuits) or "none")
             sensor = replace(sensor, circuit="".join(circuits[:1]))
         elif isinstance(sensor, CurrentSensor) and sensor.circuit not in circuits:
-            complain_of_name(file.problems, "which_circuit", path, sensor.circuit, circuits)
+            refuse_name(file.problems, "which_circuit", path, sensor.circuit, circuits)
         if sensor is not None:
             yield sensor
 
@@ -214,7 +216,7 @@ def read_axes(file: Reading, circuits: Sequence[str]) -> tuple[list[tuple[float,
 
 def _by_circuit(file: Reading, currents: Any, circuits: Sequence[str]) -> Iterator[tuple[float, ...]]:
     for name in (name for name in currents if name not in circuits):
-        complain_of_name(file.problems, "not_a_circuit", joined("sweep.current_A", name), name, circuits)
+        refuse_name(file.problems, "not_a_circuit", joined("sweep.current_A", name), name, circuits)
     for name in circuits:
         path = joined("sweep.current_A", name)
         if name in currents:

@@ -5,27 +5,66 @@ Those that are parts of the device as they stand are read straight into their re
 :mod:`femfit.device.thermal`. What a key may say of itself is in :mod:`femfit.device.keys`.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 from femfit.device.electrics import TURNS, AnySensor, Drive, HallElement
-from femfit.device.keys import (
-    ELECTRICAL,
-    FREQUENCY,
-    LENGTH,
-    MAX_AXIS_POINTS,
-    MAX_FREQUENCIES,
-    FrequencyRangeEntry,
-    Given,
-    OutlineEntry,
-    RangeEntry,
-    Record,
-    decimal_sum,
-    key,
-)
+from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.thermal import Surroundings
+
+MAX_AXIS_POINTS = 10_000
+MAX_FREQUENCIES = 1000
+FREQUENCY: dict[str, Any] = {"gt": 0.0, "le": 1e9}
+_DIGITS = 9
+"""Significant digits of a frequency between the ends of a range, the same on every machine."""
+
+
+class RangeEntry(Record):
+    """``{ start = ..., stop = ..., step = ... }``, both ends included; the same on every machine."""
+
+    start: float = key("the first value", **LENGTH)
+    stop: float = key("the last value; it belongs to the grid", **LENGTH)
+    step: float = key("a positive step that divides stop - start", gt=0)
+    values: tuple[float, ...]
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """The values, in decimals."""
+        count = round(min((given.stop - given.start) / given.step, MAX_AXIS_POINTS))
+        values = tuple(decimal_sum(given.start, k, given.step) for k in range(count + 1))
+        if given.stop <= given.start:
+            complain("no_range")
+        elif count >= MAX_AXIS_POINTS:
+            complain("many_steps", most=MAX_AXIS_POINTS)
+        elif values[-1] != given.stop:
+            complain("no_divisor", end=values[-1])
+        return {"values": values}
+
+
+class FrequencyRangeEntry(Record):
+    """``{ start = ..., stop = ..., per_decade = ... }``, both ends included."""
+
+    start: float = key("the lowest frequency in Hz", **FREQUENCY)
+    stop: float = key("the highest frequency in Hz; it belongs to the list", **FREQUENCY)
+    per_decade: int = key("how many frequencies there are in each decade", ge=1, le=100)
+    values: tuple[float, ...]
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """The values, equally spaced in their logarithm."""
+        ratio = given.stop / given.start
+        # A range of no whole number of steps gets a step more, not wider ones
+        steps = math.ceil(round(given.per_decade * math.log10(ratio), _DIGITS))
+        if ratio <= 1.0:
+            complain("no_range")
+        elif steps >= MAX_FREQUENCIES:
+            complain("many_frequencies", most=MAX_FREQUENCIES, count=steps + 1)
+        between = (given.start * ratio ** (k / steps) for k in range(1, steps))
+        return {"values": (given.start, *(float(f"{value:.{_DIGITS}g}") for value in between), given.stop)}
+
 
 SCHEMA_VERSION = 2
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]*$"

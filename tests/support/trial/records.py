@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import RectBivariateSpline
 
-from femfit.device.mechanics import Mechanics
 from support.one_current import flat
 
 STEP_S, SAMPLE_STEPS = 20e-6, 5
@@ -88,9 +87,7 @@ def _changed(actuator, model, cause, size):
     spring, half = mechanics.springs[0], 0.5 * (box.distance_max_m - box.distance_min_m)
     stiffness = size * spring.stiffness_N_per_m
     springs = {
-        "stiffer_spring": lambda d: (
-            0.35 * size * float(Mechanics(1.0, springs=(spring,)).push_of_springs(np.array(d)))
-        ),  # of the same free length
+        "stiffer_spring": lambda d: 0.35 * (size * spring.preload_N - stiffness * (d - spring.distance_m)),  # as long
         "kinked_spring": lambda d: 0.5 * stiffness * max(box.distance_max_m - 0.8 * half - d, 0.0),  # met on the way
         "hardening_spring": lambda d: -0.5 * stiffness * (d - spring.distance_m) ** 3 / half**2,
     }
