@@ -141,8 +141,8 @@ def describe_misfit(observations: Observations, channel: str, covariates: Sequen
     elif many and not covariates and 2.0 * structured.mean() ** 2 > np.mean(structured**2):
         facts["size"] = float(misfit.mean())
     else:
-        of_setting = [name for name in observations.settings if observations.column(name).any()]  # no current is no place
-        names = *of_setting, *(name for name in _FURTHER if name in covariates)
+        names = [name for name in observations.settings if observations.column(name).any()]  # no current is no place
+        names += [name for name in _FURTHER if name in covariates]
         facts["place"] = [(*parts_of(name), float(observations.column(name)[here][worst])) for name in names]
     return sentence("where", "misfit", facts)
 
