@@ -50,8 +50,7 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
     clear = _clearly_worst(observations, whitening.noise)
     worst = first_best((excess / counts).tolist()) if clear is None else clear
-    channel = observations.channels[worst]
-    covariates = _covariates(columns, patterns, worst, residual, smooth)
+    channel, covariates = observations.channels[worst], _covariates(columns, patterns, worst, residual, smooth)
     here, read = observations.of(channel), observations.residual
     if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
         # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
