@@ -135,10 +135,10 @@ class FilterProcess:
 
     def read(self, x: SX, name: str) -> SX:
         """The reading of a sensor, its bias included."""
-        (output,) = (output for output in self.outputs if output.name == name)
-        now, *before = output.weights
+        output = next((output for output in self.outputs if output.name == name), None)
+        now, *before = output.weights if output else (1.0,)  # of a sensor that is not read, what it has now
         value = now * sampled(self.model, name, x) if now else SX(0)
-        if before:
+        if output and before:
             value += ca.dot(ca.DM(before), x[output.places])
         return value + x[self.model.order + self.biases.index(name)] if name in self.biases else value
 

@@ -150,6 +150,8 @@ def make_bench_table(
     if rows.empty:
         raise TableError(f"{record} has no row with a time, a voltage, a current and a distance.")
     rows = rows if "run" in rows else rows.assign(run=1.0)
+    if rows["run"].isna().any():
+        raise TableError(f"Each row of {record} must say its run, or none; {int(rows['run'].isna().sum())} do not.")
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
     options = PlateauOptions(settling_s, still_A, still_m)
     tables, variances, remarks = zip(

@@ -202,7 +202,8 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     if any(scale != 1.0 for scale in (magnets, *currents)):
         found = found.scaled(magnets, np.array(currents))
     factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
-    return replace(found, resistances_ohm=factor * found.resistances_ohm)
+    # Itself where nothing changes it: what was made of its splines stays
+    return found if factor == 1.0 else replace(found, resistances_ohm=factor * found.resistances_ohm)
 
 
 def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> EddyForms | None:

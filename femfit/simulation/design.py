@@ -43,7 +43,7 @@ def once(method: Callable[Concatenate["LoopDesign", Given], Made]) -> Callable[C
 
     @wraps(method)
     def kept(design: "LoopDesign", /, *given: Given.args, **named: Given.kwargs) -> Made:
-        key = (method.__name__, *given)
+        key = (method.__name__, *given, *named.items())
         if key not in design.worked_out:
             design.worked_out[key] = method(design, *given, **named)
         return cast("Made", design.worked_out[key])

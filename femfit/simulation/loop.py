@@ -166,7 +166,7 @@ def run_loop(
         sums += np.stack([error**2, deviation**2, np.where(np.isfinite(squared), squared, 0.0), read])
         touched[:] = False
         state = np.where(alive[:, None], loop.plant.step(state, on_their_way[0], touched), state)
-        sensing.see(state, (k + 1) * step)
+        sensing.see(state, max(k + 1, 0) * step)
         if not alive.any():
             break
     outcome, when = watch.end()
@@ -210,12 +210,13 @@ class _Watch:
         box, distance, currents = self._box, state[:, 0], state[:, 2 : 2 + self._circuits]
         low, high, (near, far) = box.distance_min_m, box.distance_max_m, self._ends
         covered = box.contains(np.full(len(distance), 0.5 * (low + high)), currents)
-        self._name([~(distance >= low), distance > high, ~covered, diverged], time)
+        known = box.contains(distance, currents)  # to rounding, as of a body on a stop at the domain's end
+        self._name([~known & ~(distance >= low), ~known & (distance > high), ~covered, diverged], time)
         self._met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
         apart = LIFTED * (high - low)
         self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
         self._name([met & self._lifted for met in self._met], time)
-        known = box.contains(distance, currents) & np.isfinite(estimate).all(axis=1)
+        known &= np.isfinite(estimate).all(axis=1)
         return np.asarray(known & ~np.isin(self._outcome, _LOST[:2]))
 
     def _name(self, lost: list[BoolArray], time: float) -> None:

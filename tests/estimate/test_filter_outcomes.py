@@ -87,6 +87,15 @@ def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_win
     assert np.isfinite(state.mean[0]).all()
 
 
+def test_a_process_knows_readings_of_sensors_that_its_filter_does_not_take(levitation_model):
+    model = replace(levitation_model, other_sensors=(LASER,))
+    process, state = kalman_filter(model).process, np.array([[0.022, 0.0, 0.4, 0.01]])
+    read = kalman_filter(model, sensors=("hall", LASER.name)).process
+    np.testing.assert_allclose(process.measure(LASER.name, state), read.measure(LASER.name, state))
+    with pytest.raises(MissingPartError, match="a sensor named 'nothing'"):
+        process.measure("nothing", state)
+
+
 def test_states_are_never_changed_in_place_and_the_first_outcome_stays(process, record):
     filter_ = UnscentedFilter(process)
     state = filter_.start(START, initial_covariance())

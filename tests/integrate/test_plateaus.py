@@ -1,10 +1,11 @@
 """Flux linkage on the plateaus of a record, against records whose noise and offset are known."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.integrate.bench_table import PlateauOptions, plateau_flux
+from femfit.integrate.bench_table import PlateauOptions, make_bench_table, plateau_flux
 
 RATE, NOISE = 50.0, 1e-5
 LEVEL = np.repeat([0.0, 1.0, 2.0, 1.0, 0.0], 80)
@@ -81,3 +82,11 @@ def test_a_clock_that_steps_back_is_refused():
     back[200] = back[199]
     with pytest.raises(TableError, match="rise"):
         plateau_flux(back, LEVEL, LEVEL, DISTANCE, PlateauOptions())
+
+
+def test_rows_without_their_run_are_refused(tmp_path):
+    rows = {"time_s": TIME, "coil_voltage_V": LEVEL, "current_A": LEVEL, "distance_m": DISTANCE}
+    run = np.where(np.arange(len(TIME)) < 100, np.nan, 1.0)
+    pd.DataFrame(rows | {"run": run}).to_csv(tmp_path / "some.csv", index=False)
+    with pytest.raises(TableError, match="must say its run, or none; 100 do not"):
+        make_bench_table(tmp_path / "some.csv")

@@ -13,7 +13,7 @@ import femfit as ff
 from femfit.core.errors import DomainError
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.simulation.controllers import Backstepping
-from femfit.simulation.design import adjusted, design_loop
+from femfit.simulation.design import CONTROLLERS, adjusted, design_loop
 from femfit.simulation.experiment import Experiment, LoopRuns
 from femfit.simulation.linear_loop import (
     LinearController,
@@ -95,6 +95,10 @@ def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(desig
     window = window[window > 3e-16][-5:]
     decay = np.polyfit(loop.model.sample_time_s * np.arange(len(window)) * 200, np.log(window), 1)[0]
     assert decay == pytest.approx(slowest, rel=0.15)  # the filter's own gain settles meanwhile
+
+
+def test_a_controller_that_is_asked_for_by_keyword_is_the_one_of_that_name(design):
+    assert [design.controller(name=name).name for name in CONTROLLERS] == list(CONTROLLERS)
 
 
 def test_margins_of_a_closed_form():

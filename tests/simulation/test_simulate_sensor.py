@@ -10,6 +10,7 @@ import femfit as ff
 from femfit.core.errors import DomainError, FilterError, UsageError
 from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
+from femfit.simulation.loop import _Watch
 from femfit.simulation.plant import SensorBank, SensorErrors, convert, loop_sensors, sensor_noise
 from support.readings import LASER
 from support.solenoids import STEP_S as PICKUP_STEP_S
@@ -96,6 +97,19 @@ def test_a_late_sensor_reads_what_was_there_before(several):
         if k >= 2:  # before that the body was at rest
             wanted = state((k - 1.3) * STEP_S)[0, 0] + 0.5 * 10.0 * 0.3 * 0.7 * STEP_S**2
             assert sensing.exact[0, 0] == pytest.approx(wanted, abs=1e-15)
+
+
+def test_a_body_at_the_end_of_the_domain_is_held_to_rounding_and_time_begins_at_the_first_sample(
+    levitation_model, monkeypatch
+):
+    box, times, see = levitation_model.validity, [], SensorBank.see
+    state = np.array([[box.distance_max_m * (1.0 + 1e-12), 0.0, 0.3]])
+    watch = _Watch(levitation_model, 1)
+    assert watch.alive(0.0, state, state, np.zeros(1, dtype=bool), np.zeros((2, 1), dtype=bool)).all()
+    monkeypatch.setattr(SensorBank, "see", lambda bank, state, time: (times.append(time), see(bank, state, time))[1])
+    ff.close_loop(levitation_model, controller="pid", runs=1, seconds=2 * levitation_model.sample_time_s, rng=1)
+    assert min(times) == 0.0
+    assert max(times) == pytest.approx(2 * levitation_model.sample_time_s)
 
 
 def test_a_slow_sensor_is_not_read_between_its_samples_and_a_fault_is_of_the_sensor_that_has_it(several):

@@ -33,7 +33,7 @@ from femfit.core.sweep_columns import voltage_columns
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
-from femfit.effects.stages import changed_by, circuit_of, true_setting, with_further_force
+from femfit.effects.stages import changed_by, circuit_of, recorded, true_setting, with_further_force
 from femfit.identify.constants import SLOWEST
 from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, WithoutCache
 from femfit.identify.series.weights import Weights
@@ -189,7 +189,7 @@ def model_readings(motion: Motion, names: set[str], effects: Sequence[AddedEffec
         near, far = base.require_motion().ends
         stop = np.where(np.abs(motion.distance_m - near) < np.abs(motion.distance_m - far), near, far)
         readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (d - motion.distance_m)
-    return dict(changed_by(effects, "readings", readings, d, _first(i), at))
+    return recorded(effects, readings, d, _first(i), at)
 
 
 def _first(currents: FloatArray) -> FloatArray:
