@@ -32,11 +32,12 @@ from femfit.effects.conditions import like, warmth
 from femfit.effects.effect import Calibration, Coenergy, Effect, EffectPoint, effect_of, parameter_of
 
 
-def _circuit(resistance: FloatArray, voltage: FloatArray, at: EffectPoint) -> tuple[FloatArray, FloatArray]:
-    coil = warmth(at.conditions.coil_temperature_C)
-    warming = 1.0 if at.conditions.running else -np.expm1(-like(at.conditions.time_s, at.i) / at.p["warming_time"])
-    unrecorded = COPPER_TEMPERATURE_COEFFICIENT * (at.p["warmer_K"] + at.p["warming_K"] * warming)
-    growth = at.p["coefficient_per_K"] * coil.kelvin + (1.0 if at.conditions.running else coil.unknown) * unrecorded
+def _circuit(resistance: FloatArray, voltage: FloatArray, point: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    conditions, p = point.conditions, point.p
+    coil = warmth(conditions.coil_temperature_C)
+    warming = 1.0 if conditions.running else -np.expm1(-like(conditions.time_s, point.i) / p["warming_time"])
+    unrecorded = COPPER_TEMPERATURE_COEFFICIENT * (p["warmer_K"] + p["warming_K"] * warming)
+    growth = p["coefficient_per_K"] * coil.kelvin + (1.0 if conditions.running else coil.unknown) * unrecorded
     return resistance * (1.0 + growth), voltage
 
 
@@ -93,13 +94,11 @@ _ROUNDING = 1e-2
 """Current, over the largest, within which the drop turns its sign."""
 
 
-def _circuit_of_driver_dead_zone(
-    resistance: FloatArray, voltage: FloatArray, at: EffectPoint
-) -> tuple[FloatArray, FloatArray]:
-    nominal = at.nominal
-    zone, drop = at.p["dead_zone"] * nominal.voltage_V, at.p["drop"] * nominal.voltage_V
+def _with_dead_zone(resistance: FloatArray, voltage: FloatArray, point: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    nominal = point.nominal
+    zone, drop = point.p["dead_zone"] * nominal.voltage_V, point.p["drop"] * nominal.voltage_V
     applied = voltage - np.clip(voltage, -zone, zone)
-    return resistance, applied - drop * np.tanh(at.i / (_ROUNDING * nominal.peak_current_A))
+    return resistance, applied - drop * np.tanh(point.i / (_ROUNDING * nominal.peak_current_A))
 
 
 DRIVER_DEAD_ZONE = Effect(
@@ -124,7 +123,7 @@ DRIVER_DEAD_ZONE = Effect(
     needs=("time_s", "voltage_V", "current_A", "voltage driver"),
     experiment="Raise the commanded voltage slowly from zero, in both directions, and read current and voltage.",
     reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5 (blanking time)",
-    circuit=_circuit_of_driver_dead_zone,
+    circuit=_with_dead_zone,
     calibrations=(Calibration({"dead_zone": 2e-3, "drop": 2e-3}, 30.0),),
 )
 
@@ -140,9 +139,9 @@ SUPPLY_SAG = effect_of(
     experiment="Command a constant voltage and read that across the winding, with the body held, at a small and a "
     "large current.",
     reference="Horowitz and Hill, The Art of Electronics (2015), section 1.2 (Thevenin's equivalent of a source)",
-    circuit=lambda resistance, voltage, at: (
+    circuit=lambda resistance, voltage, point: (
         resistance,
-        voltage - at.p["inner_resistance"] * at.nominal.resistance_ohm * at.i,
+        voltage - point.p["inner_resistance"] * point.nominal.resistance_ohm * point.i,
     ),
     read=(5e-3, 10.0),
 )
@@ -158,7 +157,7 @@ MOTIONAL_EMF = effect_of(
     needs=("time_s", "voltage_V", "current_A", "distance_m|hall_V"),
     experiment="Move the body by hand with the winding open and record distance and voltage.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 2.2",
-    circuit=lambda resistance, voltage, at: (resistance, voltage + at.p["share"] * at.conditions.motional_V),
+    circuit=lambda resistance, voltage, point: (resistance, voltage + point.p["share"] * point.conditions.motional_V),
 )
 
 
@@ -177,7 +176,7 @@ REMANENCE = effect_of(
     needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
     experiment="Take the magnet out at 20 °C and compare its field on the axis with the data sheet's by a gaussmeter.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1; IEC 60404-8-1 (grades)",
-    coenergy=lambda base, at: remanence_scaled(base, 1.0 + at.p["remanence_error"], at.d, at.i, at.h),
+    coenergy=lambda base, point: remanence_scaled(base, 1.0 + point.p["remanence_error"], point.d, point.i, point.h),
     read=(0.01, 40.0),
     also={"magnet_demagnetisation": {"loss": -1.0}},
 )
@@ -193,7 +192,7 @@ RESISTANCE = effect_of(
     needs=("~current_A|resistance_ohm", "voltage_V|resistance_ohm"),
     experiment="Measure the cold winding's resistance with four wires, at the terminals that the driver feeds.",
     reference="IEC 60317-0-1 (2013), resistance of round wire",
-    circuit=lambda resistance, voltage, at: (resistance * (1.0 + at.p["resistance_error"]), voltage),
+    circuit=lambda resistance, voltage, point: (resistance * (1.0 + point.p["resistance_error"]), voltage),
     read=(2e-3, 10.0),
     also={"turns": {"turns_error": 1.0}},
 )
@@ -210,7 +209,7 @@ TURNS = effect_of(
     experiment="Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage "
     "of the ten turns: their ratio is that of the turns.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
-    coenergy=lambda base, at: base(at.d, (1.0 + at.p["turns_error"]) * at.i, at.h),
-    circuit=lambda resistance, voltage, at: (resistance * (1.0 + at.p["turns_error"]), voltage),
+    coenergy=lambda base, point: base(point.d, (1.0 + point.p["turns_error"]) * point.i, point.h),
+    circuit=lambda resistance, voltage, point: (resistance * (1.0 + point.p["turns_error"]), voltage),
     read=(2e-3, 40.0),
 )

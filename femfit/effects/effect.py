@@ -160,7 +160,7 @@ Coenergy = Callable[[Expression, Expression, Expression], Expression]
 class EffectPoint:
     """Where an effect acts, and how much: what every stage is given beside the value that it changes."""
 
-    d: Expression  # Distance in m
+    d: Expression  # Distance in m; 0 in a circuit, which does not know it
     i: Expression  # Current in A, of the effect's circuit
     conditions: Conditions
     p: Parameters
@@ -268,7 +268,7 @@ class Effect:
         places = dict.fromkeys(place for stage, place in _ACTS_ON.items() if getattr(self, stage) is not None)
         object.__setattr__(self, "acts_on", self.acts_on or tuple(places))
         if (energy := self.energy) is not None:
-            object.__setattr__(self, "coenergy", lambda base, at: base(at.d, at.i, at.h) - energy(at))
+            object.__setattr__(self, "coenergy", lambda base, point: base(point.d, point.i, point.h) - energy(point))
         read = (one if one.instruction else replace(one, instruction=self.experiment) for one in self.calibrations)
         object.__setattr__(self, "calibrations", tuple(read))
 
@@ -345,7 +345,7 @@ class AddedEffect:
 def in_channel(name: str, change: Callable[[Expression, EffectPoint], Expression]) -> Readings:
     """A ``readings`` stage that changes one channel, where it is among the readings."""
 
-    def readings(values: Mapping[str, Expression], at: EffectPoint) -> Mapping[str, Expression]:
-        return {**values, name: change(values[name], at)} if name in values else values
+    def readings(values: Mapping[str, Expression], point: EffectPoint) -> Mapping[str, Expression]:
+        return {**values, name: change(values[name], point)} if name in values else values
 
     return readings

@@ -22,10 +22,10 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.effect import Calibration, Effect, EffectPoint, Parameters, effect_of, in_channel, parameter_of
 
 
-def _force(at: EffectPoint) -> FloatArray:
-    v, weight = at.velocity, at.nominal.weight_N
-    level = at.p["level"] + at.p["breakaway"] * np.exp(-((v / (10.0 * at.p["creep_m_s"])) ** 2))
-    return weight * level * np.tanh(v / at.p["creep_m_s"])
+def _force(point: EffectPoint) -> FloatArray:
+    v, weight = point.velocity, point.nominal.weight_N
+    level = point.p["level"] + point.p["breakaway"] * np.exp(-((v / (10.0 * point.p["creep_m_s"])) ** 2))
+    return weight * level * np.tanh(v / point.p["creep_m_s"])
 
 
 COULOMB_FRICTION = Effect(
@@ -71,7 +71,7 @@ VISCOUS_FRICTION = effect_of(
     needs=("time_s", "distance_m|hall_V"),
     experiment="Let the body swing on a spring, the coil open, and record how its amplitude falls.",
     reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
-    force=lambda at: at.p["damping_per_s"] * at.nominal.mass_kg * at.velocity,
+    force=lambda point: point.p["damping_per_s"] * point.nominal.mass_kg * point.velocity,
     read=(0.5, 60.0),
     words=lambda p, nominal: [f"friction brakes with {amount(p['damping_per_s'] * nominal.mass_kg, 'N')} at 1 m/s"],
 )
@@ -86,7 +86,7 @@ FLUID_DRAG = effect_of(
     needs=("time_s", "distance_m|hall_V"),
     experiment="Repeat a fast stroke in air, or with the ports of the fluid open, and compare its time.",
     reference="Batchelor, An Introduction to Fluid Dynamics (1967), section 5.11",
-    force=lambda at: at.p["drag_per_m"] * at.nominal.mass_kg * np.abs(at.velocity) * at.velocity,
+    force=lambda point: point.p["drag_per_m"] * point.nominal.mass_kg * np.abs(point.velocity) * point.velocity,
     words=lambda p, nominal: [
         f"a fluid brakes with {amount(p['drag_per_m'] * nominal.mass_kg, 'N')} at 1 m/s, with the square of the speed"
     ],
@@ -97,10 +97,10 @@ _CREEP_M_S = 1e-3
 """Assumed: speed at which the friction has 76 % of its level, the usual one of dry friction."""
 
 
-def _force_of_side_pull_friction(at: EffectPoint) -> FloatArray:
-    nominal = at.nominal
-    pressed = nominal.force_N * (at.i / (nominal.peak_current_A or 1.0)) ** 2
-    return at.p["share"] * pressed * np.tanh(at.velocity / _CREEP_M_S)
+def _force_of_side_pull_friction(point: EffectPoint) -> FloatArray:
+    nominal = point.nominal
+    pressed = nominal.force_N * (point.i / (nominal.peak_current_A or 1.0)) ** 2
+    return point.p["share"] * pressed * np.tanh(point.velocity / _CREEP_M_S)
 
 
 SIDE_PULL_FRICTION = effect_of(
@@ -124,11 +124,11 @@ REST = "rest_distance_m"
 """The channel of a record that reads a stop's place: the distance while the body rests on it."""
 
 
-def _moved(rest: FloatArray, at: EffectPoint) -> FloatArray:
-    nominal = at.nominal
+def _moved(rest: FloatArray, point: EffectPoint) -> FloatArray:
+    nominal = point.nominal
     near, far = nominal.stops_m
-    at_near = np.abs(at.d - near) < np.abs(at.d - far)
-    moved = np.where(at_near, float(at.p["near"]), float(at.p["far"]))
+    nearer = np.abs(point.d - near) < np.abs(point.d - far)
+    moved = np.where(nearer, float(point.p["near"]), float(point.p["far"]))
     return rest + nominal.travel_m * moved
 
 

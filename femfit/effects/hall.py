@@ -14,11 +14,11 @@ from femfit.effects.conditions import like, warmth
 from femfit.effects.effect import Calibration, Effect, EffectPoint, current_lag, in_channel, parameter_of
 
 
-def _warmed(volts: FloatArray, at: EffectPoint) -> FloatArray:
-    coil, magnet = warmth(at.conditions.coil_temperature_C).kelvin, warmth(at.conditions.magnet_temperature_C).kelvin
-    warmer = at.p["coil_share"] * coil + (1.0 - at.p["coil_share"]) * magnet
-    swing = volts - at.nominal.hall_quiescent_V
-    return volts + warmer * (at.p["offset_V_per_K"] + at.p["sensitivity_per_K"] * swing)
+def _warmed(volts: FloatArray, point: EffectPoint) -> FloatArray:
+    conditions, p = point.conditions, point.p
+    coil, magnet = warmth(conditions.coil_temperature_C).kelvin, warmth(conditions.magnet_temperature_C).kelvin
+    warmer = p["coil_share"] * coil + (1.0 - p["coil_share"]) * magnet
+    return volts + warmer * (p["offset_V_per_K"] + p["sensitivity_per_K"] * (volts - point.nominal.hall_quiescent_V))
 
 
 HALL_TEMPERATURE = Effect(
@@ -58,11 +58,11 @@ _UNIT_OF_TIME = 1000.0
 """Ramps count in thousands of readings, or of seconds where the data have a clock."""
 
 
-def _drifted(volts: FloatArray, at: EffectPoint) -> FloatArray:
-    elapsed, run_time = like(at.conditions.elapsed, volts), like(at.conditions.time_s, volts)
-    ramps = (at.p["ramp_V"] * elapsed + at.p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
-    settled = [-np.expm1(-time / at.p["settling_time"]) for time in (elapsed, run_time)]
-    return volts + ramps + at.p["settling_V"] * settled[0] + at.p["run_settling_V"] * settled[1]
+def _drifted(volts: FloatArray, point: EffectPoint) -> FloatArray:
+    elapsed, run_time = like(point.conditions.elapsed, volts), like(point.conditions.time_s, volts)
+    ramps = (point.p["ramp_V"] * elapsed + point.p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
+    settled = [-np.expm1(-time / point.p["settling_time"]) for time in (elapsed, run_time)]
+    return volts + ramps + point.p["settling_V"] * settled[0] + point.p["run_settling_V"] * settled[1]
 
 
 HALL_DRIFT = Effect(
@@ -118,12 +118,12 @@ def _beyond(excess: FloatArray) -> FloatArray:
     return 0.5 * (excess + np.sqrt(excess**2 + _ROUNDING**2))
 
 
-def _limited(volts: FloatArray, at: EffectPoint) -> FloatArray:
-    swing, knee = at.nominal.hall_swing_V, at.p["knee"]
-    x = (volts - at.nominal.hall_quiescent_V) / swing
+def _limited(volts: FloatArray, point: EffectPoint) -> FloatArray:
+    swing, knee = point.nominal.hall_swing_V, point.p["knee"]
+    x = (volts - point.nominal.hall_quiescent_V) / swing
     # Odd in x and zero at zero
     limited = _beyond(x - knee) - _beyond(-x - knee)
-    return volts - swing * (at.p["cubic_loss"] * x**3 + at.p["limited_loss"] * limited)
+    return volts - swing * (point.p["cubic_loss"] * x**3 + point.p["limited_loss"] * limited)
 
 
 HALL_SATURATION = Effect(
@@ -157,13 +157,13 @@ HALL_SATURATION = Effect(
 )
 
 
-def _picked_up(volts: FloatArray, at: EffectPoint) -> FloatArray:
-    nominal = at.nominal
-    if "pickup_lag" in at.conditions.memory:
-        rate = at.conditions.memory["pickup_lag"] / nominal.sample_time_s
+def _picked_up(volts: FloatArray, point: EffectPoint) -> FloatArray:
+    nominal = point.nominal
+    if "pickup_lag" in point.conditions.memory:
+        rate = point.conditions.memory["pickup_lag"] / nominal.sample_time_s
     else:
-        rate = like(at.conditions.current_rate_A_s, at.i) / nominal.peak_current_A
-    return volts + at.p["pickup_V"] * at.i / nominal.peak_current_A + at.p["induced_V_s"] * rate
+        rate = like(point.conditions.current_rate_A_s, point.i) / nominal.peak_current_A
+    return volts + point.p["pickup_V"] * point.i / nominal.peak_current_A + point.p["induced_V_s"] * rate
 
 
 HALL_COIL_PICKUP = Effect(

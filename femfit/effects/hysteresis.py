@@ -105,19 +105,19 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return result
 
 
-def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
-    states, nominal = at.conditions.memory, at.nominal
+def _coenergy(base: Coenergy, point: EffectPoint) -> Expression:
+    states, nominal = point.conditions.memory, point.nominal
     if not all(f"hysteresis_{name}" in states for name in _RADII):
-        return base(at.d, at.i, at.h)
-    lag = nominal.peak_current_A * sum(at.p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
-    energy = base(at.d, at.i - lag, at.h)
-    if not is_number(at.p["hall_share"], 1.0):
-        inside = at.i - at.p["hall_share"] * lag
-        energy = base(at.d, at.i - lag, 0.0) + base(at.d, inside, at.h) - base(at.d, inside, 0.0)
-    if is_number(at.p["taper"], 0.0):
+        return base(point.d, point.i, point.h)
+    lag = nominal.peak_current_A * sum(point.p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
+    energy = base(point.d, point.i - lag, point.h)
+    if not is_number(point.p["hall_share"], 1.0):
+        inside = point.i - point.p["hall_share"] * lag
+        energy = base(point.d, point.i - lag, 0.0) + base(point.d, inside, point.h) - base(point.d, inside, 0.0)
+    if is_number(point.p["taper"], 0.0):
         return energy
-    linkage = slope(lambda i: base(at.d, i, at.p["hall_share"] * at.h), at.i - lag)
-    taper = nominal.peak_current_A * at.p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
+    linkage = slope(lambda i: base(point.d, i, point.p["hall_share"] * point.h), point.i - lag)
+    taper = nominal.peak_current_A * point.p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
     return energy - 0.5 * taper * linkage**2
 
 

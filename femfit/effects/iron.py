@@ -47,19 +47,19 @@ _ITERATIONS = 12
 """Numerical: Newton's steps from above, which converge to rounding for all amplitudes within their bounds."""
 
 
-def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
-    nominal = at.nominal
+def _coenergy(base: Coenergy, point: EffectPoint) -> Expression:
+    nominal, p = point.nominal, point.p
 
     def linkage(current: Expression, hall: Expression) -> Expression:
-        return slope(lambda i: base(at.d, i, hall), current)
+        return slope(lambda i: base(point.d, i, hall), current)
 
-    flux = linkage(at.i, at.p["hall_share"] * at.h) + (at.p["magnet_share"] - 1.0) * linkage(0.0 * at.i, 0.0)
-    amplitudes = {n: at.p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(at.p[f"mmf_loss_{n}"], 0.0)}
+    flux = linkage(point.i, p["hall_share"] * point.h) + (p["magnet_share"] - 1.0) * linkage(0.0 * point.i, 0.0)
+    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(p[f"mmf_loss_{n}"], 0.0)}
     if not amplitudes:
-        return base(at.d, at.i, at.h)
-    share = np.maximum(slope(lambda i: linkage(i, at.h), at.i) / nominal.inductance_H, _LEAST_INDUCTANCE)
+        return base(point.d, point.i, point.h)
+    share = np.maximum(slope(lambda i: linkage(i, point.h), point.i) / nominal.inductance_H, _LEAST_INDUCTANCE)
     lost = _envelope(flux / nominal.flux_linkage_Wb, amplitudes, share * _own_inductance(nominal))
-    return base(at.d, at.i, at.h) - nominal.flux_linkage_Wb * nominal.peak_current_A * lost
+    return base(point.d, point.i, point.h) - nominal.flux_linkage_Wb * nominal.peak_current_A * lost
 
 
 _LEAST_INDUCTANCE = 0.01
@@ -159,7 +159,7 @@ CORE_REMANENCE = effect_of(
     experiment="Read the field at the core's face without current, before and after a slowly falling alternating "
     "current has demagnetised it.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (remanence of a circuit with a gap)",
-    coenergy=lambda base, at: base(at.d, at.i + at.p["mmf"] * at.nominal.peak_current_A, at.h),
+    coenergy=lambda base, point: base(point.d, point.i + point.p["mmf"] * point.nominal.peak_current_A, point.h),
     read=(2e-3, 30.0),
 )
 
@@ -167,16 +167,16 @@ CORE_REMANENCE = effect_of(
 _POWERS = (1, 3, 6)
 
 
-def _coenergy_of_position_dependent_inductance(base: Coenergy, at: EffectPoint) -> Expression:
-    nominal = at.nominal
+def _coenergy_of_position_dependent_inductance(base: Coenergy, point: EffectPoint) -> Expression:
+    nominal = point.nominal
     # Of distances of nought and less, where no face is: from one travel behind the nearest
     behind = 0.0 if nominal.distance_min_m > 0.0 else nominal.travel_m - nominal.distance_min_m
-    nearness = (nominal.distance_min_m + behind) / (at.d + behind)
-    increase = nominal.inductance_H * sum(at.p[f"increase_{power}"] * nearness**power for power in _POWERS)
-    current = at.i
+    nearness = (nominal.distance_min_m + behind) / (point.d + behind)
+    increase = nominal.inductance_H * sum(point.p[f"increase_{power}"] * nearness**power for power in _POWERS)
+    current = point.i
     if np.isfinite(nominal.hall_T_per_A):
-        current = at.i + at.h * (at.p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
-    return base(at.d, at.i, at.h) + 0.5 * ca.sumsqr(current) * increase
+        current = point.i + point.h * (point.p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
+    return base(point.d, point.i, point.h) + 0.5 * ca.sumsqr(current) * increase
 
 
 def _words_of_position_dependent_inductance(p: Parameters, nominal: Nominal) -> list[str]:

@@ -50,9 +50,9 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
-    induced = sum(at.p[f"{mode}_share"] * at.conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
-    return base(at.d, at.i - at.nominal.peak_current_A * induced, at.h)
+def _coenergy(base: Coenergy, point: EffectPoint) -> Expression:
+    induced = sum(point.p[f"{mode}_share"] * point.conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
+    return base(point.d, point.i - point.nominal.peak_current_A * induced, point.h)
 
 
 EDDY_CURRENT_LAG = Effect(
@@ -97,14 +97,14 @@ EDDY_CURRENT_LAG = Effect(
 )
 
 
-def _hall_point(at: EffectPoint) -> tuple[FloatArray, FloatArray]:
-    delay = at.p["delay_s"]
-    if "delay_lag" in at.conditions.memory:
-        lag = at.nominal.peak_current_A * like(at.conditions.memory["delay_lag"], at.i)
-        late = delay / np.maximum(delay, at.nominal.sample_time_s) * lag
+def _hall_point(point: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    delay = point.p["delay_s"]
+    if "delay_lag" in point.conditions.memory:
+        lag = point.nominal.peak_current_A * like(point.conditions.memory["delay_lag"], point.i)
+        late = delay / np.maximum(delay, point.nominal.sample_time_s) * lag
     else:
-        late = delay * like(at.conditions.current_rate_A_s, at.i)
-    return at.d - delay * at.velocity, at.i - late
+        late = delay * like(point.conditions.current_rate_A_s, point.i)
+    return point.d - delay * point.velocity, point.i - late
 
 
 SENSOR_DELAY = effect_of(
@@ -126,16 +126,16 @@ SENSOR_DELAY = effect_of(
 )
 
 
-def _drifted(flux: FloatArray, at: EffectPoint) -> FloatArray:
+def _drifted(flux: FloatArray, point: EffectPoint) -> FloatArray:
     """With what an integrated offset, and one that drifts itself over the campaign, have become since the run's start.
 
     Of the offset o + o' T at the time T of the campaign, the integral from a run's start T_0 to T_0 + t is
     o t + o' (t^2 + 2 T_0 t) / 2.
     """
-    time = at.conditions.time_s / 1000.0
-    start = at.conditions.elapsed / 1000.0 - time
-    drift = at.p["ramp"] * time + at.p["bend"] * time * (time + 2.0 * start)
-    return flux + at.nominal.flux_linkage_Wb * drift
+    time = point.conditions.time_s / 1000.0
+    start = point.conditions.elapsed / 1000.0 - time
+    drift = point.p["ramp"] * time + point.p["bend"] * time * (time + 2.0 * start)
+    return flux + point.nominal.flux_linkage_Wb * drift
 
 
 FLUX_INTEGRATOR_DRIFT = Effect(

@@ -42,12 +42,12 @@ _LEAST = 0.05
 """Part of the remanence that is left, whatever a fit tries."""
 
 
-def _warm(base: Coenergy, at: EffectPoint) -> Expression:
-    magnet, coil = warmth(at.conditions.magnet_temperature_C), warmth(at.conditions.coil_temperature_C)
-    known = at.p["coefficient_per_K"] * magnet.kelvin + at.p["curvature_per_K2"] * magnet.kelvin**2
-    unrecorded = USUAL_COEFFICIENT * (at.p["warmer_K"] + at.p["coil_share"] * coil.kelvin)
-    scale = 1.0 + known + (1.0 if at.conditions.running else magnet.unknown) * unrecorded
-    return remanence_scaled(base, np.maximum(scale, _LEAST), at.d, at.i, at.h)
+def _warm(base: Coenergy, point: EffectPoint) -> Expression:
+    magnet, coil = warmth(point.conditions.magnet_temperature_C), warmth(point.conditions.coil_temperature_C)
+    known = point.p["coefficient_per_K"] * magnet.kelvin + point.p["curvature_per_K2"] * magnet.kelvin**2
+    unrecorded = USUAL_COEFFICIENT * (point.p["warmer_K"] + point.p["coil_share"] * coil.kelvin)
+    scale = 1.0 + known + (1.0 if point.conditions.running else magnet.unknown) * unrecorded
+    return remanence_scaled(base, np.maximum(scale, _LEAST), point.d, point.i, point.h)
 
 
 MAGNET_TEMPERATURE = Effect(
@@ -87,9 +87,9 @@ MAGNET_TEMPERATURE = Effect(
 )
 
 
-def _demagnetised(base: Coenergy, at: EffectPoint) -> Expression:
-    lost = at.p["layer_m"] / at.p["magnet_height_m"]
-    return remanence_scaled(base, (1.0 - at.p["loss"]) * (1.0 - lost), at.d + 0.5 * at.p["layer_m"], at.i, at.h)
+def _demagnetised(base: Coenergy, point: EffectPoint) -> Expression:
+    loss, layer, height = (point.p[name] for name in ("loss", "layer_m", "magnet_height_m"))
+    return remanence_scaled(base, (1.0 - loss) * (1.0 - layer / height), point.d + 0.5 * layer, point.i, point.h)
 
 
 MAGNET_DEMAGNETISATION = Effect(
@@ -133,13 +133,13 @@ MAGNET_DEMAGNETISATION = Effect(
 )
 
 
-def _coenergy(base: Coenergy, at: EffectPoint) -> Expression:
-    if np.isnan(at.nominal.hall_T_per_A):
+def _coenergy(base: Coenergy, point: EffectPoint) -> Expression:
+    if np.isnan(point.nominal.hall_T_per_A):
         raise MissingPartError(
             "A model must have a Hall element for external_field; it has none. Leave that effect out."
         )
-    equivalent = at.p["core_share"] * at.p["field_T"] / at.nominal.hall_T_per_A
-    return base(at.d, at.i + equivalent, at.h) + at.h * at.p["field_T"]
+    equivalent = point.p["core_share"] * point.p["field_T"] / point.nominal.hall_T_per_A
+    return base(point.d, point.i + equivalent, point.h) + point.h * point.p["field_T"]
 
 
 EXTERNAL_FIELD = Effect(
@@ -168,16 +168,16 @@ EXTERNAL_FIELD = Effect(
 )
 
 
-def _coenergy_off_axis(base: Coenergy, at: EffectPoint) -> Expression:
+def _coenergy_off_axis(base: Coenergy, point: EffectPoint) -> Expression:
     """Without a magnet W' + (i_max / lambda_max) g lambda^2 / 2, g = a + n (1 - x)^2 + m (1 - x^2), x = d / d_max."""
-    nominal = at.nominal
+    nominal, i, p = point.nominal, point.i, point.p
     if nominal.has_magnet:
-        bend = slope(lambda d: base(d, at.i, at.h) - (1.0 - at.p["image_share"]) * base(d, 0.0 * at.i, 0.0), at.d, 2)
-        return base(at.d, at.i, at.h) - 0.25 * at.p["offset_squared_m2"] * bend
-    x = at.d / nominal.distance_max_m
-    growth = at.p["gap_all"] + at.p["gap_near"] * (1.0 - x) ** 2 + at.p["gap_middle"] * (1.0 - x * x)
-    linkage = slope(lambda i: base(at.d, i, at.h), at.i)
-    return base(at.d, at.i, at.h) + 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * growth * linkage**2
+        bend = slope(lambda d: base(d, i, point.h) - (1.0 - p["image_share"]) * base(d, 0.0 * i, 0.0), point.d, 2)
+        return base(point.d, i, point.h) - 0.25 * p["offset_squared_m2"] * bend
+    x = point.d / nominal.distance_max_m
+    growth = p["gap_all"] + p["gap_near"] * (1.0 - x) ** 2 + p["gap_middle"] * (1.0 - x * x)
+    linkage = slope(lambda i: base(point.d, i, point.h), i)
+    return base(point.d, i, point.h) + 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * growth * linkage**2
 
 
 def _words(p: Parameters, nominal: Nominal) -> list[str]:

@@ -25,9 +25,9 @@ from femfit.core.graph import Expression
 from femfit.effects.effect import Calibration, Effect, EffectPoint, effect_of, in_channel, parameter_of
 
 
-def _energy(at: EffectPoint) -> Expression:
-    room = at.d - at.nominal.distance_max_m
-    stiffness, preload = at.p["stiffness"] * at.nominal.stiffness_N_per_m, at.p["preload"] * at.nominal.force_N
+def _energy(point: EffectPoint) -> Expression:
+    nominal, room = point.nominal, point.d - point.nominal.distance_max_m
+    stiffness, preload = point.p["stiffness"] * nominal.stiffness_N_per_m, point.p["preload"] * nominal.force_N
     return 0.5 * stiffness * room**2 - preload * room
 
 
@@ -73,7 +73,7 @@ SPRING_STIFFNESS = effect_of(
     needs=("time_s", "~distance_m", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    energy=lambda at: at.p["stiffness_error"] * at.nominal.spring_energy(at.d),
+    energy=lambda point: point.p["stiffness_error"] * point.nominal.spring_energy(point.d),
     read=(0.01, 20.0),
 )
 
@@ -89,7 +89,7 @@ SPRING_PRELOAD = effect_of(
     needs=("time_s", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    energy=lambda at: -at.p["preload"] * at.nominal.force_N * (at.d - at.nominal.distance_max_m),
+    energy=lambda point: -point.p["preload"] * point.nominal.force_N * (point.d - point.nominal.distance_max_m),
     read=(1e-3, 20.0),
 )
 
@@ -104,7 +104,7 @@ SPRING_IN_FORCE = effect_of(
     needs=("force_N", "~distance_m", "spring"),
     experiment="Take the spring out and read the force again, the current off.",
     reference=f"{_REFERENCE}; how the sensor is mounted",
-    readings=in_channel("force_N", lambda force, at: force - at.p["share"] * at.nominal.push_of_springs(at.d)),
+    readings=in_channel("force_N", lambda f, point: f - point.p["share"] * point.nominal.push_of_springs(point.d)),
 )
 
 
@@ -120,23 +120,23 @@ CONSTANT_FORCE = effect_of(
     experiment="Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
     "balance.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    energy=lambda at: at.p["pull"] * at.nominal.force_N * at.d,
+    energy=lambda point: point.p["pull"] * point.nominal.force_N * point.d,
     read=(1e-3, 30.0),
 )
 
 
-def _energy_of_stops(at: EffectPoint) -> Expression:
-    near, far = at.nominal.distance_min_m, at.nominal.distance_max_m
-    reach, energy = at.p["reach"] * (far - near), 0.0
+def _energy_of_stops(point: EffectPoint) -> Expression:
+    near, far = point.nominal.distance_min_m, point.nominal.distance_max_m
+    reach, energy = point.p["reach"] * (far - near), 0.0
     for name, power, start, sign in (
         ("near_flat", 1.0, near + reach, -1.0),
         ("near_round", 1.5, near + reach, -1.0),
         ("far_flat", 1.0, far - reach, 1.0),
     ):
         # Compression over reach; its force A c^power has the potential A reach c^(power + 1) / (power + 1)
-        compression = SX(sign * (at.d - start) / reach)
+        compression = SX(sign * (point.d - start) / reach)
         touched = ca.if_else(compression > 0.0, compression ** (power + 1.0), 0.0)
-        energy = energy + at.p[name] * at.nominal.force_N * reach / (power + 1.0) * touched
+        energy = energy + point.p[name] * point.nominal.force_N * reach / (power + 1.0) * touched
     return energy
 
 

@@ -86,9 +86,10 @@ def changed_coenergy(inner: Coenergy, effects: Iterable[AddedEffect], conditions
     return inner
 
 
-def _changed(inner: Coenergy, act: CoenergyChange, added: AddedEffect, conditions: Conditions, *at: Any) -> Expression:
+def _changed(
+    inner: Coenergy, act: CoenergyChange, added: AddedEffect, conditions: Conditions, d: Any, i: Any, h: Any
+) -> Expression:
     """W'(d, i, h) at these under one effect more."""
-    d, i, h = at
     if not added.effect.of:
         return act(inner, EffectPoint(d, i, conditions, added.parameters, h))
     k = conditions.nominal.circuits.index(added.effect.of)  # an effect of one circuit knows that one's current alone

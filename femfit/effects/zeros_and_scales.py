@@ -24,7 +24,7 @@ DISTANCE_OFFSET = effect_of(
     needs=("distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
     experiment="Rest the moving part on a thin gauge block of known height and compare the stage's reading.",
     reference="First-order error of a stage's zero; JCGM 100:2008 (GUM), section 3.2.4",
-    setting=lambda at: (at.d + at.p["offset_m"], at.i),
+    setting=lambda point: (point.d + point.p["offset_m"], point.i),
     read=(1e-5, 10.0),
     also={"distance_scale": {"scale_error": 1e-3}},  # a block of 1 mm
 )
@@ -40,7 +40,7 @@ DISTANCE_SCALE = effect_of(
     needs=("~distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
     experiment="Read the stage over two gauge blocks, the shortest and the longest that fit.",
     reference="Linear error of a stage; ISO 230-2 (2014)",
-    setting=lambda at: ((1.0 + at.p["scale_error"]) * at.d, at.i),
+    setting=lambda point: ((1.0 + point.p["scale_error"]) * point.d, point.i),
     read=(1e-3, 20.0),
 )
 
@@ -56,7 +56,7 @@ CURRENT_OFFSET = effect_of(
     needs=("current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Open the circuit and read the ammeter at zero current.",
     reference="JCGM 100:2008 (GUM), section 3.2.4",
-    setting=lambda at: (at.d, at.i + at.p["offset"] * at.nominal.peak_current_A),
+    setting=lambda point: (point.d, point.i + point.p["offset"] * point.nominal.peak_current_A),
     read=(1e-3, 5.0),
 )
 
@@ -71,7 +71,7 @@ CURRENT_GAIN = effect_of(
     needs=("~current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Read the current with a calibrated shunt in series.",
     reference="JCGM 100:2008 (GUM), section 4.3",
-    setting=lambda at: (at.d, (1.0 + at.p["gain_error"]) * at.i),
+    setting=lambda point: (point.d, (1.0 + point.p["gain_error"]) * point.i),
     read=(1e-3, 20.0),
 )
 
@@ -87,7 +87,7 @@ FORCE_OFFSET = effect_of(
     needs=("force_N",),
     experiment="Take everything off the force sensor, and read it.",
     reference="JCGM 100:2008 (GUM), section 3.2.4; OIML R 60 (2000): a cell comes back to its zero to 1 part in 6000",
-    readings=in_channel("force_N", lambda force, at: force + at.p["offset"] * at.nominal.force_N),
+    readings=in_channel("force_N", lambda force, point: force + point.p["offset"] * point.nominal.force_N),
     read=(2e-4, 10.0),
 )
 
@@ -102,7 +102,7 @@ FORCE_GAIN = effect_of(
     needs=("force_N",),
     experiment="Hang a reference weight on the force sensor and compare its reading.",
     reference="JCGM 100:2008 (GUM), section 4.3; OIML R 111-1 (2004) for the weight",
-    readings=in_channel("force_N", lambda force, at: (1.0 + at.p["gain_error"]) * force),
+    readings=in_channel("force_N", lambda force, point: (1.0 + point.p["gain_error"]) * force),
     read=(1e-3, 20.0),
 )
 
@@ -117,7 +117,7 @@ HALL_OFFSET = effect_of(
     needs=("hall_V",),
     experiment="Put the Hall element into a zero-gauss chamber and read its voltage.",
     reference="E. Ramsden, Hall-Effect Sensors (Newnes, 2006), chapter 2",
-    readings=in_channel("hall_V", lambda volts, at: volts + at.p["offset_V"]),
+    readings=in_channel("hall_V", lambda volts, point: volts + point.p["offset_V"]),
     read=(1e-3, 15.0),
 )
 
@@ -147,7 +147,7 @@ DRIVER_GAIN = effect_of(
     needs=("time_s", "voltage_V", "current_A", "voltage driver"),
     experiment="Command a few constant voltages and read the voltage across the winding.",
     reference="JCGM 100:2008 (GUM), section 4.3",
-    circuit=lambda resistance, voltage, at: (resistance, (1.0 + at.p["gain_error"]) * voltage),
+    circuit=lambda resistance, voltage, point: (resistance, (1.0 + point.p["gain_error"]) * voltage),
     read=(1e-3, 10.0),
 )
 
@@ -162,16 +162,16 @@ POSITION_DELAY = effect_of(
     needs=("time_s", "~distance_m"),
     experiment="Drop the body on its stop, and record its sensor and a microphone on one clock.",
     reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3 (delays)",
-    setting=lambda at: (at.d + at.p["delay_s"] * at.velocity, at.i),
+    setting=lambda point: (point.d + point.p["delay_s"] * point.velocity, point.i),
     read=(5e-5, 40.0),
 )
 
 
-def _straightened(at: EffectPoint) -> tuple[FloatArray, FloatArray]:
-    nominal = at.nominal
-    u = np.clip((at.d - nominal.distance_min_m) / nominal.travel_m, 0.0, 1.0)
+def _straightened(point: EffectPoint) -> tuple[FloatArray, FloatArray]:
+    nominal = point.nominal
+    u = np.clip((point.d - nominal.distance_min_m) / nominal.travel_m, 0.0, 1.0)
     bow, bend = 4.0 * u * (1.0 - u), 12.0 * np.sqrt(3.0) * u * (1.0 - u) * (0.5 - u)
-    return at.d + nominal.travel_m * (at.p["bow"] * bow + at.p["bend"] * bend), at.i
+    return point.d + nominal.travel_m * (point.p["bow"] * bow + point.p["bend"] * bend), point.i
 
 
 POSITION_NONLINEARITY = Effect(

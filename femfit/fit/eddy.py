@@ -159,7 +159,7 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     rest = flux[:, :, 0] if table.rest is None else table.rest
     own, between, among = flux[:, :c, 1 : 1 + c], flux[:, :c, 1 + c :], flux[:, c:, 1 + c :]
     coupling = np.linalg.solve(own, between)
-    if c == 1 and table.bias_A is not None:
+    if c == 1 and table.bias_A is not None and table.rest is not None:
         biased = np.flatnonzero(table.bias_A.any(axis=1))
         linked = (flux[:, :, 0] - rest)[biased]
         coupling[biased, 0] = linked[:, 1:] / linked[:, :1]

@@ -222,15 +222,13 @@ def _inductance(rows: pd.DataFrame, measured: FitRows, circuits: Sequence[str]) 
     """All inductances (rows, n, n); of one circuit NaN where a row has none, and None where they say nothing more."""
     places, n = inductance_columns(circuits), len(circuits)
     complete = all(name in rows and bool(rows[name].notna().all()) for name in places)
-    if not complete and (measured.several or "inductance_H" not in rows):
+    if measured.flux_linkage is None or (not complete and (measured.several or "inductance_H" not in rows)):
         return None
     result = np.full((len(rows), n, n), np.nan)
     for name, (j, k) in places.items():
         present = rows[name].notna().to_numpy()
         result[present, j, k] = result[present, k, j] = column_numbers(rows[present].reset_index(drop=True), name)
-    if measured.several or (measured.flux_linkage is not None and is_incremental(measured, result[:, 0, 0])):
-        return result
-    return None
+    return result if measured.several or is_incremental(measured, result[:, 0, 0]) else None
 
 
 def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:

@@ -74,10 +74,10 @@ class Brake:
     rounded_m_s: float = field(metadata={"positive": True})  # v_0, so that it goes through zero with the velocity
     against: Curve  # D over |v|
 
-    def __call__(self, at: EffectPoint) -> Expression:
+    def __call__(self, point: EffectPoint) -> Expression:
         """The force: towards the electromagnet where the body falls away."""
-        size = np.maximum(self.against.at(np.abs(at.velocity), at.p), 0.0)
-        return np.tanh(at.velocity / self.rounded_m_s) * size
+        size = np.maximum(self.against.at(np.abs(point.velocity), point.p), 0.0)
+        return np.tanh(point.velocity / self.rounded_m_s) * size
 
 
 @dataclass(frozen=True)
@@ -127,44 +127,44 @@ class Carried:
             if holder is not None and holder.parameter not in parameters:
                 yield f"{path}.parameter", f"one of the effect's ({', '.join(sorted(parameters))})"
 
-    def coenergy_stage(self, inner: Coenergy, at: EffectPoint) -> Expression:
+    def coenergy_stage(self, inner: Coenergy, point: EffectPoint) -> Expression:
         """The changed co-energy."""
-        value = inner(at.d, at.i, at.h)
+        value = inner(point.d, point.i, point.h)
         for term in self.magnetics or ():
-            for spline, share in ((term.coenergy, 1.0), (term.hall, at.h)):
+            for spline, share in ((term.coenergy, 1.0), (term.hall, point.h)):
                 if spline is not None:
-                    value += term.size(at.p) * share * spline.expression(at.d, SX(at.i))
+                    value += term.size(point.p) * share * spline.expression(point.d, SX(point.i))
         if self.gap_m and self.magnetics:
-            shift = self.gap_m * at.p[self.magnetics[0].parameter]
+            shift = self.gap_m * point.p[self.magnetics[0].parameter]
 
             def still(d: Expression) -> Expression:
-                return inner(d, at.i, 0.0)
+                return inner(d, point.i, 0.0)
 
-            value += still(at.d - shift) - still(at.d) + shift * slope(still, at.d)
+            value += still(point.d - shift) - still(point.d) + shift * slope(still, point.d)
         return value
 
-    def setting_stage(self, at: EffectPoint) -> tuple[Expression, Expression]:
+    def setting_stage(self, point: EffectPoint) -> tuple[Expression, Expression]:
         """True distance and current."""
         d, i = (
-            x + self.setting[name].at(x, at.p) if name in self.setting else x
-            for name, x in (("distance_m", at.d), ("current_A", at.i))
+            x + self.setting[name].at(x, point.p) if name in self.setting else x
+            for name, x in (("distance_m", point.d), ("current_A", point.i))
         )
         return d, i
 
-    def readings_stage(self, values: Mapping[str, Expression], at: EffectPoint) -> Mapping[str, Expression]:
+    def readings_stage(self, values: Mapping[str, Expression], point: EffectPoint) -> Mapping[str, Expression]:
         """The recorded readings."""
         result = dict(values)
-        for curves, side in ((self.readings, 1.0), (self.branches, like(at.conditions.branch, at.d))):
+        for curves, side in ((self.readings, 1.0), (self.branches, like(point.conditions.branch, point.d))):
             for name, curve in curves.items():
                 if name in values:
-                    result[name] = result[name] + side * curve.at(values[name], at.p)
+                    result[name] = result[name] + side * curve.at(values[name], point.p)
         return result
 
     def circuit_stage(
-        self, resistance: Expression, voltage: Expression, at: EffectPoint
+        self, resistance: Expression, voltage: Expression, point: EffectPoint
     ) -> tuple[Expression, Expression]:
         """Resistance in ohm, and the voltage as it is."""
-        further = 0.0 if self.resistance is None else self.resistance.at(np.abs(at.i), at.p)
+        further = 0.0 if self.resistance is None else self.resistance.at(np.abs(point.i), point.p)
         return np.maximum(resistance + further, 0.0), voltage
 
     def effect(self, name: str, symptom: str, parameters: Sequence[EffectParameter], **facts: Any) -> Effect:

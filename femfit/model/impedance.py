@@ -147,12 +147,12 @@ class ImpedanceChange:
         """Of u, of the current and of the frequency."""
         return self.u, self.current, self.log_frequency
 
-    def __call__(self, frequency: SX, at: EffectPoint) -> ComplexExpressions:
+    def __call__(self, frequency: SX, point: EffectPoint) -> ComplexExpressions:
         """Further ohm at an expression's point, an entry for each of the impedance's; none at the frequency 0."""
         low = np.exp(self.log_frequency.knots[0])
-        place = self.coordinate.of(at.d), at.i, np.log(np.maximum(frequency, low))
+        place = self.coordinate.of(point.d), point.i, np.log(np.maximum(frequency, low))
         inside = [np.clip(x, axis.knots[0], axis.knots[-1]) for x, axis in zip(place, self.axes, strict=True)]
-        size = np.log1p(at.p[self.parameter]) if self.share else at.p[self.parameter]
+        size = np.log1p(point.p[self.parameter]) if self.share else point.p[self.parameter]
         bend = np.zeros((2, *self.real_H.shape)) if self.bend_H is None else self.bend_H
         parts = [x.reshape(*self.real_H.shape[:3], -1) for x in (self.real_H, self.imaginary_H, *bend)]
         axes = [(axis.knots, axis.degree) for axis in self.axes]

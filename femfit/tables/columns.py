@@ -67,14 +67,13 @@ def match_columns(
     column, its unit or a number that multiplies it to SI. An optional column is left out, not refused, where several
     headers may be it. What is still missing of the guessed columns is a header with a word of its name in its unit.
     """
-    chosen: dict[str, int] = {}
-    for key, name in columns.items():
-        header = find_header(key, headers, source, "--column")
+    wanted = {find_header(key, headers, source, "--column"): name for key, name in columns.items()}
+    for header, name in wanted.items():
         if name not in names:
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(name)!r}; give one of {', '.join(names)}."
             )
-        chosen[name] = headers.index(header)
+    chosen = {name: headers.index(header) for header, name in wanted.items()}
     texts: dict[str, str] = {}
     for key, unit in units.items():
         texts |= dict.fromkeys(matching_headers(key, headers) or [key], str(unit))

@@ -12,6 +12,7 @@ from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.fit.ranking import as_written, misfit_to_rows
+from femfit.fit.rows import rows_of_table
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import LawMagnetics
 from femfit.simulation.open_loop import simulate
@@ -298,3 +299,9 @@ def test_functions_that_are_no_choice_for_each_column_are_refused(functions):
 def test_bounds_and_functions_without_a_law_are_refused():
     with pytest.raises(UsageError, match="one law only"):
         fit_model(full_table(), bounds={"d^-4": (0.0, 1.0)})
+
+
+def test_an_inductance_without_a_flux_linkage_is_not_read():
+    table = force_table(lambda d, i: 1e-6 * i**2 / d**2)
+    noted = replace(table, rows=table.rows.assign(inductance_H="see notes"))
+    assert rows_of_table(noted).inductance is None

@@ -22,12 +22,12 @@ from support.campaign import NOISE, campaign, hidden, without
 AMPLITUDE = EffectParameter("gain", (-0.5, 0.5), (-0.05, 0.05), "Relative error.")
 FORCE_SCALE = Effect(
     "force_scale", "The force sensor reads too much.", ("sensor",), (AMPLITUDE,), ("force_N",), "Hang a weight.", "",
-    readings=in_channel("force_N", lambda force, d, i, conditions, p: force * (1.0 + p["gain"])),
+    readings=in_channel("force_N", lambda force, point: force * (1.0 + point.p["gain"])),
     calibrations=(Calibration({"gain": 1e-3}, 10.0, "Hang a reference weight on the force sensor."),),
 )  # fmt: skip
 PULL_SCALE = Effect(
     "pull_scale", "The whole actuator is stronger.", ("magnetics",), (AMPLITUDE,), ("force_N|flux_linkage_Wb",), "", "",
-    coenergy=lambda base, at, p: (1.0 + p["gain"]) * base(at.d, at.i, at.h),
+    coenergy=lambda base, point: (1.0 + point.p["gain"]) * base(point.d, point.i, point.h),
 )  # fmt: skip
 PAIR = (FORCE_SCALE, PULL_SCALE)
 FORCE = {"force_N": NOISE["force_N"]}

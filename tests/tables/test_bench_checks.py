@@ -263,6 +263,14 @@ def test_a_table_of_names_alone_is_said_to_have_no_rows_and_no_delimiter_that_it
     assert "semicolons" not in str(refused.value)
 
 
+def test_a_header_that_the_call_and_the_sidecar_spell_otherwise_is_one_column_as_the_call_says(tmp_path):
+    (tmp_path / "bench.csv").write_text("current_A,distance_mm,Kanal 3\n0,1,2\n1,2,2.5\n1,3,2.2\n")
+    (tmp_path / "bench.toml").write_text('[columns]\n"Kanal 3" = "force_N"\n')
+    table = read_bench_table(tmp_path / "bench.csv", columns={"kanal 3": "hall_V"})
+    assert table.rows["hall_V"].tolist() == [2.0, 2.5, 2.2]
+    assert table.channels == ("hall_V",)
+
+
 def test_two_sweeps_of_a_coarse_display_are_no_copies(tmp_path):
     d, i = np.repeat([2.0, 4.0, 6.0], 3), np.tile([1.0, 2.0, 3.0], 3)
     once = pd.DataFrame({"distance_mm": d, "current_A": i, "force_N": np.round(2.0 * i**2 / d, 1)})
