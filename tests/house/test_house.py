@@ -39,7 +39,6 @@ KINDS = ("Derived", "Conventional", "Calibrated", "Assumed", "Numerical")
 NO_DECISION = {
     "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
     "fit/coenergy_system.py": "what rounding leaves of a column, beside the solver",
-    "fit/eddy.py": "a way too short to round anything, beside the slopes along it",
     "identify/misfit.py": "what a picture shows",
     "identify/series/motion.py": "how many motions are kept for use again",
 }
