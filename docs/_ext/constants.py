@@ -13,7 +13,7 @@ FILES = {
     "Which readings beside a model cannot be right": PACKAGE / "identify" / "plausible.py",
     "A remainder of unknown cause": PACKAGE / "identify" / "remainder.py",
     "What a measurement costs, and shows": PACKAGE / "identify" / "plan.py",
-    "What a record shows, and what a filter makes of it": PACKAGE / "estimate" / "constants.py",
+    "What a record shows, and what a filter makes of it": PACKAGE / "estimate",
     "A table to a model": PACKAGE / "fit" / "constants.py",
     "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",
     "Which rows, samples and sensors of a measurement cannot be right": PACKAGE / "tables" / "measurement_checks.py",
@@ -30,7 +30,9 @@ class Constant(NamedTuple):
 
 
 def constants_of(path: Path) -> list[Constant]:
-    """The numbers that a file assigns at its top, tuples and products of numbers too."""
+    """The numbers that a file assigns at its top, tuples and products of numbers too; of a folder all."""
+    if path.is_dir():
+        return [one for file in sorted(path.glob("*.py")) for one in constants_of(file)]
     body = ast.parse(path.read_text(encoding="utf-8")).body
     found = []
     for statement, following in zip(body, [*body[1:], None], strict=True):

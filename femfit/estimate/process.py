@@ -26,7 +26,7 @@ from femfit.model.sensing import pickup_flux, reading_expression
 from femfit.model.sensors import sensor_named, unit_in_name
 
 MOST_EXACT = 10_000
-"""Measured: instructions of a step above which its Jacobian takes seconds to make."""
+"""Numerical: instructions of a step above which its Jacobian takes seconds to make."""
 
 
 @dataclass(frozen=True)

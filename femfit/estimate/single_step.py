@@ -21,7 +21,7 @@ MISSING = 1e200
 """Numerical: variance of a reading that is missing."""
 
 MOST_WRITTEN = 40_000
-"""Measured: instructions up to which all sigma points are written out; a larger step is called as a function."""
+"""Numerical: instructions up to which all sigma points are written out; a larger step is called as a function."""
 
 
 class Terms(NamedTuple):
