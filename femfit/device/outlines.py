@@ -105,9 +105,8 @@ def outline(entry: Any, path: str, problems: list[str]) -> DrawnOutline | None:
 def _drawn(entry: Any, path: str) -> tuple[str, list[Corner], list[float]]:
     """Key path, corners and bulges."""
     box = [key for key in ("r_mm", "z_mm") if getattr(entry, key) is not None]
-    ways = [key for key in ("polygon_mm", "circle_mm") if getattr(entry, key) is not None] + ["r_mm and z_mm"][
-        : len(box)
-    ]
+    ways = [key for key in ("polygon_mm", "circle_mm") if getattr(entry, key) is not None]
+    ways += ["r_mm and z_mm"] if box else []
     if len(ways) > 1:
         raise MistakeError("outlines", path, ways=" or ".join(ways))
     if entry.polygon_mm is not None:

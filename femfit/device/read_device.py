@@ -53,10 +53,8 @@ def read_coils(file: Reading, drawing: Drawing) -> Iterator[Coil]:
         if resistance is None:
             file.complain("resistance", winding.path)
             continue
-        outline, name = (
-            winding.outline,
-            winding.place[-1],
-        )  # its arcs become chords: nothing of it is singular at a corner
+        # Its arcs become chords: nothing of it is singular at a corner
+        outline, name = winding.outline, winding.place[-1]
         corners = converted(flattened(outline.corners, outline.bulges), -3)
         wire = converted(diameter, -3)
         yield Coil(corners, entry.turns, resistance, wire, name, winding.moves, name, temperature_C=temperature)

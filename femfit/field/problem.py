@@ -112,8 +112,8 @@ class MeshedActuator(ABC):
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a point of the currents."""
-        points, (found, rows) = current_points(currents, len(self._circuits)), self.found
-        reusable = distance in rows and np.array_equal(points, found)
+        points, (solved, rows) = current_points(currents, len(self._circuits)), self.found
+        reusable = distance in rows and np.array_equal(points, solved)
         columns = rows[distance] if reusable else self.solved_rows(distance, points)
         return columns if self.choice is None else with_errors(columns, points, self.choice)
 
@@ -218,8 +218,8 @@ class NonlinearActuator(MeshedActuator):
         points = current_points(currents, len(self._circuits))
         states, slopes = self._states_at(distance, points), self._slopes(numbers, self.fine.space, self.fine.circuits)
         solved = np.array([tuple(point) in states for point in points])
-        found = np.array([states[tuple(point)] for point in points[solved]]).reshape(-1, self.unknowns)
-        rows = slopes.of_states(distance, points[solved], found, self.fine.respond)
+        fields = np.array([states[tuple(point)] for point in points[solved]]).reshape(-1, self.unknowns)
+        rows = slopes.of_states(distance, points[solved], fields, self.fine.respond)
         result = np.full((len(points), *rows.shape[1:]), np.nan)
         result[solved] = rows
         return result

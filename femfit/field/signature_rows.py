@@ -84,14 +84,14 @@ class SignatureRows:
             pull = (closer - farther).T / (2.0 * step)  # what a metre of distance changes of the field's equations
             loads = np.concatenate([pull, self._loads, self._hall])
             pulled, *changes = self._slopes.sample(solve(state, loads).T).T[:, :, None]
-            at = sample, point, stretch
-            columns = [-self._difference(at, step, pulled, held, 1.0)]  # -dE/dd
+            centre = sample, point, stretch
+            columns = [-self._difference(centre, step, pulled, held, 1.0)]  # -dE/dd
             for change, unit in zip(changes, circuits, strict=False):
-                columns.append(self._difference(at, self._size, change, unit))
+                columns.append(self._difference(centre, self._size, change, unit))
             for change in changes[len(circuits) :]:
                 # Next to a Hall element the field is that of a point: a step by the largest anywhere would be rounding
                 size = STEP * (largest(sample) or 1.0) / largest(change)
-                columns.append(self._difference(at, size, change, held) + self._hall_moves @ state)
+                columns.append(self._difference(centre, size, change, held) + self._hall_moves @ state)
             rows.append(np.stack(columns, axis=2))
         return np.concatenate(rows)
 
@@ -107,14 +107,14 @@ class SignatureRows:
 
     def _difference(
         self,
-        at: tuple[FloatArray, FloatArray, float],
+        centre: tuple[FloatArray, FloatArray, float],
         size: float,
         change: FloatArray,
         fed: FloatArray,
         way: float = 0.0,
     ) -> FloatArray:
-        """The slope of E at (samples, currents, stretch) along a change of these."""
-        sample, currents, stretch = at
+        """The slope of E at a centre (samples, currents, stretch) along a change of these."""
+        sample, currents, stretch = centre
         evaluate = self._slopes.evaluate
         high, low = (evaluate(sample + s * change, currents + s * fed, stretch + s * way) for s in (size, -size))
         return np.asarray((high - low) / (2.0 * size))

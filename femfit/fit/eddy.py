@@ -157,23 +157,23 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     c, count = len(table.circuits), len(table.distances_m)
     flux = table.flux_linkage - 2j * STEP * table.force[:, 1:]
     rest = flux[:, :, 0] if table.rest is None else table.rest
-    own, between, among = flux[:, :c, 1 : 1 + c], flux[:, :c, 1 + c :], flux[:, c:, 1 + c :]
-    coupling = np.linalg.solve(own, between)
+    windings, between, among = flux[:, :c, 1 : 1 + c], flux[:, :c, 1 + c :], flux[:, c:, 1 + c :]
+    coupling = np.linalg.solve(windings, between)
     if c == 1 and table.bias_A is not None and table.rest is not None:
         biased = np.flatnonzero(table.bias_A.any(axis=1))
         linked = (flux[:, :, 0] - rest)[biased]
         coupling[biased, 0] = linked[:, 1:] / linked[:, :1]
     turned = coupling.swapaxes(1, 2)
     crossed, (first, second) = between.swapaxes(1, 2) @ coupling, np.triu_indices(table.patterns)
-    inductance = among - crossed - crossed.swapaxes(1, 2) + turned @ own @ coupling
+    inductance = among - crossed - crossed.swapaxes(1, 2) + turned @ windings @ coupling
     linking = rest[:, c:] - (turned @ rest[:, :c, None])[:, :, 0]
     entries = [coupling.reshape(count, -1), linking, inductance[:, first, second]]
     if table.hall is not None:
         hall = table.hall[:, 1 + c :] - (turned @ table.hall[:, 1 : 1 + c, None])[:, :, 0]
         entries.append(hall)
     values = np.concatenate(entries, axis=1)
-    slopes, known = values.imag / STEP, sum(entry.shape[1] for entry in entries[:3])
-    slopes[:, known if table.bias_A is None else 0 :] = np.nan
+    slopes, sloped = values.imag / STEP, sum(entry.shape[1] for entry in entries[:3])
+    slopes[:, sloped if table.bias_A is None else 0 :] = np.nan
     return values.real, slopes
 
 

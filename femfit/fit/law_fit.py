@@ -139,10 +139,8 @@ class LawFit:
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:
         """The terms as a model has them; one on its bound has no interval."""
-        sides, units = (
-            self.limits.active_sides(self.joint),
-            dict(zip(self.law.basis, self.law.coefficient_units, strict=True)),
-        )
+        sides = self.limits.active_sides(self.joint)
+        units = dict(zip(self.law.basis, self.law.coefficient_units, strict=True))
         return tuple(
             Coefficient(
                 basis=basis,

@@ -242,8 +242,8 @@ def is_incremental(rows: FitRows, inductance: FloatArray) -> bool:
     Programs give either d(flux linkage)/di or flux linkage / i under this name. Over each distance's currents, the
     integral of the former is the change of the flux linkage. NaN stands in rows without an inductance.
     """
-    known = np.isfinite(inductance)
-    d, i, flux, slope = rows.distance[known], rows.current[known], rows.linked[known, 0], inductance[known]
+    finite = np.isfinite(inductance)
+    d, i, flux, slope = rows.distance[finite], rows.current[finite], rows.linked[finite, 0], inductance[finite]
     misses, bends = [], [0.0]
     for k in _by_distance(d, i):
         if len(k) > 1:
