@@ -71,7 +71,7 @@ def _cycle(i: FloatArray, conditions: Conditions) -> Mapping[str, FloatArray]:
 
 def _recall(current: FloatArray, begins: BoolArray, nominal: Nominal) -> Mapping[str, FloatArray]:
     """z_r / phi after each reading, of a core that was cycled before each run, and of one that was demagnetised."""
-    names, radius = list(_RADII), np.array(list(_RADII.values())) * _span(nominal)
+    names, radius = list(_RADII), np.maximum(np.array([*_RADII.values()]) * _span(nominal), 1e-300)
     ends = np.append(np.flatnonzero(begins)[1:], len(current))
     states = np.empty((len(current), 2, len(radius)))
 

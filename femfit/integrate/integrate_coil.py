@@ -169,6 +169,8 @@ def integrate_coil(
 
 def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     """Refuse options that would do nothing, and say what a method lacks."""
+    if method not in OFFSET_SIGMA_V:
+        raise TableError(f"method must be one of {', '.join(OFFSET_SIGMA_V)}; instead received {method!r}.")
     options = {option: methods for keyword, (option, methods) in _OPTIONS.items() if arguments[keyword] is not None}
     for option, methods in options.items():
         if methods and method not in methods:
@@ -227,7 +229,7 @@ def table_record(rows: pd.DataFrame) -> CoilRecord:
     """A table in memory as a record; its columns have the names and units of one."""
     used = tuple(UsedColumn(name, name, 1.0, "") for name in COIL.names if name in rows)
     COIL.require([column.name for column in used], map(str, rows), "the table", used)
-    return CoilRecord(Path("a table"), used, len(rows), lambda _: iter([rows]))
+    return CoilRecord(Path("the table"), used, len(rows), lambda _: iter([rows]))
 
 
 def stream_record(

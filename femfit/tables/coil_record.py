@@ -54,7 +54,7 @@ COIL = Wants(
     "coil record",
     ("time_s", *COLUMNS),
     needs=("time_s", "coil_voltage_V"),
-    hints=dict.fromkeys(("time_s", "coil_voltage_V"), "A filter needs hall_T or current_A as well."),
+    hints={"coil_voltage_V": "A filter needs hall_T or current_A beside it."},
 )
 
 RAW = np.dtype("<f4")
@@ -95,14 +95,14 @@ class CoilRecord:
                 back = np.flatnonzero(np.diff(block.time, prepend=before) <= 0.0)
                 if len(back):
                     raise TableError(
-                        f"{self.path} must have a rising time_s; it jumps back to {block.time[back[0]]:.9g} s "
+                        f"A record must have a rising time_s; {self.path} jumps back to {block.time[back[0]]:.9g} s "
                         f"after {counted(int(count + back[0]), 'row')}. "
                         "Split the record there, or repair the clock."
                     )
                 before, count = float(block.time[-1]), count + len(block)
                 yield block
         if count == 0:
-            raise TableError(f"{self.path} has no row with a time and a voltage.")
+            raise TableError(f"No row of {self.path} has a time and a voltage.")
 
     def _numbers(self, column: "pd.Series[Any]") -> FloatArray:
         values = typed_numbers(column)
