@@ -144,7 +144,7 @@ def find_wire(coil: FemPiece, notes: Notes) -> FemWire:
     """A winding's wire and resistance."""
     material = coil.material
     diameter, origin = material.wire_diameter_mm, f"WireD of {material.name!r}"
-    wire = material.lamination_type == PLAIN_WIRE and diameter > 0.0
+    wire = material.lamination_type == PLAIN_WIRE and diameter > 1e-3  # the finest that is drawn has 0.01 mm
     if not wire or smallest_winding_area(abs(coil.turns), diameter) > coil.polygon.area:
         section = COPPER_FILL * coil.polygon.area / abs(coil.turns)
         diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
