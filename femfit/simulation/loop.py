@@ -221,9 +221,9 @@ class _Watch:
 
     def _name(self, lost: list[BoolArray], time: float) -> None:
         """Runs that are lost by these outcomes in their order; the first name of a run stays."""
-        code = np.select(lost, _LOST[: len(lost)], _HELD)
-        fresh = (self._outcome == _HELD) & (code != _HELD)
-        self._outcome[fresh], self._when[fresh] = code[fresh], time
+        for outcome, runs in zip(_LOST, lost, strict=False):
+            fresh = runs & (self._outcome == _HELD)
+            self._outcome[fresh], self._when[fresh] = outcome, time
 
     def end(self) -> tuple[IntArray, FloatArray]:
         """Outcomes and times; a body that never left the stop where it began was not held, from the first sample on."""

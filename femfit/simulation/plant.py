@@ -249,7 +249,7 @@ class SensorBank:
                 low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan
                 dropped = (lost < errors.dropout_probability) & (sample >= 0)  # the support comes before the faults
                 stuck = (time >= errors.stuck_after_s) & np.isfinite(self._last[:, k])
-                result[:, k] = np.select([stuck, dropped], [self._last[:, k], low], reading)
+                result[:, k] = np.where(stuck, self._last[:, k], np.where(dropped, low, reading))
         self._last = np.where(np.isnan(result), self._last, result)
         return result
 
