@@ -88,7 +88,7 @@ def test_the_units_of_a_raw_records_columns_are_read(experiment, tmp_path, colum
 
 @pytest.mark.nightly
 def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
-    result = worked("simulate", model_file, "--json", tmp_path / "result.json")
+    result = worked("simulate", model_file, "--verbose", "--json", tmp_path / "result.json")
     for part in ("Held: 24 of 24 runs", "Steps", "are aimed at", "sensors: Hall 3.20 mV rms"):
         assert part in result.stdout
     data = json.loads((tmp_path / "result.json").read_text())
