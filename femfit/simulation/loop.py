@@ -209,15 +209,15 @@ class _Watch:
         """
         box, distance, currents = self._box, state[:, 0], state[:, 2 : 2 + self._circuits]
         low, high, (near, far) = box.distance_min_m, box.distance_max_m, self._ends
-        covered = box.contains(np.full(len(distance), 0.5 * (low + high)), currents)
         known = box.contains(distance, currents)  # to rounding, as of a body on a stop at the domain's end
-        self._name([~known & ~(distance >= low), ~known & (distance > high), ~covered, diverged], time)
+        if not known.all() or diverged.any():
+            covered = box.contains(np.full(len(distance), 0.5 * (low + high)), currents)
+            self._name([~known & ~(distance >= low), ~known & (distance > high), ~covered, diverged], time)
         self._met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
         apart = LIFTED * (high - low)
         self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
         self._name([met & self._lifted for met in self._met], time)
-        known &= np.isfinite(estimate).all(axis=1)
-        return np.asarray(known & ~np.isin(self._outcome, _LOST[:2]))
+        return np.asarray(known & np.isfinite(estimate).all(axis=1) & ~np.isin(self._outcome, _LOST[:2]))
 
     def _name(self, lost: list[BoolArray], time: float) -> None:
         """Runs that are lost by these outcomes in their order; the first name of a run stays."""
