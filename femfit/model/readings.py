@@ -95,7 +95,9 @@ def at_points(what: Hashable, expressions: Callable[[Point], Mapping[str, SX]], 
             known.pop(next(iter(known)), None)
         known[key] = entry
     _, names, ends, function = entry
-    given = np.stack([np.broadcast_to(value, at.distance.shape) for value in numbers.values()])
+    given = np.empty((len(numbers), len(at.distance)))
+    for row, value in zip(given, numbers.values(), strict=True):
+        row[:] = value
     sizes = [added.parameters[p.name] for added in at.effects for p in added.effect.parameters]
     values = function(np.concatenate([at.distance[None], at.currents.T]), given, np.array(sizes, dtype=np.float64))
     return dict(zip(names, np.split(values, ends), strict=True))
