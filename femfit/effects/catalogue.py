@@ -47,11 +47,11 @@ def of_circuit(effect: Effect, circuit: str) -> Effect:
     """An effect of :data:`OF_EACH` as that of one circuit."""
     calibrations = tuple(
         replace(
-            one,
-            instruction=f"{one.instruction} (Circuit {circuit}.)",
-            also={f"{name}{SEPARATOR}{circuit}" if name in OF_EACH else name: v for name, v in one.also.items()},
+            each,
+            instruction=f"{each.instruction} (Circuit {circuit}.)",
+            also={f"{name}{SEPARATOR}{circuit}" if name in OF_EACH else name: v for name, v in each.also.items()},
         )
-        for one in effect.calibrations
+        for each in effect.calibrations
     )
     needs = effect.needs
     for quantity in _QUANTITIES:  # the columns are the circuit's own
@@ -175,10 +175,10 @@ def of_any_device(effect: Effect) -> bool:
 
 def device_effects(circuits: Sequence[str], drawn: Iterable[Effect] = ()) -> dict[str, Effect]:
     """The catalogue for a device of these circuits, in its order; of several, what they can have; then the drawn."""
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     for name, effect in all_effects().items():
         if len(circuits) < 2 or name in OF_THE_WHOLE:
-            found[name] = effect
+            effects[name] = effect
         elif name in OF_EACH:
-            found |= {own: effect_by_name(own) for own in (f"{name}{SEPARATOR}{circuit}" for circuit in circuits)}
-    return found | {effect.name: effect for effect in drawn}
+            effects |= {key: effect_by_name(key) for key in (f"{name}{SEPARATOR}{circuit}" for circuit in circuits)}
+    return effects | {effect.name: effect for effect in drawn}

@@ -121,21 +121,21 @@ class Conditions:
     @property
     def numbers(self) -> dict[str, Any]:
         """What is known of a point as numbers by name, none of which is NaN for a temperature."""
-        found = {name: getattr(self, name) for name in _PLAIN}
-        for name, part in _TEMPERATURES.items():
+        numbers = {name: getattr(self, name) for name in _PLAIN}
+        for name, place in _TEMPERATURES.items():
             recorded = warmth(getattr(self, name))
-            found |= {f"{part}_K": recorded.kelvin, f"{part}_unknown": recorded.unknown}
+            numbers |= {f"{place}_K": recorded.kelvin, f"{place}_unknown": recorded.unknown}
         low, high = self.current_turn_A
-        return {**found, "turn_low_A": low, "turn_high_A": high, **self.memory, **self.recalled}
+        return {**numbers, "turn_low_A": low, "turn_high_A": high, **self.memory, **self.recalled}
 
     def with_numbers(self, numbers: Mapping[str, SX]) -> "Conditions":
         """The conditions with expressions in place of their :attr:`numbers`."""
-        own: dict[str, Any] = {name: numbers[name] for name in _PLAIN}
-        for name, part in _TEMPERATURES.items():
-            own[name] = Warmth(numbers[f"{part}_K"], numbers[f"{part}_unknown"])
+        plain: dict[str, Any] = {name: numbers[name] for name in _PLAIN}
+        for name, place in _TEMPERATURES.items():
+            plain[name] = Warmth(numbers[f"{place}_K"], numbers[f"{place}_unknown"])
         for name in ("memory", "recalled"):
-            own[name] = {state: numbers[state] for state in getattr(self, name)}
-        return replace(self, current_turn_A=(numbers["turn_low_A"], numbers["turn_high_A"]), **own)
+            plain[name] = {state: numbers[state] for state in getattr(self, name)}
+        return replace(self, current_turn_A=(numbers["turn_low_A"], numbers["turn_high_A"]), **plain)
 
 
 _PLAIN = ("branch", "time_s", "elapsed", "frequency_Hz", "velocity_m_s", "current_rate_A_s", "motional_V")

@@ -85,12 +85,12 @@ Limits = tuple[float, float, float, float]
 
 
 def parameter_of(
-    name: str, limits: Limits, description: str, *, usual: float | None = None, **further: str
+    name: str, limits: Limits, description: str, *, usual: float | None = None, **words: str
 ) -> EffectParameter:
     """An amplitude, or a nonlinear parameter where it has a usual value."""
     least, low, high, largest = limits
     null, nonlinear = usual or 0.0, usual is not None
-    return EffectParameter(name, (least, largest), (low, high), description, null=null, nonlinear=nonlinear, **further)
+    return EffectParameter(name, (least, largest), (low, high), description, null=null, nonlinear=nonlinear, **words)
 
 
 @dataclass(frozen=True)
@@ -269,7 +269,7 @@ class Effect:
         object.__setattr__(self, "acts_on", self.acts_on or tuple(places))
         if (energy := self.energy) is not None:
             object.__setattr__(self, "coenergy", lambda base, point: base(point.d, point.i, point.h) - energy(point))
-        read = (one if one.instruction else replace(one, instruction=self.experiment) for one in self.calibrations)
+        read = (c if c.instruction else replace(c, instruction=self.experiment) for c in self.calibrations)
         object.__setattr__(self, "calibrations", tuple(read))
 
     @property
@@ -280,7 +280,7 @@ class Effect:
     @property
     def check(self) -> str:
         """What to do about its cause: the cheapest measurement that reads it directly, or else its experiment."""
-        return min(self.calibrations, key=lambda one: one.cost).instruction if self.calibrations else self.experiment
+        return min(self.calibrations, key=lambda c: c.cost).instruction if self.calibrations else self.experiment
 
     def null(self) -> dict[str, float]:
         """Parameters at which the effect changes nothing."""

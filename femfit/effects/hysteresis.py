@@ -61,11 +61,11 @@ def _cycle(i: FloatArray, conditions: Conditions) -> Mapping[str, FloatArray]:
     low, high = (like(turn, i) for turn in conditions.current_turn_A)
     branch, span = like(conditions.branch, i), _span(conditions.nominal)
     result = {}
-    for name, part in _RADII.items():
-        radius = part * span
-        tip = np.tanh((high - low) / (2.0 * radius))
+    for name, radius in _RADII.items():
+        width = radius * span
+        tip = np.tanh((high - low) / (2.0 * width))
         way = np.where(branch > 0, i - low, high - i)
-        result[name] = branch * (1.0 - (1.0 + tip) * np.exp(-np.maximum(way, 0.0) / radius))
+        result[name] = branch * (1.0 - (1.0 + tip) * np.exp(-np.maximum(way, 0.0) / width))
     return result
 
 
@@ -97,9 +97,9 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     current_rate = like(conditions.current_rate_A_s, i)
     fading = 2.0 * steep * np.tanh(steep * i) * current_rate
     result = {}
-    for name, part in _RADII.items():
+    for name, radius in _RADII.items():
         z = states[f"hysteresis_{name}"]
-        moving = (fade * current_rate - np.abs(current_rate) * z) / (part * _span(conditions.nominal))
+        moving = (fade * current_rate - np.abs(current_rate) * z) / (radius * _span(conditions.nominal))
         # A filter's state may stand where no current can have brought it: that part does not grow back
         result[f"hysteresis_{name}"] = moving - fading * np.clip(z, -fade, fade)
     return result
@@ -138,12 +138,12 @@ HYSTERESIS = Effect(
         *(
             parameter_of(
                 f"width_{name}",
-                limits=(-part, -0.5 * part, 0.5 * part, part),
-                description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
+                limits=(-radius, -0.5 * radius, 0.5 * radius, radius),
+                description=f"Half width of the loop as a part of the largest current, reached over {radius:g} of the "
                 "currents' span.",
                 scale="peak_current_A",
             )
-            for name, part in _RADII.items()
+            for name, radius in _RADII.items()
         ),
         parameter_of(
             "taper",

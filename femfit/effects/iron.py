@@ -71,7 +71,7 @@ def _own_inductance(nominal: Nominal) -> float:
     return nominal.inductance_H * nominal.peak_current_A / nominal.flux_linkage_Wb
 
 
-def _envelope(x: SX, amplitudes: Mapping[int, Expression], own: Expression) -> SX:
+def _envelope(x: SX, amplitudes: Mapping[int, Expression], linear: Expression) -> SX:
     """G(x) for the inductance k = ``own``.
 
     With a y that is constant but for two steps of Newton's, y is exact up to its third derivative, and G, which is
@@ -80,23 +80,23 @@ def _envelope(x: SX, amplitudes: Mapping[int, Expression], own: Expression) -> S
     size = np.abs(x)
     y: Expression = size
     for n, amplitude in amplitudes.items():  # each part alone takes no more than all: Newton starts above
-        y = np.minimum(y, (size / (own * amplitude + _NONE)) ** (1.0 / (n - 1)))
+        y = np.minimum(y, (size / (linear * amplitude + _NONE)) ** (1.0 / (n - 1)))
     for _ in range(_ITERATIONS):
-        y = _nearer(y, size, amplitudes, own)
+        y = _nearer(y, size, amplitudes, linear)
     y = settled(y)
     for _ in range(2):
-        y = _nearer(y, size, amplitudes, own)
-    return _power_sum(y, amplitudes, 0) + (size - y) ** 2 / (2.0 * own)
+        y = _nearer(y, size, amplitudes, linear)
+    return _power_sum(y, amplitudes, 0) + (size - y) ** 2 / (2.0 * linear)
 
 
 _NONE = 1e-300
 """Numerical: in place of an amplitude of nought in a quotient."""
 
 
-def _nearer(y: Expression, x: Expression, amplitudes: Mapping[int, Expression], own: Expression) -> Expression:
+def _nearer(y: Expression, x: Expression, amplitudes: Mapping[int, Expression], linear: Expression) -> Expression:
     """One step of Newton's on y + k g'(y) = x, whose left side is convex for positive y."""
-    excess = y + own * _power_sum(y, amplitudes, 1) - x
-    return y - excess / (1.0 + own * _power_sum(y, amplitudes, 2))
+    excess = y + linear * _power_sum(y, amplitudes, 1) - x
+    return y - excess / (1.0 + linear * _power_sum(y, amplitudes, 2))
 
 
 def _power_sum(y: Expression, amplitudes: Mapping[int, Expression], derivative: int) -> Expression:

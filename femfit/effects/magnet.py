@@ -44,9 +44,9 @@ _LEAST = 0.05
 
 def _warm(base: Coenergy, point: EffectPoint) -> Expression:
     magnet, coil = warmth(point.conditions.magnet_temperature_C), warmth(point.conditions.coil_temperature_C)
-    known = point.p["coefficient_per_K"] * magnet.kelvin + point.p["curvature_per_K2"] * magnet.kelvin**2
+    declared = point.p["coefficient_per_K"] * magnet.kelvin + point.p["curvature_per_K2"] * magnet.kelvin**2
     unrecorded = USUAL_COEFFICIENT * (point.p["warmer_K"] + point.p["coil_share"] * coil.kelvin)
-    scale = 1.0 + known + (1.0 if point.conditions.running else magnet.unknown) * unrecorded
+    scale = 1.0 + declared + (1.0 if point.conditions.running else magnet.unknown) * unrecorded
     return remanence_scaled(base, np.maximum(scale, _LEAST), point.d, point.i, point.h)
 
 
@@ -203,12 +203,12 @@ LATERAL_MISALIGNMENT = Effect(
         ),
         *(
             parameter_of(
-                f"gap_{part}",
+                f"gap_{name}",
                 limits=(0.0, 0.0, 0.2, 0.4),
                 description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
                 f"of it; what {course}.",
             )
-            for part, course in (
+            for name, course in (
                 ("all", "is the same at all distances"),
                 ("near", "falls most where the gap is closed"),
                 ("middle", "falls most at the largest distance"),

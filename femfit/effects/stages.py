@@ -62,14 +62,14 @@ def recorded_setting(
     effects = tuple(added for _, added in _acting(effects, "setting"))
     if not effects:
         return distance, currents
-    known = ca.vertcat(distance, currents)
+    recorded = ca.vertcat(distance, currents)
 
     def nearer(x: SX) -> SX:
-        seen = ca.vertcat(*true_setting(effects, x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:]), conditions))
-        slopes = ca.diag(ca.jacobian(seen, x))
-        return x + (known - seen) / slopes
+        true = ca.vertcat(*true_setting(effects, x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:]), conditions))
+        slopes = ca.diag(ca.jacobian(true, x))
+        return x + (recorded - true) / slopes
 
-    read = known
+    read = recorded
     for _ in range(_STEPS):
         read = of_variable(nearer, read)
     return read[0], ca.vertcat(SX(0, 1), *ca.vertsplit(read)[1:])
@@ -93,8 +93,8 @@ def _changed(
     if not added.effect.of:
         return act(inner, EffectPoint(d, i, conditions, added.parameters, h))
     k = conditions.nominal.circuits.index(added.effect.of)  # an effect of one circuit knows that one's current alone
-    before, own, after = ca.vertsplit(i, [0, k, k + 1, i.numel()])
-    point = EffectPoint(d, own, conditions, added.parameters, h)
+    before, middle, after = ca.vertsplit(i, [0, k, k + 1, i.numel()])
+    point = EffectPoint(d, middle, conditions, added.parameters, h)
     return act(lambda d, i, h: inner(d, ca.vertcat(before, i, after), h), point)
 
 
@@ -121,10 +121,10 @@ def recorded(effects: Iterable[AddedEffect], values: Mapping[str, Any], *place: 
     return dict(values)
 
 
-def changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *others: Any) -> Any:
+def changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *arguments: Any) -> Any:
     """What effects make of the ``mass`` in kg, or of the ``ends`` (near, far) in m with the nominal facts."""
     for act, added in _acting(effects, stage):
-        value = act(value, *others, added.parameters)
+        value = act(value, *arguments, added.parameters)
     return value
 
 

@@ -20,8 +20,8 @@ def describe(added: AddedEffect, nominal: Nominal) -> list[str]:
         return []
     if effect.words is not None:
         return list(effect.words(values, nominal))
-    said = [p for p in effect.parameters if p.words and (p.nonlinear or values[p.name] != p.null)]
-    return [_clause(p, added, nominal) for p in said]
+    spoken = [p for p in effect.parameters if p.words and (p.nonlinear or values[p.name] != p.null)]
+    return [_clause(p, added, nominal) for p in spoken]
 
 
 def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: Nominal) -> str:

@@ -116,18 +116,18 @@ class ActuatorModel(Plotted):
     provenance: Mapping[str, Any] = limited(default_factory=dict, metadata={"required": True})
 
     def __post_init__(self) -> None:
-        at = self.conditions
-        if at is None:
+        conditions = self.conditions
+        if conditions is None:
             return
-        now, before = ((of.coil_temperature_C, of.magnet_temperature_C) for of in (self, at))
+        now, before = ((of.coil_temperature_C, of.magnet_temperature_C) for of in (self, conditions))
         if not np.array_equal(now, before, equal_nan=True):
             anew = with_parts(self)  # effects make something else of it
             ohms = zip(self.circuits, anew.resistances_ohm.tolist(), strict=True)
             sensor = self.sensor and replace(self.sensor, field=anew.require_sensor().field)
             changed: dict[str, Any] = {"magnetics": anew.magnetics, "conditions": anew.conditions, "sensor": sensor}
             changed["circuits"] = tuple(replace(circuit, resistance_ohm=ohm) for circuit, ohm in ohms)
-            for name, part in changed.items():
-                object.__setattr__(self, name, part)
+            for name, section in changed.items():
+                object.__setattr__(self, name, section)
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Parts of a file that do not go together."""
@@ -215,15 +215,15 @@ class ActuatorModel(Plotted):
 
     def _points(self, distance: ArrayLike, current: ArrayLike, extrapolate: bool) -> tuple[FloatArray, FloatArray]:
         """Distances (...) and currents (..., n) from what a caller gives, in the domain unless it says otherwise."""
-        d, given = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-        i = self.validity.with_axis(given)
+        d, currents = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        i = self.validity.with_axis(currents)
         np.broadcast_shapes(d.shape, i.shape[:-1])
         if not extrapolate:
             self.validity.require(d, i)
-            if not i.shape[-1] and np.any(given != 0.0):
+            if not i.shape[-1] and np.any(currents != 0.0):
                 raise DomainError(
                     f"The current must be 0 A, for model {self.name!r} has no winding; instead received "
-                    f"{given.ravel()[np.flatnonzero(given)[0]]:g} A."
+                    f"{currents.ravel()[np.flatnonzero(currents)[0]]:g} A."
                 )
         return d, i
 
@@ -295,8 +295,8 @@ class ActuatorModel(Plotted):
     @cached_property
     def peaks(self) -> tuple[float, float]:
         """Largest force in N and flux linkage in Wb over the validity domain."""
-        at = self.validity.grid(15, 15, several=5)
-        force, flux = (np.abs(of(*at)).max(initial=0.0) for of in (self.magnetics.force, self.magnetics.flux_linkage))
+        x = self.validity.grid(15, 15, several=5)
+        force, flux = (np.abs(of(*x)).max(initial=0.0) for of in (self.magnetics.force, self.magnetics.flux_linkage))
         return float(force), float(flux)
 
     @cached_property
@@ -377,7 +377,7 @@ class ActuatorModel(Plotted):
     @property
     def circuit_names(self) -> tuple[str, ...]:
         """Names of the circuits, in their order."""
-        return tuple(one.name for one in self.circuits)
+        return tuple(circuit.name for circuit in self.circuits)
 
     @property
     def current_names(self) -> tuple[str, ...]:
@@ -388,12 +388,12 @@ class ActuatorModel(Plotted):
     @cached_property
     def resistances_ohm(self) -> FloatArray:
         """Resistance of each circuit, shape (n,)."""
-        return np.array([one.resistance_ohm for one in self.circuits])
+        return np.array([circuit.resistance_ohm for circuit in self.circuits])
 
     @cached_property
     def series_inductances_H(self) -> FloatArray:  # noqa: N802  the unit
         """What is in series with the coils outside of the field, on the diagonal of a matrix of shape (n, n)."""
-        return np.diag(np.array([one.inductance_H for one in self.circuits]))
+        return np.diag(np.array([circuit.inductance_H for circuit in self.circuits]))
 
     def currents_of(self, state: FloatArray) -> FloatArray:
         """The circuits' currents (..., n) of states of shape (..., order)."""
@@ -410,8 +410,8 @@ class ActuatorModel(Plotted):
         if len(self.circuits) > 1:
             raise MissingPartError(
                 f"Model {self.name!r} must have one circuit for this; it has {len(self.circuits)}: "
-                f"{', '.join(one.name for one in self.circuits)}. Take a drawing with one circuit, for example both "
-                "coils in series."
+                f"{', '.join(circuit.name for circuit in self.circuits)}. Take a drawing with one circuit, for example "
+                "both coils in series."
             )
         if not self.has_winding:
             raise MissingPartError(f"Model {self.name!r} must have a circuit for this; its drawing has no coil.")
@@ -447,13 +447,13 @@ class ActuatorModel(Plotted):
         inductance = self.magnetics.inductance(*self.validity.grid(9, 9, several=3))
         return float(np.linalg.eigvalsh(inductance).min(initial=np.inf))
 
-    def _required(self, part: Part | None, name: str, keys: str) -> Part:
-        if part is None:
+    def _required(self, section: Part | None, name: str, keys: str) -> Part:
+        if section is None:
             raise MissingPartError(
                 f"Model {self.name!r} must have a {name} for this; it has none. Fit it again with an actuator file "
                 f"that gives {keys} (for an imported table: femfit fit TABLE --actuator ACTUATOR.toml)."
             )
-        return part
+        return section
 
 
 _CIRCUIT = "circuit (winding resistance and supply)", "[coils.NAME] and [supply]"
@@ -463,9 +463,9 @@ def eddy_times(model: "ActuatorModel") -> FloatArray:
     """Time constants in s of the eddy currents' states over the distances, while nothing changes the circuits'."""
     windings, n = model.windings, len(model.circuits)
     d = np.linspace(model.validity.distance_min_m, model.validity.distance_max_m, 9)
-    own = windings.magnetics.inductance(d, np.zeros((9, windings.count)))[:, n:, n:]
+    self_inductance = windings.magnetics.inductance(d, np.zeros((9, windings.count)))[:, n:, n:]
     root = np.sqrt(windings.resistances_ohm[n:])
-    return np.asarray(np.linalg.eigvalsh(own / (root[:, None] * root)))
+    return np.asarray(np.linalg.eigvalsh(self_inductance / (root[:, None] * root)))
 
 
 sentence = Words("femfit.model", names={"NETWORK": NETWORK, "FORMULA": FORMULA, "eddy_times": eddy_times}).sentence

@@ -47,7 +47,7 @@ def functions(knots: FloatArray, degree: int) -> int:
 
 def nested_shape(spline: Any, along: Sequence[Any]) -> tuple[int, ...]:
     """Numbers of functions of u and of each current, of which each has knots and a degree."""
-    return functions(spline.u_knots, spline.u_degree), *(functions(one.knots_A, one.degree) for one in along)
+    return functions(spline.u_knots, spline.u_degree), *(functions(axis.knots_A, axis.degree) for axis in along)
 
 
 def is_clamped(knots: FloatArray, degree: int) -> bool:
@@ -124,23 +124,23 @@ class CellTable:
         row, value = row_of(self._rows, self._borders, coordinates), polynomial(self._powers)
         origins, *each = ca.vertsplit(row, [0, *range(len(coordinates), row.numel() + 1, int(np.prod(self._powers)))])
         local = ca.vertcat(*coordinates) - origins
-        return [value(one, local) for one in each]
+        return [value(values, local) for values in each]
 
 
 @cache
 def polynomial(powers: tuple[int, ...]) -> ca.Function:
     """(coefficients, variables) -> value by Horner's scheme, the first variable's powers outermost, lowest first."""
-    coefficients, at = SX.sym("c", int(np.prod(powers))), SX.sym("x", len(powers))
+    coefficients, x = SX.sym("c", int(np.prod(powers))), SX.sym("x", len(powers))
 
-    def value(part: SX, variables: list[SX], sizes: tuple[int, ...]) -> SX:
+    def value(cells: SX, variables: list[SX], sizes: tuple[int, ...]) -> SX:
         if not variables:
-            return part
+            return cells
         result = SX(0.0)
-        for one in reversed(ca.vertsplit(part, part.numel() // sizes[0])):
-            result = result * variables[0] + value(one, variables[1:], sizes[1:])
+        for cell in reversed(ca.vertsplit(cells, cells.numel() // sizes[0])):
+            result = result * variables[0] + value(cell, variables[1:], sizes[1:])
         return result
 
-    return ca.Function("polynomial", [coefficients, at], [value(coefficients, ca.vertsplit(at), powers)])
+    return ca.Function("polynomial", [coefficients, x], [value(coefficients, ca.vertsplit(x), powers)])
 
 
 def spline_at(
@@ -155,7 +155,7 @@ def spline_at(
     coefficients : array
         As of :class:`CellTable`.
     """
-    key = tuple((knots.tobytes(), *others) for knots, *others in axes)
+    key = tuple((knots.tobytes(), *orders) for knots, *orders in axes)
     table = once(owner, ("table", key), lambda: CellTable([cells_of(*axis) for axis in axes], coefficients))
     return table.at(*coordinates)
 
@@ -237,10 +237,10 @@ class DistanceSplines:
 
         def made() -> GraphFunction:
             d = SX.sym("d")
-            found = [ca.vertcat(*self.expression(d))]
+            values = [ca.vertcat(*self.expression(d))]
             for _ in range(max(orders)):
-                found.append(ca.jacobian(found[-1], d))
-            return GraphFunction([d], ca.vertcat(*(found[order] for order in orders)))
+                values.append(ca.jacobian(values[-1], d))
+            return GraphFunction([d], ca.vertcat(*(values[order] for order in orders)))
 
         values = once(self, orders, made)(distance.reshape(1, -1)).T
-        return [part.reshape(*distance.shape, -1) for part in np.split(values, len(orders), axis=1)]
+        return [derivative.reshape(*distance.shape, -1) for derivative in np.split(values, len(orders), axis=1)]

@@ -164,8 +164,8 @@ class Carried:
         self, resistance: Expression, voltage: Expression, point: EffectPoint
     ) -> tuple[Expression, Expression]:
         """Resistance in ohm, and the voltage as it is."""
-        further = 0.0 if self.resistance is None else self.resistance.at(np.abs(point.i), point.p)
-        return np.maximum(resistance + further, 0.0), voltage
+        change = 0.0 if self.resistance is None else self.resistance.at(np.abs(point.i), point.p)
+        return np.maximum(resistance + change, 0.0), voltage
 
     def effect(self, name: str, symptom: str, parameters: Sequence[EffectParameter], **facts: Any) -> Effect:
         """The effect that acts as these data say, with further facts of it."""

@@ -73,13 +73,13 @@ def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX,
         matrix = complex_array(step * resistances + pole.real * inductance, pole.imag * inductance)
         factors = _factored(matrix)
         parts = [x for row in (*factors, *_solved(factors, right)) for x in row]
-        numbers = settled(ca.vertcat(*(part for x in parts for part in (x.real, x.imag))))
-        known = iter([Complex(numbers[2 * n], numbers[2 * n + 1]) for n in range(len(parts))])
-        factors = [[next(known) for _ in row] for row in factors]
-        found = np.array([[next(known) for _ in row] for row in right], dtype=object)
-        found = found + np.array(_solved(factors, right - matrix @ found), dtype=object)
-        real = ca.reshape(ca.vertcat(*(x.real for x in found.T.flat)), m, k)
-        imag = ca.reshape(ca.vertcat(*(x.imag for x in found.T.flat)), m, k)
+        numbers = settled(ca.vertcat(*(number for x in parts for number in (x.real, x.imag))))
+        settled_numbers = iter([Complex(numbers[2 * n], numbers[2 * n + 1]) for n in range(len(parts))])
+        factors = [[next(settled_numbers) for _ in row] for row in factors]
+        solution = np.array([[next(settled_numbers) for _ in row] for row in right], dtype=object)
+        solution = solution + np.array(_solved(factors, right - matrix @ solution), dtype=object)
+        real = ca.reshape(ca.vertcat(*(x.real for x in solution.T.flat)), m, k)
+        imag = ca.reshape(ca.vertcat(*(x.imag for x in solution.T.flat)), m, k)
         for n in range(3):
             weight = -2.0 * residue / pole ** (n + 1)
             totals[n] += weight.real * real - weight.imag * imag
@@ -89,12 +89,12 @@ def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX,
 def shares(z: SX) -> tuple[SX, SX, SX]:
     """f1, f2 and f3 of a number of either sign."""
     near = ca.fabs(z) < 1.0
-    series, divisor = SX(1.0), ca.if_else(near, 1.0, z)
+    series, z = SX(1.0), ca.if_else(near, 1.0, z)
     for k in range(SERIES_TERMS + 3, 3, -1):
         series = 1.0 - z / k * series
-    first = -ca.expm1(-z) / divisor
-    third = ca.if_else(near, series / 6.0, (0.5 - (1.0 - first) / divisor) / divisor)
-    second = ca.if_else(near, 0.5 - z * third, (1.0 - first) / divisor)
+    first = -ca.expm1(-z) / z
+    third = ca.if_else(near, series / 6.0, (0.5 - (1.0 - first) / z) / z)
+    second = ca.if_else(near, 0.5 - z * third, (1.0 - first) / z)
     return ca.if_else(near, 1.0 - z * second, first), second, third
 
 
@@ -139,26 +139,26 @@ class Complex:
         value = value.item() if isinstance(value, np.ndarray) else value
         return value if isinstance(value, cls) else cls(SX(value), SX(0.0))
 
-    def __add__(self, other: Any) -> "Complex":
-        other = Complex.of(other)
-        return Complex(self.real + other.real, self.imag + other.imag)
+    def __add__(self, z: Any) -> "Complex":
+        z = Complex.of(z)
+        return Complex(self.real + z.real, self.imag + z.imag)
 
-    def __sub__(self, other: Any) -> "Complex":
-        return self + Complex.of(other) * -1.0
+    def __sub__(self, z: Any) -> "Complex":
+        return self + Complex.of(z) * -1.0
 
     def __neg__(self) -> "Complex":
         return self * -1.0
 
-    def __mul__(self, other: Any) -> "Complex":
-        other = Complex.of(other)
-        return Complex(self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real)
+    def __mul__(self, z: Any) -> "Complex":
+        z = Complex.of(z)
+        return Complex(self.real * z.real - self.imag * z.imag, self.real * z.imag + self.imag * z.real)
 
-    def __truediv__(self, other: Any) -> "Complex":
-        other = Complex.of(other)
-        size = other.real**2 + other.imag**2
+    def __truediv__(self, z: Any) -> "Complex":
+        z = Complex.of(z)
+        size = z.real**2 + z.imag**2
         return Complex(
-            (self.real * other.real + self.imag * other.imag) / size,
-            (self.imag * other.real - self.real * other.imag) / size,
+            (self.real * z.real + self.imag * z.imag) / size,
+            (self.imag * z.real - self.real * z.imag) / size,
         )
 
     __radd__, __rmul__ = __add__, __mul__
@@ -222,8 +222,8 @@ class ResponseTable:
         while waiting:
             low, high, depth = waiting.pop()
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            at = np.concatenate([nodes, between])
-            values = entries(middle + half * at)
+            places = np.concatenate([nodes, between])
+            values = entries(middle + half * places)
             coefficients = polyfit(nodes, values[: DEGREE + 1], DEGREE)
             error = np.abs(polyval(between, coefficients).T - values[DEGREE + 1 :]) / scale
             if error.max() > ERROR and depth < MOST_HALVINGS:
@@ -242,13 +242,13 @@ class ResponseTable:
         # Column by column, as the entries are row by row
         size, below = len(entries) // 3, ca.Sparsity.lower(self._count)
         parts = (SX(below, ca.vertcat(*entries[first : first + size])) for first in (0, size, 2 * size))
-        return [ca.densify(ca.tril2symm(part)) for part in parts]
+        return [ca.densify(ca.tril2symm(matrix)) for matrix in parts]
 
 
 def _ends(inductance: Callable[[FloatArray], FloatArray], domain: tuple[float, float]) -> tuple[float, float]:
     """How far the inductances are positive definite, up to a part of the stroke beyond either end."""
     width = BEYOND * (domain[1] - domain[0])
-    found = []
+    tables = []
     for end, outward in zip(domain, (-width, width), strict=True):
         places = end + outward * np.linspace(0.0, 1.0, PLACES)
         with np.errstate(all="ignore"):
@@ -256,8 +256,8 @@ def _ends(inductance: Callable[[FloatArray], FloatArray], domain: tuple[float, f
         finite = np.isfinite(matrices).all(axis=(1, 2))
         least = np.linalg.eigvalsh(np.where(np.reshape(finite, (-1, 1, 1)), matrices, 0.0))[:, 0]
         poor = np.flatnonzero(least <= LEAST_LEFT * least[0])
-        found.append(float(places[max(poor[0] - 1, 0) if len(poor) else -1]))
-    return found[0], found[1]
+        tables.append(float(places[max(poor[0] - 1, 0) if len(poor) else -1]))
+    return tables[0], tables[1]
 
 
 @cache

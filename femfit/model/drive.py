@@ -64,10 +64,10 @@ def met_stops(motion: Mechanics, before: tuple[SX, SX], after: tuple[SX, SX], st
         if stop.restitution:
             way, begun, pressing = outward * (stop.distance_m - first), ca.fmax(0.0, outward * velocity), outward * gain
             met = ca.fmax(LEAST_SPEED_M_S**2, begun**2 + 2.0 * pressing / step * way) ** 0.5
-            left = between(1.0 - 2.0 * way / (step * (begun + met)), (0.0, 1.0))  # part of the step
-            speed, pressed = stop.restitution * met, pressing * left
+            share = between(1.0 - 2.0 * way / (step * (begun + met)), (0.0, 1.0))  # part of the step
+            speed, pressed = stop.restitution * met, pressing * share
             returned = beyond * (2.0 * speed > pressed)
-            distance = distance - outward * returned * left * step * (speed - 0.5 * pressed)
+            distance = distance - outward * returned * share * step * (speed - 0.5 * pressed)
             result = result - outward * returned * (speed - pressed)
     return between(distance, motion.ends), result
 
@@ -110,7 +110,7 @@ def commands_currents(model: "ActuatorModel") -> BoolArray:
 @cache
 def voltage_limits(circuits: tuple[Circuit, ...]) -> FloatArray:
     """Least and largest voltage of each circuit, shape (2, n)."""
-    return np.array([(one.voltage_min_V, one.voltage_max_V) for one in circuits]).T
+    return np.array([(circuit.voltage_min_V, circuit.voltage_max_V) for circuit in circuits]).T
 
 
 def regulated_current(circuit: Circuit, current: SX, command: SX, step: float) -> SX:

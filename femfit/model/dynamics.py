@@ -53,20 +53,20 @@ def evaluated(
     n, points = len(model.circuits), state.shape[:-1]
     volts: FloatArray = np.zeros(n)
     if voltage is not None and n:
-        given = np.asarray(voltage, dtype=np.float64)[..., None] if n == 1 else np.asarray(voltage, dtype=np.float64)
-        volts = np.broadcast_to(given, (*points, n)).reshape(-1, n).T
+        applied = np.asarray(voltage, dtype=np.float64)[..., None] if n == 1 else np.asarray(voltage, dtype=np.float64)
+        volts = np.broadcast_to(applied, (*points, n)).reshape(-1, n).T
     step = step[..., 0] if isinstance(step, np.ndarray) and step.ndim else step
-    others = np.empty((3, *points))
-    others[0], others[1], others[2] = step, time, free
+    inputs = np.empty((3, *points))
+    inputs[0], inputs[1], inputs[2] = step, time, free
     x = state.reshape(-1, state.shape[-1]).T
-    values = function(x, volts, others.reshape(3, -1))
+    values = function(x, volts, inputs.reshape(3, -1))
     return values.T.reshape(*points, len(values))
 
 
 def state_scale(model: ActuatorModel) -> FloatArray:
     """What is large for each state: a body takes some hundred samples through its stroke."""
     box = model.validity
-    memory = [one.spread for one in model.memories for _ in one.names]
+    memory = [memory.spread for memory in model.memories for _ in memory.names]
     stroke = box.distance_max_m - box.distance_min_m
     widths = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
     speed = 0.01 * stroke / model.sample_time_s
@@ -84,9 +84,9 @@ def eddy_currents_of(
     if model.eddy is None:
         return np.zeros(0)
     box = model.validity
-    at = 0.5 * (box.distance_min_m + box.distance_max_m) if distance is None else distance
+    place = 0.5 * (box.distance_min_m + box.distance_max_m) if distance is None else distance
     middle = np.zeros(windings.count)
     middle[:n] = box.current_limits_A[:n].mean(axis=1)
-    there = windings.magnetics.state(np.asarray(at), middle)
-    left = np.abs(there.inductance[n:, :n]) @ np.asarray(jumps) / np.diag(there.inductance)[n:]
-    return np.hypot(left, there.motional_constant[n:] * speed / windings.resistances_ohm[n:])
+    there = windings.magnetics.state(np.asarray(place), middle)
+    remaining = np.abs(there.inductance[n:, :n]) @ np.asarray(jumps) / np.diag(there.inductance)[n:]
+    return np.hypot(remaining, there.motional_constant[n:] * speed / windings.resistances_ohm[n:])

@@ -59,7 +59,7 @@ class EddyError:
     @property
     def largest(self) -> float:
         """The worst of the patterns' three."""
-        return max((one for one in (self.impedance, self.force, self.hall) if one is not None), default=0.0)
+        return max((error for error in (self.impedance, self.force, self.hall) if error is not None), default=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class EddyBias:
 
     def at(self, distance: FloatArray) -> FloatArray:
         """The currents in A at distances (...), between the sweep's by straight lines; shape (..., n)."""
-        return np.stack([np.interp(distance, self.distances_m, one) for one in self.current_A.T], axis=-1)
+        return np.stack([np.interp(distance, self.distances_m, course) for course in self.current_A.T], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +142,8 @@ class EddyCurrents:
             yield "resistances_ohm", "as many numbers > 0 as there are names, and one at least"
         if self.bias is not None and self.bias.current_A.shape[1:] != (len(self.circuits),):
             yield "bias.current_A", f"lists of {len(self.circuits)} numbers, as the names ask for"
-        (at,) = self.forms(self.coordinate.distance(np.unique(self.u_knots)))
-        if not np.linalg.eigvalsh(at.inductance).min() > 0.0:
+        (nodes,) = self.forms(self.coordinate.distance(np.unique(self.u_knots)))
+        if not np.linalg.eigvalsh(nodes.inductance).min() > 0.0:
             yield "inductances_H", "those of a positive definite matrix at every distance"
 
     @property
@@ -153,13 +153,13 @@ class EddyCurrents:
 
     def forms(self, distance: FloatArray, *orders: int) -> list[EddyForms]:
         """C, lambda, Q and h at distances, or their derivatives in d of the orders that are given, up to the second."""
-        found, n, r = [], len(self.circuits), self.count
+        slopes, n, r = [], len(self.circuits), self.count
         for entries in self._splines.derivatives(distance, *(orders or (0,))):
             coupling, linkage, hall, inductance = np.split(entries, [n * r, (n + 1) * r, (n + 2) * r], axis=-1)
             coupling = coupling.reshape(*coupling.shape[:-1], n, r)
             inductance = inductance[..., self._places]
-            found.append(EddyForms(coupling, linkage, inductance, hall, self.resistances_ohm))
-        return found
+            slopes.append(EddyForms(coupling, linkage, inductance, hall, self.resistances_ohm))
+        return slopes
 
     def patterns(self, distance: SX, currents: Sequence[Expression], factor: Expression) -> EddyForms:
         """What an impedance takes at an expression's distance, beside scaled numbers of turns and resistances."""
@@ -181,10 +181,10 @@ class EddyCurrents:
     def expression(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
         """W'(d, i, e) of all currents, from the static W_s(d, u)."""
         u, e, (_, linkage, _, inductance) = self.acting(distance, currents)
-        own = SX(0.0)
+        energy = SX(0.0)
         for place, (j, k) in enumerate(combinations_with_replacement(range(self.count), 2)):
-            own += (0.5 if j == k else 1.0) * inductance[place] * e[j] * e[k]
-        return inner(distance, u) + ca.dot(linkage, e) + own
+            energy += (0.5 if j == k else 1.0) * inductance[place] * e[j] * e[k]
+        return inner(distance, u) + ca.dot(linkage, e) + energy
 
     def field(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
         """B(d, i, e) at the Hall element, from the static B_s(d, u)."""

@@ -99,7 +99,7 @@ class _Moment:
 class _Step:
     """A step of the filters, from what moves the body where it is half-way."""
 
-    at: _Moment
+    moment: _Moment
     length: SX
     mobility: SX  # Acceleration for each newton, nought of a body that goes on at its speed
     speed: SX  # Along which the body induces a voltage
@@ -110,25 +110,25 @@ class _Step:
 
     def means(self, resistances: SX, inductance: SX, driving: SX) -> tuple[SX, SX, SX]:
         """Means of velocity, acceleration and the currents' rates, with these circuits at first."""
-        at, h, w, drivers = self.at, self.length, self.at.currents, self.drivers
-        slope_by_currents = ca.jacobian(at.motional_constant, w)
+        moment, h, w, drivers = self.moment, self.length, self.moment.currents, self.drivers
+        slope_by_currents = ca.jacobian(moment.motional_constant, w)
         units = SX.eye(w.numel())[:, [driver.circuit for driver in drivers]]
         if drivers:  # by Euler's implicit step, so that what follows has little to add
             rates = eliminated(inductance + h * ca.diag(resistances), ca.horzcat(driving, units))
             more = driver_voltages(drivers, w + h * rates[:, 0], h * rates[:, 1:])
             driving, drivers = driving + units @ more, [of.beside(more[k]) for k, of in enumerate(drivers)]
-        both, against = ca.horzcat(driving, at.motional_constant * self.gain, units), ca.diag(resistances)
+        both, against = ca.horzcat(driving, moment.motional_constant * self.gain, units), ca.diag(resistances)
 
         def responses(volts: SX) -> Sequence[SX]:
             if self.table is None:
                 return decayed(inductance, against, volts, h)
-            return [response @ volts for response in self.table.at(at.distance)]
+            return [response @ volts for response in self.table.at(moment.distance)]
 
         if self.linear:  # dL/dt of the way, by the currents' mean rates
             both[:, 1] += self.speed * slope_by_currents @ responses(driving)[0]
         else:
             direction = SX.sym("r", w.numel())  # dL/dt of currents with these rates, (m, m)
-            change = ca.jacobian(ca.jtimes(at.linkage, w, direction), w)
+            change = ca.jacobian(ca.jtimes(moment.linkage, w, direction), w)
             change = ca.substitute(change, direction, eliminated(inductance, driving)) - self.speed * slope_by_currents
             against += _slowed(change, ca.diag(inductance) / h + resistances)
         ends, means, ways = responses(both)
@@ -138,9 +138,9 @@ class _Step:
                 parts[:, 0] += parts[:, 2:] @ more
         changed = h * (means[:, 0] + h * ways[:, 1])
         curved = ca.dot(changed, slope_by_currents @ changed)  # the mean square of even growth is 4/3 of this
-        late = at.acceleration / 2.0 - self.mobility * (h * ca.dot(at.pull, ways[:, 0]) + curved / 6.0)
-        acceleration = at.acceleration - self.mobility * (ca.dot(at.pull, changed) + 2.0 / 3.0 * curved)
-        return at.velocity + h * late, acceleration, ends[:, 0] + h * means[:, 1]
+        late = moment.acceleration / 2.0 - self.mobility * (h * ca.dot(moment.pull, ways[:, 0]) + curved / 6.0)
+        acceleration = moment.acceleration - self.mobility * (ca.dot(moment.pull, changed) + 2.0 / 3.0 * curved)
+        return moment.velocity + h * late, acceleration, ends[:, 0] + h * means[:, 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +184,8 @@ class Equations:
         """A function of the equations, made once of the expressions (state, voltage, step, time, free)."""
 
         def made() -> GraphFunction:
-            x, u, others = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)), SX.sym("others", 3)
-            return GraphFunction([x, u, others], make(x, u, *ca.vertsplit(others)))
+            x, u, inputs = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)), SX.sym("inputs", 3)
+            return GraphFunction([x, u, inputs], make(x, u, *ca.vertsplit(inputs)))
 
         return once(self, key, made)
 
@@ -199,9 +199,9 @@ class Equations:
             return None
         with building():
             d, v, w = SX.sym("d"), SX.sym("v"), SX.sym("w", self.model.windings.count)
-            at = self._moment(ca.vertcat(d, v, w))
-            of_distance = GraphFunction([d, w], ca.vec(at.inductance)).leaves_out(w)
-            taken = self._circuits(SX.sym("u", len(self.model.circuits)), w, at.conditions)[2]
+            moment = self._moment(ca.vertcat(d, v, w))
+            of_distance = GraphFunction([d, w], ca.vec(moment.inductance)).leaves_out(w)
+            taken = self._circuits(SX.sym("u", len(self.model.circuits)), w, moment.conditions)[2]
             return np.array(ca.DM(taken)).ravel() if of_distance and taken.is_constant() else None
 
     def _responses(self, length: float) -> ResponseTable:
@@ -241,18 +241,18 @@ class Equations:
         smooth = replace(self.model.require_motion(), coulomb_N=0.0)
         return self._flow(self._moment(state, smooth), values, 1.0, driven)
 
-    def _flow(self, at: _Moment, values: SX, free: SX | float, driven: tuple[int, ...]) -> tuple[SX, SX]:
-        acceleration, places = free * at.acceleration, list(driven)
-        if not at.currents.numel():  # no current that a state of an effect could follow
-            return ca.vertcat(at.velocity, acceleration), values
+    def _flow(self, moment: _Moment, values: SX, free: SX | float, driven: tuple[int, ...]) -> tuple[SX, SX]:
+        acceleration, places = free * moment.acceleration, list(driven)
+        if not moment.currents.numel():  # no current that a state of an effect could follow
+            return ca.vertcat(moment.velocity, acceleration), values
         commanded, imposed = SX(values), values[places]
         commanded[places] = 0.0
-        circuits = self._circuits(commanded, at.currents, at.conditions)
-        inductance, driving = self._beside(at, at.driving(circuits, at.velocity), (places, imposed))
+        circuits = self._circuits(commanded, moment.currents, moment.conditions)
+        inductance, driving = self._beside(moment, moment.driving(circuits, moment.velocity), (places, imposed))
         rate, more = _imposed(inductance, driving, places, imposed)
         if driven:
-            commanded[places] = self._commanded(circuits[1][places] + more, at)
-        return ca.vertcat(at.velocity, acceleration, rate, self._followed(at, rate)), commanded
+            commanded[places] = self._commanded(circuits[1][places] + more, moment)
+        return ca.vertcat(moment.velocity, acceleration, rate, self._followed(moment, rate)), commanded
 
     def step_at(
         self,
@@ -285,34 +285,34 @@ class Equations:
             return ca.if_else(met, (reached - state[0]) / h, v), ca.if_else(met, 0.0, acceleration)
 
         def means(x: SX) -> SX:
-            at = self._moment(x)
-            freedom = free * shares(-h * _braking(at.acceleration, at.velocity, h))[0]
-            at = replace(at, acceleration=freedom * at.acceleration)
-            if not at.currents.numel():
-                return ca.vertcat(at.velocity + 0.5 * h * at.acceleration, at.acceleration)
-            along = way(at.velocity, at.acceleration)
-            step = _Step(
-                at, h, freedom / self.model.require_motion().mass_kg, *along, self._losses is not None, table, drivers
-            )
+            moment = self._moment(x)
+            freedom = free * shares(-h * _braking(moment.acceleration, moment.velocity, h))[0]
+            moment = replace(moment, acceleration=freedom * moment.acceleration)
+            if not moment.currents.numel():
+                return ca.vertcat(moment.velocity + 0.5 * h * moment.acceleration, moment.acceleration)
+            along = way(moment.velocity, moment.acceleration)
+            mobility = freedom / self.model.require_motion().mass_kg
+            step = _Step(moment, h, mobility, *along, self._losses is not None, table, drivers)
             return self._means(step, voltage)
 
         return state + h * self._within(means, state[0] + 0.5 * h * state[1], state)
 
     def _means(self, step: _Step, voltage: SX) -> SX:
         """Means of the state's rates over a step."""
-        at, half, memory = step.at, 0.5 * step.length, step.at.conditions.memory
-        then = replace(at, conditions=self.conditions(at.velocity, memory, at.motional_constant * step.speed))
-        circuits = self._circuits(voltage, at.currents, then.conditions)
-        driving = at.driving(circuits, step.speed)
+        moment, half, memory = step.moment, 0.5 * step.length, step.moment.conditions.memory
+        conditions = self.conditions(moment.velocity, memory, moment.motional_constant * step.speed)
+        then = replace(moment, conditions=conditions)
+        circuits = self._circuits(voltage, moment.currents, then.conditions)
+        driving = moment.driving(circuits, step.speed)
         v, acceleration, rate = step.means(circuits[2], *self._beside(then, driving))
         if memory:  # the same beside the states and the current half-way
             z = ca.vertcat(*memory.values())
             change = half * self._followed(then, rate, half)
-            stronger = step.mobility * (ca.jacobian(at.force, z) @ change)
+            stronger = step.mobility * (ca.jacobian(moment.force, z) @ change)
             later, speed = dict(zip(memory, ca.vertsplit(z + change), strict=True)), step.speed + half * step.gain
-            conditions = self.conditions(speed, later, at.motional_constant * speed)
-            current = at.core_current + half * at.core_rate(rate)
-            then = replace(at, conditions=conditions, currents=at.currents + half * rate, core_current=current)
+            conditions = self.conditions(speed, later, moment.motional_constant * speed)
+            current = moment.core_current + half * moment.core_rate(rate)
+            then = replace(moment, conditions=conditions, currents=moment.currents + half * rate, core_current=current)
             v, acceleration, rate = step.means(circuits[2], *self._beside(then, driving))
             v, acceleration = v - step.length / 3.0 * stronger, acceleration - stronger
             then = replace(then, conditions=replace(conditions, memory=memory))  # from the states at first
@@ -328,8 +328,8 @@ class Equations:
         motional_constant = -ca.jacobian(linkage, d)
         conditions = self.conditions(v, memory, motional_constant * v)
         first = w[0] if w.numel() else SX(0.0)
-        further = SX(with_further_force(model.effects, 0.0, d, first, conditions))
-        force, current, along = further - ca.gradient(value, d), SX(0.0), SX.zeros(len(memory))
+        effects_force = SX(with_further_force(model.effects, 0.0, d, first, conditions))
+        force, current, along = effects_force - ca.gradient(value, d), SX(0.0), SX.zeros(len(memory))
         if model.circuits:
             current = first if model.eddy is None else model.eddy.acting(d, w)[0][0]
             along = ca.jacobian(linkage[0], ca.vertcat(SX(0, 1), *memory.values())).T
@@ -341,7 +341,7 @@ class Equations:
             inductance=ca.jacobian(linkage, w) + windings.series_H,
             motional_constant=motional_constant,
             force=force,
-            pull=motional_constant + ca.gradient(further, w),
+            pull=motional_constant + ca.gradient(effects_force, w),
             acceleration=mechanics.acceleration(d, v, force, model.sample_time_s),
             conditions=conditions,
             core_current=current,
@@ -350,32 +350,33 @@ class Equations:
             along=along,
         )
 
-    def _beside(self, at: _Moment, driving: SX, imposed: tuple[list[int], SX] = ([], SX(0, 1))) -> tuple[SX, SX]:
+    def _beside(self, moment: _Moment, driving: SX, imposed: tuple[list[int], SX] = ([], SX(0, 1))) -> tuple[SX, SX]:
         """Inductance and driving voltages beside what states of effects do."""
-        if not at.conditions.memory:
-            return at.inductance, driving
-        still = self._memory_rates(at, SX(0.0))
-        driving = driving - at.turns * ca.dot(at.along, still)
-        share = ca.dot(at.turns, eliminated(at.inductance, at.turns))
-        rate, _ = _imposed(at.inductance, driving, *imposed)
-        sign = ca.if_else(at.core_rate(rate) < 0.0, -1.0, 1.0)
-        change = sign * (self._memory_rates(at, sign) - still)
-        taken = ca.fmax(ca.dot(at.along, change), (_LEAKAGE - 1.0) / share)
-        return at.inductance + taken * at.turns @ at.turns.T, driving - at.turns * (taken * at.drift)
+        if not moment.conditions.memory:
+            return moment.inductance, driving
+        still = self._memory_rates(moment, SX(0.0))
+        driving = driving - moment.turns * ca.dot(moment.along, still)
+        share = ca.dot(moment.turns, eliminated(moment.inductance, moment.turns))
+        rate, _ = _imposed(moment.inductance, driving, *imposed)
+        sign = ca.if_else(moment.core_rate(rate) < 0.0, -1.0, 1.0)
+        change = sign * (self._memory_rates(moment, sign) - still)
+        taken = ca.fmax(ca.dot(moment.along, change), (_LEAKAGE - 1.0) / share)
+        driving = driving - moment.turns * (taken * moment.drift)
+        return moment.inductance + taken * moment.turns @ moment.turns.T, driving
 
-    def _followed(self, at: _Moment, rate: SX, step: SX | None = None) -> SX:
+    def _followed(self, moment: _Moment, rate: SX, step: SX | None = None) -> SX:
         """Rates z' where all windings' currents have these; over a step in s their means.
 
         A state with z' = a - b z moves by (a - b z) (1 - exp(-b h)) / b, however fast it decays.
         """
-        memory = at.conditions.memory
+        memory = moment.conditions.memory
         if not memory:
             return SX(0, 1)
 
         def followed(z: SX) -> SX:
             states = dict(zip(memory, ca.vertsplit(z), strict=True))
-            there = replace(at, conditions=replace(at.conditions, memory=states))
-            rates = self._memory_rates(there, at.core_rate(rate), rate[0])
+            there = replace(moment, conditions=replace(moment.conditions, memory=states))
+            rates = self._memory_rates(there, moment.core_rate(rate), rate[0])
             if step is None:
                 return rates
             decays = ca.vertsplit(ca.diag(ca.jacobian(rates, z)))
@@ -393,37 +394,37 @@ class Equations:
             resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], w[0], conditions)
         return resistances, volts, -ca.diag(ca.jacobian(volts - resistances * w, w))  # a supply that sags takes, too
 
-    def _commanded(self, applied: SX, at: _Moment) -> SX:
+    def _commanded(self, applied: SX, moment: _Moment) -> SX:
         """The voltages to command so that these are applied, from beyond a driver's dead zone on."""
         model = self.model
         if len(model.circuits) > 1 or not any(added.effect.circuit for added in model.effects):
             return applied
-        far = applied + ca.if_else(applied < 0.0, -1.0, 1.0) * at.conditions.nominal.voltage_V
+        far = applied + ca.if_else(applied < 0.0, -1.0, 1.0) * moment.conditions.nominal.voltage_V
 
         def driver(voltage: SX) -> SX:
-            return SX(circuit_of(model.effects, SX(0.0), voltage, at.currents[0], at.conditions)[1])
+            return SX(circuit_of(model.effects, SX(0.0), voltage, moment.currents[0], moment.conditions)[1])
 
         return far + (applied - driver(far)) / slope(driver, far)
 
     def conditions(self, v: SX, memory: Mapping[str, SX], motional: SX | None = None) -> Conditions:
         """What effects are told of an expression's velocity, states and motional voltages."""
-        at = self.model.conditions
-        if at is None:
+        conditions = self.model.conditions
+        if conditions is None:
             return Conditions(cast("Nominal", None))  # no effect asks for its facts
         volts = motional[0] if motional is not None and motional.numel() else SX(0.0)
-        return replace(at, velocity_m_s=v, memory=memory, motional_V=volts)
+        return replace(conditions, velocity_m_s=v, memory=memory, motional_V=volts)
 
-    def _memory_rates(self, at: _Moment, rate: SX, of_circuit: SX | None = None) -> SX:
+    def _memory_rates(self, moment: _Moment, rate: SX, of_circuit: SX | None = None) -> SX:
         """Rates z' at a rate of the core's current; a sensor's states follow the circuit's own, where that is given."""
         rates: dict[str, Expression] = {}
         for added in self.model.effects:
             if added.memory is None:
                 continue
-            own = of_circuit is None or added.effect.coenergy is not None
-            current, its_rate = (at.core_current, rate) if own else (at.currents[0], of_circuit)
-            conditions = replace(at.conditions, current_rate_A_s=its_rate)
+            with_core = of_circuit is None or added.effect.coenergy is not None
+            current, its_rate = (moment.core_current, rate) if with_core else (moment.currents[0], of_circuit)
+            conditions = replace(moment.conditions, current_rate_A_s=its_rate)
             rates |= added.memory.rate(conditions.memory, current, conditions, added.parameters)
-        return ca.vertcat(SX(0, 1), *(rates[name] for name in at.conditions.memory))
+        return ca.vertcat(SX(0, 1), *(rates[name] for name in moment.conditions.memory))
 
 
 def driver_voltages(drivers: Sequence[Driver], reached: SX, response: SX) -> SX:

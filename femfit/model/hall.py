@@ -88,9 +88,9 @@ class SensedField(HallField):
                 f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
                 f"order; instead received (..., {currents.numel()})."
             )
-        axes = [(self.u_knots, self.u_degree), *((own.knots_A, own.degree) for own in self.currents)]
-        at = self.coordinate.of(distance), *ca.vertsplit(currents)[:n]
-        return spline_at(self, axes, self.coefficients[..., None], *at)[0]
+        axes = [(self.u_knots, self.u_degree), *((axis.knots_A, axis.degree) for axis in self.currents)]
+        coordinates = self.coordinate.of(distance), *ca.vertsplit(currents)[:n]
+        return spline_at(self, axes, self.coefficients[..., None], *coordinates)[0]
 
 
 # What a field's metadata say of a model file: see femfit.model.json_section.

@@ -53,8 +53,8 @@ def induced_impedance(inductance: Any, s: Any, share: Any, patterns: EddyForms |
         return s * following
     # Currents E of the patterns, beside h L: (R_e + s (C^T h L C + Q)) E = -s C^T h L
     linked = s * (np.swapaxes(patterns.coupling, -1, -2) @ following)
-    own = linked @ patterns.coupling + (s * patterns.inductance + np.diag(patterns.resistances_ohm))
-    currents = -(solved(own, linked) if own.dtype == object else np.linalg.solve(own, linked))
+    windings = linked @ patterns.coupling + (s * patterns.inductance + np.diag(patterns.resistances_ohm))
+    currents = -(solved(windings, linked) if windings.dtype == object else np.linalg.solve(windings, linked))
     return s * (following + following @ patterns.coupling @ currents)
 
 
@@ -72,30 +72,32 @@ def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
     """
     if z.shape[-1] == 1:
         return {"inductance_H": z[..., 0, 0]}
-    found = {}
-    for (j, one), (k, other) in product(enumerate(circuits), repeat=2):
-        found[f"inductance_{one}{f'_{other}' * (j != k)}_H"] = z[..., j, k]
+    columns = {}
+    for (j, first), (k, second) in product(enumerate(circuits), repeat=2):
+        columns[f"inductance_{first}{f'_{second}' * (j != k)}_H"] = z[..., j, k]
         if j != k:
-            left = z[..., j, j] - z[..., j, k] * z[..., k, j] / z[..., k, k]
-            found[f"inductance_{one}_{other}{SHORTED}"] = left
-    return found
+            shorted = z[..., j, j] - z[..., j, k] * z[..., k, j] / z[..., k, k]
+            columns[f"inductance_{first}_{second}{SHORTED}"] = shorted
+    return columns
 
 
-def impedance_expression(at: "Point", inductance: SX, s: Complex, resistances_ohm: Sequence[Any]) -> ComplexExpressions:
+def impedance_expression(
+    point: "Point", inductance: SX, s: Complex, resistances_ohm: Sequence[Any]
+) -> ComplexExpressions:
     """Z in ohm, (n, n), of L (n, n) about a bias, at an expression's point."""
     share = 0.0 * s + 1.0  # How much of the flux linkage follows, and how late
-    for added in at.effects:
+    for added in point.effects:
         if (memory := added.effect.memory) is not None and memory.response is not None:
             share = share - memory.response(s, added.parameters)
-    patterns = patterns_with_sources(at.model, at.effects, at.distance)
+    patterns = patterns_with_sources(point.model, point.effects, point.distance)
     z = induced_impedance(complex_array(inductance), s, share, patterns)
-    for added in at.effects:
+    for added in point.effects:
         if added.effect.impedance is not None:
-            first, frequency = at.currents[0] if at.currents.numel() else SX(0.0), s.imag / (2.0 * np.pi)
-            point = EffectPoint(at.distance, first, at.conditions, added.parameters)
-            further = added.effect.impedance(frequency, point)
-            z = z + further.reshape(z.shape)
-    series = [circuit.inductance_H for circuit in at.model.circuits] or [0.0] * len(z)
+            first, frequency = point.currents[0] if point.currents.numel() else SX(0.0), s.imag / (2.0 * np.pi)
+            effect_point = EffectPoint(point.distance, first, point.conditions, added.parameters)
+            change = added.effect.impedance(frequency, effect_point)
+            z = z + change.reshape(z.shape)
+    series = [circuit.inductance_H for circuit in point.model.circuits] or [0.0] * len(z)
     beside = [s * henry + ohm for henry, ohm in zip(series, resistances_ohm, strict=True)]
     return np.asarray(z + np.diag(np.array(beside, dtype=object)))
 
@@ -136,8 +138,8 @@ class ImpedanceChange:
     def faults(self) -> Iterator[tuple[str, str]]:
         """Arrays that are not of the axes' functions and of as many circuits."""
         shape = tuple(functions(axis.knots, axis.degree) for axis in self.axes)
-        for key, part in (("real_H", self.real_H), ("imaginary_H", self.imaginary_H)):
-            if part.shape[:3] != shape or part.shape != self.real_H.shape or len(set(part.shape[3:])) > 1:
+        for key, values in (("real_H", self.real_H), ("imaginary_H", self.imaginary_H)):
+            if values.shape[:3] != shape or values.shape != self.real_H.shape or len(set(values.shape[3:])) > 1:
                 yield key, f"nested lists of {shape} numbers, as the knots ask for"
         if self.bend_H is not None and self.bend_H.shape != (2, *self.real_H.shape):
             yield "bend_H", "two nested lists, its real and its imaginary part, as those of real_H"

@@ -83,9 +83,9 @@ class OfCurrents(ABC):
         n = i.shape[-1]
 
         def made() -> GraphFunction:
-            at = SX.sym("d"), SX.sym("i", n)
-            parts = derivatives_of(names, SX(self.expression(*at)), *at)
-            return GraphFunction([ca.vertcat(*at)], ca.vertcat(*parts.values()))
+            point = SX.sym("d"), SX.sym("i", n)
+            parts = derivatives_of(names, SX(self.expression(*point)), *point)
+            return GraphFunction([ca.vertcat(*point)], ca.vertcat(*parts.values()))
 
         points = np.broadcast_shapes(d.shape, i.shape[:-1])
         x = np.empty((1 + n, *points))

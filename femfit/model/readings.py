@@ -72,12 +72,12 @@ class Point:
             parts = derivatives_of(names, SX(coenergy(d, i, 0.0)), d, i)
             return ca.vertcat(*parts.values(), ca.densify(slope(lambda h: coenergy(d, i, h), 0.0)))
 
-        found = of_variable(derived, ca.vertcat(self.distance, self.currents))
+        derivatives = of_variable(derived, ca.vertcat(self.distance, self.currents))
         ends = accumulate((self.currents.numel() ** AXES[name] for name in names), initial=0)
-        return dict(zip((*names, "hall_T"), ca.vertsplit(found, [*ends, found.numel()]), strict=True))
+        return dict(zip((*names, "hall_T"), ca.vertsplit(derivatives, [*ends, derivatives.numel()]), strict=True))
 
 
-def at_points(what: Hashable, expressions: Callable[[Point], Mapping[str, SX]], at: Point) -> dict[str, FloatArray]:
+def at_points(what: Hashable, expressions: Callable[[Point], Mapping[str, SX]], points: Point) -> dict[str, FloatArray]:
     """Expressions (entries,) by name at N points, each of shape (entries, N).
 
     Parameters
@@ -85,53 +85,55 @@ def at_points(what: Hashable, expressions: Callable[[Point], Mapping[str, SX]], 
     what : hashable
         What tells the expressions from others of the same model.
     """
-    known: dict[Any, Any] = once(at.model.without_effects, at_points, dict)
-    numbers = at.conditions.numbers
-    key = what, tuple(id(added.effect) for added in at.effects), tuple(numbers), at.conditions.running
-    entry = known.get(key)
+    functions: dict[Any, Any] = once(points.model.without_effects, at_points, dict)
+    numbers = points.conditions.numbers
+    key = what, tuple(id(added.effect) for added in points.effects), tuple(numbers), points.conditions.running
+    entry = functions.get(key)
     if entry is None:  # beside the effects themselves, so that their addresses stay theirs
-        entry = tuple(at.effects), *_function(expressions, at)
-        while len(known) >= SETS:
-            known.pop(next(iter(known)), None)
-        known[key] = entry
+        entry = tuple(points.effects), *_function(expressions, points)
+        while len(functions) >= SETS:
+            functions.pop(next(iter(functions)), None)
+        functions[key] = entry
     _, names, ends, function = entry
-    given = np.empty((len(numbers), len(at.distance)))
-    for row, value in zip(given, numbers.values(), strict=True):
+    settings = np.empty((len(numbers), len(points.distance)))
+    for row, value in zip(settings, numbers.values(), strict=True):
         row[:] = value
-    sizes = [added.parameters[p.name] for added in at.effects for p in added.effect.parameters]
-    values = function(np.concatenate([at.distance[None], at.currents.T]), given, np.array(sizes, dtype=np.float64))
+    sizes = np.array(
+        [added.parameters[p.name] for added in points.effects for p in added.effect.parameters], dtype=float
+    )
+    values = function(np.concatenate([points.distance[None], points.currents.T]), settings, sizes)
     return dict(zip(names, np.split(values, ends), strict=True))
 
 
 def _function(
-    expressions: Callable[[Point], Mapping[str, SX]], at: Point
+    expressions: Callable[[Point], Mapping[str, SX]], points: Point
 ) -> tuple[list[str], list[int], GraphFunction]:
     """Names of the expressions, where each but the last ends, and ((d, currents), conditions, parameters) -> all."""
     with building():
-        d, i, numbers = SX.sym("d"), SX.sym("i", at.currents.shape[1]), at.conditions.numbers
-        given, symbols, sizes = SX.sym("given", len(numbers)), [], []
-        for added in at.effects:
+        d, i, numbers = SX.sym("d"), SX.sym("i", points.currents.shape[1]), points.conditions.numbers
+        conditions_symbol, symbols, sizes = SX.sym("given", len(numbers)), [], []
+        for added in points.effects:
             sizes.append(SX.sym(added.effect.name, len(added.effect.parameters)))
             named = zip((p.name for p in added.effect.parameters), ca.vertsplit(sizes[-1]), strict=True)
             symbols.append(replace(added, parameters=dict(named)))
-        conditions = at.conditions.with_numbers(dict(zip(numbers, ca.vertsplit(given), strict=True)))
-        point = Point(at.model.without_effects, d, i, conditions, tuple(symbols))
-        found = {name: ca.densify(ca.vec(value)) for name, value in expressions(point).items()}
-        ends = list(accumulate(value.numel() for value in found.values()))[:-1]
-        inputs = [ca.vertcat(d, i), given, ca.vertcat(SX(0, 1), *sizes)]
-        return list(found), ends, GraphFunction(inputs, ca.vertcat(*found.values()))
+        conditions = points.conditions.with_numbers(dict(zip(numbers, ca.vertsplit(conditions_symbol), strict=True)))
+        point = Point(points.model.without_effects, d, i, conditions, tuple(symbols))
+        named_values = {name: ca.densify(ca.vec(value)) for name, value in expressions(point).items()}
+        ends = list(accumulate(value.numel() for value in named_values.values()))[:-1]
+        inputs = [ca.vertcat(d, i), conditions_symbol, ca.vertcat(SX(0, 1), *sizes)]
+        return list(named_values), ends, GraphFunction(inputs, ca.vertcat(*named_values.values()))
 
 
-def at_rest(at: Point) -> MagneticState:
+def at_rest(points: Point) -> MagneticState:
     """What effects make of a model at N points, without dF/dd; states that conditions lack are as on a slow sweep."""
 
     def magnetic(point: Point) -> dict[str, SX]:
         return point.resting(point.distance, point.currents).magnetic(slopes=True)
 
-    acting, points = tuple(added for added in at.effects if added.effect.coenergy is not None), at.currents.shape
-    values = at_points("at rest", magnetic, replace(at, effects=acting))
-    shapes = {name: (points[0], *points[1:] * AXES.get(name, 0)) for name in values}
-    return MagneticState(**{name: part.T.reshape(shapes[name]) for name, part in values.items()})
+    acting, shape = tuple(added for added in points.effects if added.effect.coenergy is not None), points.currents.shape
+    values = at_points("at rest", magnetic, replace(points, effects=acting))
+    shapes = {name: (shape[0], *shape[1:] * AXES.get(name, 0)) for name in values}
+    return MagneticState(**{name: rows.T.reshape(shapes[name]) for name, rows in values.items()})
 
 
 def predict_readings(
@@ -164,12 +166,12 @@ def predict_readings(
         Channels that the model can predict: hall_V only with a sensor, voltage_V only with a circuit.
     """
     added = tuple(model.effects if effects is None else effects)
-    found = readings_by(Point(model, distance, current, conditions, added), (), channels)
-    return {name: values[0] for name, values in found.items()}
+    readings = readings_by(Point(model, distance, current, conditions, added), (), channels)
+    return {name: values[0] for name, values in readings.items()}
 
 
 def readings_by(
-    at: Point, parameters: Sequence[Parameter], channels: Collection[str] = CHANNELS
+    points: Point, parameters: Sequence[Parameter], channels: Collection[str] = CHANNELS
 ) -> dict[str, FloatArray]:
     """Readings as of :func:`predict_readings`, then their slopes by parameters of effects; each (1 + parameters, n)."""
     wanted = tuple(parameters)
@@ -178,10 +180,10 @@ def readings_by(
         amplitudes = ca.vertcat(SX(0, 1), *(point.effects[k].parameters[name] for k, name in wanted))
         return ca.horzcat(values, ca.jacobian(values, amplitudes))
 
-    return _at_rows(("readings", wanted), derived, channels, at)
+    return _at_rows(("readings", wanted), derived, channels, points)
 
 
-def setting_slopes(at: Point, channels: Collection[str] = CHANNELS) -> dict[str, FloatArray]:
+def setting_slopes(points: Point, channels: Collection[str] = CHANNELS) -> dict[str, FloatArray]:
     """First and second derivatives of readings by the recorded distance, then first ones by each current.
 
     Of each channel that the model predicts with the effects, of shape (2 + circuits, n).
@@ -191,34 +193,34 @@ def setting_slopes(at: Point, channels: Collection[str] = CHANNELS) -> dict[str,
         slope = ca.jacobian(values, point.distance)
         return ca.horzcat(slope, ca.jacobian(slope, point.distance), ca.jacobian(values, point.currents))
 
-    return _at_rows(("setting",), derived, channels, at)
+    return _at_rows(("setting",), derived, channels, points)
 
 
 def _at_rows(
-    what: tuple[Hashable, ...], derive: Callable[[Point, SX], SX], channels: Collection[str], at: Point
+    what: tuple[Hashable, ...], derive: Callable[[Point, SX], SX], channels: Collection[str], points: Point
 ) -> dict[str, FloatArray]:
     """What is derived of the readings, a row a channel, impedances among them where these are wanted."""
-    base = at.model.without_effects
+    base = points.model.without_effects
     bridge = base.has_winding and any(name.startswith(("inductance", "resistance")) for name in channels)
 
     def rows(point: Point) -> dict[str, SX]:
         values = _recorded(point, bridge)
         return dict(zip(values, ca.vertsplit(derive(point, ca.vertcat(*map(SX, values.values())))), strict=True))
 
-    d, i = (np.asarray(values, dtype=np.float64) for values in (at.distance, at.currents))
-    conditions = replace(at.conditions, frequency_Hz=np.fmax(at.conditions.frequency_Hz, LOW_HZ))
-    at = replace(at, distance=d, currents=base.validity.with_axis(i), conditions=conditions)
-    return at_points((*what, bridge), rows, at)
+    d, i = (np.asarray(values, dtype=np.float64) for values in (points.distance, points.currents))
+    conditions = replace(points.conditions, frequency_Hz=np.fmax(points.conditions.frequency_Hz, LOW_HZ))
+    points = replace(points, distance=d, currents=base.validity.with_axis(i), conditions=conditions)
+    return at_points((*what, bridge), rows, points)
 
 
 def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
     """What is recorded of each channel, impedances among them where there is a bridge."""
     base, effects, conditions = point.model, point.effects, point.conditions
     d, i = true_setting(effects, point.distance, point.currents, conditions)
-    seen = point.resting(d, i).magnetic(slopes=bridge)
-    first, hall_T = i[0] if i.numel() else SX(0.0), seen["hall_T"]
-    values: dict[str, Expression] = {"force_N": with_further_force(effects, seen["force"], d, first, conditions)}
-    values |= dict(zip(flux_columns(base.current_names), ca.vertsplit(seen["flux_linkage"]), strict=True))
+    state = point.resting(d, i).magnetic(slopes=bridge)
+    first, hall_T = i[0] if i.numel() else SX(0.0), state["hall_T"]
+    values: dict[str, Expression] = {"force_N": with_further_force(effects, state["force"], d, first, conditions)}
+    values |= dict(zip(flux_columns(base.current_names), ca.vertsplit(state["flux_linkage"]), strict=True))
     if base.sensor is not None:
         if any(added.effect.hall_point for added in effects):
             hall_T = point.resting(*hall_point(effects, d, i, conditions)).magnetic(slopes=False)["hall_T"]
@@ -227,9 +229,9 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
     ohms = [resistance_of(circuit, effects, i[k], conditions) for k, circuit in enumerate(base.circuits)]
     values |= {name: ohms[k] * i[k] for k, name in enumerate(voltage_columns(base.circuit_names))}
     if bridge:
-        inductance, w = ca.reshape(seen["inductance"], i.numel(), i.numel()), 2.0 * np.pi * conditions.frequency_Hz
-        at, resistances = replace(point, distance=d, currents=i), ohms or [SX(np.nan)] * i.numel()
-        z = impedance_expression(at, inductance, Complex(SX(0.0), w), resistances)
+        inductance, w = ca.reshape(state["inductance"], i.numel(), i.numel()), 2.0 * np.pi * conditions.frequency_Hz
+        true_point, resistances = replace(point, distance=d, currents=i), ohms or [SX(np.nan)] * i.numel()
+        z = impedance_expression(true_point, inductance, Complex(SX(0.0), w), resistances)
         for name, column in impedances_by_column(z, base.circuit_names).items():
             entry = Complex.of(column)
             values |= {resistance_column(name): entry.real} if ohms else {}
@@ -237,12 +239,12 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
     return recorded(effects, values, d, first, conditions)
 
 
-def hall_seen(seen: MagneticState, at: Point) -> FloatArray:
+def hall_seen(state: MagneticState, points: Point) -> FloatArray:
     """Field in T that a Hall reading shows: that of these points, or of earlier ones where it is late."""
-    if not any(added.effect.hall_point for added in at.effects):
-        return seen.hall_T
-    distance, currents = hall_point(at.effects, at.distance, at.currents, at.conditions)
-    return at_rest(replace(at, distance=distance, currents=currents)).hall_T
+    if not any(added.effect.hall_point for added in points.effects):
+        return state.hall_T
+    distance, currents = hall_point(points.effects, points.distance, points.currents, points.conditions)
+    return at_rest(replace(points, distance=distance, currents=currents)).hall_T
 
 
 def impedances_at(
@@ -254,13 +256,16 @@ def impedances_at(
     def made() -> GraphFunction:
         d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
         inductance = ca.hessian(SX(model.magnetics.expression(d, i)), i)[0]
-        at = Point(model.without_effects, d, i, cast("Conditions", model.conditions), model.effects)
+        point = Point(model.without_effects, d, i, cast("Conditions", model.conditions), model.effects)
         s, ohms = Complex(SX(0.0), 2.0 * np.pi * f), model.resistances_ohm.tolist()
-        entries = impedance_expression(at, inductance, s, ohms).ravel()
+        entries = impedance_expression(point, inductance, s, ohms).ravel()
         parts = [*(x.real for x in entries), *(x.imag for x in entries)]
         return GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
 
     points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
-    x = [np.broadcast_to(one, points).ravel() for one in (distance, *np.moveaxis(currents, -1, 0), frequency)]
+    x = [
+        np.broadcast_to(coordinate, points).ravel()
+        for coordinate in (distance, *np.moveaxis(currents, -1, 0), frequency)
+    ]
     real, imag = np.split(once(model, "impedances", made)(np.stack(x)), 2)
     return np.asarray((real + 1j * imag).T.reshape(*points, n, n))

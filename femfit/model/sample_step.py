@@ -57,7 +57,7 @@ class SampleStep:
         while True:
             finer, inside = self._after(states, volts, 2 * count)
             judged = within & inside  # beyond the domain no model says how far a body comes
-            moved, apart = (np.square((finer - other)[1:last, judged]).sum(axis=1) for other in (states, ends))
+            moved, apart = (np.square((finer - coarser)[1:last, judged]).sum(axis=1) for coarser in (states, ends))
             enough = judged.mean() > LEAST_WITHIN
             off = float(np.sqrt(apart / np.maximum(moved, TINY)).max()) if enough else float("inf")
             if off <= ALIKE or count == MOST_STEPS:
@@ -81,9 +81,9 @@ class SampleStep:
         """States (order, N) a sample later by so many steps, and whether they stayed in the domain all the time."""
         box, last = self.model.validity, 2 + len(self.model.circuits)
         length, points = self.model.sample_time_s / count, states.shape[1]
-        others, within = np.tile([[length], [0.0], [1.0]], (1, points)), np.ones(points, dtype=np.bool_)
+        length_and_rest, within = np.tile([[length], [0.0], [1.0]], (1, points)), np.ones(points, dtype=np.bool_)
         for _ in range(count):
-            states = self.model.equations.step(length)(states, volts, others)
+            states = self.model.equations.step(length)(states, volts, length_and_rest)
             within &= box.contains(states[0], states[2:last].T)
         return states, within
 

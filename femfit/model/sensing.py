@@ -42,31 +42,31 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
     """
     model = equations.model
     d, v, w, memory = equations.parts(state)
-    at = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
+    conditions = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
     if isinstance(sensor, CurrentSensor | PositionSensor):
         currents = ca.vertcat(SX(0, 1), *ca.vertsplit(w)[: len(model.circuits)])
-        distance, currents = recorded_setting(model.effects, d, currents, at)
+        distance, currents = recorded_setting(model.effects, d, currents, conditions)
         if isinstance(sensor, PositionSensor):
             return characteristic(sensor, distance)
         return sensor.gain * currents[current_index(model, sensor) - 2] + sensor.offset
     if isinstance(sensor, HallSensor | ForceSensor):
         first = w[0] if w.numel() else SX(0.0)
         if isinstance(sensor, HallSensor):
-            name, value = "hall_V", _hall_voltage(model, d, w, at)
+            name, value = "hall_V", _hall_voltage(model, d, w, conditions)
         else:
             force = -ca.gradient(model.windings.magnetics.with_memory(memory)(d, w), d)
-            name, value = "force_N", with_further_force(model.effects, force, d, first, at)
-        return SX(recorded(model.effects, {name: value}, d, first, at)[name])
+            name, value = "force_N", with_further_force(model.effects, force, d, first, conditions)
+        return SX(recorded(model.effects, {name: value}, d, first, conditions)[name])
     if isinstance(sensor, PickupSensor):
         flux = pickup_flux(model, sensor, state)
         return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))
-    motion, found = model.require_motion(), equations.rates_at(state, voltage)[1]
+    motion, acceleration = model.require_motion(), equations.rates_at(state, voltage)[1]
     if motion.near_stop is not None:  # which carries what presses the body to it
-        found = ca.if_else(state[0] <= motion.near_stop.distance_m, ca.fmax(found, 0.0), found)
+        acceleration = ca.if_else(state[0] <= motion.near_stop.distance_m, ca.fmax(acceleration, 0.0), acceleration)
     if motion.far_stop is not None:
-        found = ca.if_else(state[0] >= motion.far_stop.distance_m, ca.fmin(found, 0.0), found)
+        acceleration = ca.if_else(state[0] >= motion.far_stop.distance_m, ca.fmin(acceleration, 0.0), acceleration)
     weighed = isinstance(sensor, AccelerationSensor) and sensor.reads_gravity
-    return found - motion.gravity_m_s2 if weighed else found
+    return acceleration - motion.gravity_m_s2 if weighed else acceleration
 
 
 SCALING = ("remanence", "turns")
@@ -107,12 +107,12 @@ def characteristic(sensor: PositionSensor, distance: Expression) -> Expression:
 
 def piece_of(sensor: PositionSensor, distance: Expression) -> tuple[Expression, Expression, Expression]:
     """Where the piece of a characteristic begins, its first reading there, and its slope."""
-    at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
-    pieces = np.stack([at[:-1], read[:-1], np.diff(read) / np.diff(at)], axis=1)
+    distances, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
+    pieces = np.stack([distances[:-1], read[:-1], np.diff(read) / np.diff(distances)], axis=1)
     if isinstance(distance, SX):
-        start, first, slope = ca.vertsplit(row_of(pieces, [at[1:-1]], [distance]))
+        start, first, slope = ca.vertsplit(row_of(pieces, [distances[1:-1]], [distance]))
     else:
-        start, first, slope = np.moveaxis(pieces[at[1:-1].searchsorted(distance, "right")], -1, 0)
+        start, first, slope = np.moveaxis(pieces[distances[1:-1].searchsorted(distance, "right")], -1, 0)
     return start, first, slope
 
 
@@ -135,10 +135,10 @@ def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
     return 2 + names.index(sensor.circuit)
 
 
-def _hall_voltage(model: "ActuatorModel", distance: SX, currents: SX, at: Conditions) -> SX:
+def _hall_voltage(model: "ActuatorModel", distance: SX, currents: SX, conditions: Conditions) -> SX:
     """The Hall element's true output, of the distance and the current that its reading belongs to."""
     sensor, eddy = model.without_effects.require_sensor(), model.eddy
-    then = hall_point(model.effects, distance, currents, at)
-    field = model.require_sensor().field.with_memory(at.memory)
+    then = hall_point(model.effects, distance, currents, conditions)
+    field = model.require_sensor().field.with_memory(conditions.memory)
     value = field(*then) if eddy is None else eddy.field(field, *then)
     return sensor.quiescent_V + sensor.sensitivity_V_per_T * value

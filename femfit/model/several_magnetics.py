@@ -103,13 +103,13 @@ class CoenergyTensor(Magnetics):
     @property
     def names(self) -> tuple[str, ...]:
         """Of the circuits."""
-        return tuple(one.name for one in self.circuits)
+        return tuple(circuit.name for circuit in self.circuits)
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
-        axes = [(self.u_knots, self.u_degree), *((own.knots_A, own.degree, PARABOLA) for own in self.circuits)]
-        at = self.coordinate.of(distance), *ca.vertsplit(currents)
-        return spline_at(self, axes, self.coefficients[..., None], *at)[0]
+        axes = [(self.u_knots, self.u_degree), *((axis.knots_A, axis.degree, PARABOLA) for axis in self.circuits)]
+        coordinates = self.coordinate.of(distance), *ca.vertsplit(currents)
+        return spline_at(self, axes, self.coefficients[..., None], *coordinates)[0]
 
 
 NETWORK = "reluctance-network"

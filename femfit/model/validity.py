@@ -26,8 +26,8 @@ class FiledCurrents:
     @classmethod
     def of(cls, limits: FloatArray) -> "FiledCurrents":
         """Ranges (n, 2) as the file has them; of no winding a current of zero."""
-        (low, high), *further = limits.tolist() or [(0.0, 0.0)]
-        return cls(low, high, tuple(map(tuple, further)))
+        (low, high), *rest = limits.tolist() or [(0.0, 0.0)]
+        return cls(low, high, tuple(map(tuple, rest)))
 
     @property
     def value(self) -> FloatArray:
@@ -114,8 +114,8 @@ class ValidityBox:
         low, high = self.current_limits_A.T
         slack = 1e-9 * (high - low)
         reached = [
-            np.all((given >= low - slack) & (given <= high + slack), axis=-1)
-            for given in ((currents, -np.asarray(currents)) if self.mirrored else (currents,))
+            np.all((signed >= low - slack) & (signed <= high + slack), axis=-1)
+            for signed in ((currents, -np.asarray(currents)) if self.mirrored else (currents,))
         ]
         return np.asarray(inside & np.any(reached, axis=0))
 

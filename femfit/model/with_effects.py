@@ -71,7 +71,7 @@ def nominal_of(model: "ActuatorModel") -> Nominal:
         push_of_springs=base.motion.push_of_springs if base.motion is not None else np.zeros_like,
         circuits=base.circuit_names if len(limits) > 1 else (),
         magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
-        drawn=tuple(one.effect for one in base.drawn),
+        drawn=tuple(added.effect for added in base.drawn),
         has_iron=base.kind is None or base.kind.fixed_iron or base.kind.moving_iron,
     )
 
@@ -82,9 +82,9 @@ def coenergy_of(model: "ActuatorModel") -> Coenergy:
     field = None if base.sensor is None else base.sensor.field
 
     def coenergy(d: Expression, i: Expression, h: Expression) -> Expression:
-        at = SX(d), SX(i)
-        value = base.magnetics.expression(*at)
-        return value if field is None else value + h * field.expression(*at)
+        point = SX(d), SX(i)
+        value = base.magnetics.expression(*point)
+        return value if field is None else value + h * field.expression(*point)
 
     return coenergy
 
@@ -99,8 +99,8 @@ class EffectMagnetics(Magnetics):
 
     def changed(self, memory: Mapping[str, SX]) -> Coenergy:
         """W'(d, i, h) where the states of effects are these."""
-        at = replace(self.conditions, memory=memory)
-        return changed_coenergy(coenergy_of(self.base), self.effects, at)
+        conditions = replace(self.conditions, memory=memory)
+        return changed_coenergy(coenergy_of(self.base), self.effects, conditions)
 
     def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
         """W' of an expression's distance and currents where the states of effects are these."""
@@ -125,10 +125,10 @@ class EffectHallField(HallField):
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """B_z of an expression's distance and currents."""
-        sensor, at = self.magnetics.base.require_sensor(), self.magnetics
+        sensor, magnetics = self.magnetics.base.require_sensor(), self.magnetics
         volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * self.with_memory({})(distance, currents)
         first = currents[0] if currents.numel() else SX(0.0)
-        read = recorded(at.effects, {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
+        read = recorded(magnetics.effects, {"hall_V": volts}, distance, first, magnetics.conditions)["hall_V"]
         return (read - sensor.quiescent_V) / sensor.sensitivity_V_per_T
 
 
@@ -139,26 +139,26 @@ def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "Act
         return base
     _require_known(base, effects)
     temperatures = {name: getattr(model, name) for name in TEMPERATURES}
-    at = Conditions(nominal_of(base), **temperatures, running=True)
+    conditions = Conditions(nominal_of(base), **temperatures, running=True)
     motion = base.motion
     if motion is not None:
-        near, far = changed_by(effects, "ends", motion.ends, at.nominal)
+        near, far = changed_by(effects, "ends", motion.ends, conditions.nominal)
         motion = replace(motion.with_ends(near, far), mass_kg=changed_by(effects, "mass", motion.mass_kg))
-    ohms = [float(resistance_of(circuit, effects, np.zeros(1), at)[0]) for circuit in base.circuits]
-    magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
-    seen = any(added.effect.coenergy is not None for added in effects)
-    if sensor is not None and (seen or any(added.effect.readings for added in effects)):
+    ohms = [float(resistance_of(circuit, effects, np.zeros(1), conditions)[0]) for circuit in base.circuits]
+    magnetics, sensor = EffectMagnetics(base, effects, conditions), base.sensor
+    magnetic = any(added.effect.coenergy is not None for added in effects)
+    if sensor is not None and (magnetic or any(added.effect.readings for added in effects)):
         sensor = replace(sensor, field=EffectHallField(magnetics))
     return replace(
         base,
-        magnetics=magnetics if seen else base.magnetics,
-        circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
+        magnetics=magnetics if magnetic else base.magnetics,
+        circuits=tuple(replace(circuit, resistance_ohm=r) for circuit, r in zip(base.circuits, ohms, strict=True)),
         motion=motion,
         sensor=sensor,
         eddy=eddy_with_sources(base, effects),
         effects=effects,
         base=base,
-        conditions=at,
+        conditions=conditions,
         **temperatures,
     )
 
@@ -198,19 +198,19 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     """The eddy currents of a base model beside magnets, turns and conductivities that effects scale."""
     if base.eddy is None:
         return None
-    (magnets, *currents), found = source_scales(effects, base.eddy.circuits), base.eddy
+    (magnets, *currents), eddy = source_scales(effects, base.eddy.circuits), base.eddy
     if any(scale != 1.0 for scale in (magnets, *currents)):
-        found = found.scaled(magnets, np.array(currents))
-    factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
+        eddy = eddy.scaled(magnets, np.array(currents))
+    factor = prod(added.effect.eddy(added.parameters) for added in effects if added.effect.eddy is not None)
     # Itself where nothing changes it: what was made of its splines stays
-    return found if factor == 1.0 else replace(found, resistances_ohm=factor * found.resistances_ohm)
+    return eddy if factor == 1.0 else replace(eddy, resistances_ohm=factor * eddy.resistances_ohm)
 
 
 def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> EddyForms | None:
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None
-    factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
+    factor = prod(added.effect.eddy(added.parameters) for added in effects if added.effect.eddy is not None)
     return base.eddy.patterns(distance, source_scales(effects, base.eddy.circuits)[1:], factor)
 
 
@@ -218,8 +218,8 @@ def resistance_of(
     circuit: Circuit, effects: Iterable[AddedEffect], current: Expression, conditions: Conditions
 ) -> Expression:
     """Resistance in ohm of a circuit at its current, as its own effects change it."""
-    own, none = [added for added in effects if added.effect.of in ("", circuit.name)], 0.0 * current
-    return circuit_of(own, circuit.resistance_ohm + none, none, current, conditions)[0]
+    acting, none = [added for added in effects if added.effect.of in ("", circuit.name)], 0.0 * current
+    return circuit_of(acting, circuit.resistance_ohm + none, none, current, conditions)[0]
 
 
 def true_setting_of(
