@@ -5,10 +5,6 @@ one polynomial a cell, in powers of the way from the cell's middle. Beyond the k
 a parabola, or as a straight line: a cubic's last piece would bend on, and a co-energy's inductance, its second
 derivative, would become negative there.
 
-The coordinate in which splines follow the distance: an inverse distance, the distance, or one for two gaps.
-
-Any number of functions of the distance: splines with common knots in one coordinate, evaluated together.
-
 References
 ----------
 C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
@@ -162,7 +158,7 @@ def spline_at(
 
 @dataclass(frozen=True)
 class DistanceCoordinate:
-    """u = d_0 / (d + s), u = d / d_0, or u = sinh((d - d_0) / h).
+    """In which splines follow the distance: u = d_0 / (d + s), u = d / d_0, or u = sinh((d - d_0) / h).
 
     A force that grows towards a face is nearly a polynomial in the inverse distance; one of a body that passes the
     face is finite there, as the distance itself is. A body between two magnets has a gap on either side: the third one
@@ -220,7 +216,7 @@ FLAT = {"flat": True}
 
 @dataclass(frozen=True, eq=False)
 class DistanceSplines:
-    """f_k(d) = sum_a c_ak N_a(u(d)), the polynomials at the ends of the knots continued."""
+    """Functions f_k(d) = sum_a c_ak N_a(u(d)) of common knots, the polynomials at their ends continued."""
 
     coordinate: DistanceCoordinate
     knots: FloatArray

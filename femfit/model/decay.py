@@ -6,12 +6,6 @@ f3(z) = (1/2 - f2(z)) / z. Of one winding that is said as it stands. Of several,
 Caratheodory and Fejer gives f_n by c_k / t_k^n with the same poles t_k, so that only the linear systems
 (h R + t_k L) y = b are solved, which are regular for every positive R.
 
-What a step's voltages make of the currents, as a table over the distance, where iron does not saturate.
-
-Of w' = r - L^-1 R (w - w_0) the step needs f1(M) L^-1, f2(M) L^-1 and f3(M) L^-1, see :mod:`femfit.model.decay`. Where
-L depends on the distance alone, they are smooth symmetric matrices of it: polynomials on cells that are halved until
-these hold to :data:`ERROR`. Beyond the table the matrices at its ends hold.
-
 References
 ----------
 L. N. Trefethen, J. A. C. Weideman and T. Schmelzer, BIT 46 (2006) 653, section 4: the approximation and its numbers.
@@ -190,7 +184,11 @@ keeps a tenth of what it is at the end, and places at which that is looked for."
 
 
 class ResponseTable:
-    """f1(M) L^-1, f2(M) L^-1 and f3(M) L^-1 over the distance, for one step.
+    """What a step's voltages make of the currents, as a table over the distance, where iron does not saturate.
+
+    Of w' = r - L^-1 R (w - w_0) a step needs f1(M) L^-1, f2(M) L^-1 and f3(M) L^-1. Where L depends on the distance
+    alone, they are smooth symmetric matrices of it: polynomials on cells that are halved until these hold to
+    :data:`ERROR`. Beyond the table the matrices at its ends hold.
 
     Parameters
     ----------

@@ -8,10 +8,9 @@ limits, that brings the current to
 
 for its bandwidth w, or to the command itself without one. Commands have the shape (..., n), one a circuit.
 
-A body that comes to its stops: within a step it goes no further, and rests there or bounces back.
-
-The voltage that it induces follows its way between the stops. A body that passed a stop and was put back at the end of
-the step would leave a wrong current.
+A body that comes to its stops goes no further within a step, and rests there or bounces back. The voltage that it
+induces follows its way between them: one that passed a stop and was put back at the end of the step would leave a wrong
+current.
 
 References
 ----------
@@ -30,6 +29,9 @@ from casadi import SX
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
 
 LEAST_SPEED_M_S = 1e-9
 """Numerical: a body at rest on its stop counts as meeting it so fast, where the slope of its speed is finite."""
@@ -70,10 +72,6 @@ def met_stops(motion: Mechanics, before: tuple[SX, SX], after: tuple[SX, SX], st
             distance = distance - outward * returned * share * step * (speed - 0.5 * pressed)
             result = result - outward * returned * (speed - pressed)
     return between(distance, motion.ends), result
-
-
-if TYPE_CHECKING:
-    from femfit.model.actuator_model import ActuatorModel
 
 
 def command_limits(circuit: Circuit, *, current: bool | None = None) -> tuple[float, float]:

@@ -223,7 +223,7 @@ class EddyCurrents:
 
 @dataclass(frozen=True, eq=False)
 class EddyMagnetics(Magnetics):
-    """W'(d, i, e) of the module's head; currents are (i_1..i_n, e_1..e_r)."""
+    """The co-energy W'(d, i, e) beside eddy currents; its currents are (i_1..i_n, e_1..e_r)."""
 
     static: Magnetics
     eddy: EddyCurrents

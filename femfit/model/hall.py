@@ -1,26 +1,6 @@
-"""The field at the Hall element: coil part and magnet part, from the sweep.
+"""What sensors of a field see: the flux density at a Hall element, and the flux linkage of a pickup coil.
 
-B(d, i) = sum_n i^n S_n(u(d)) in a coordinate of the distance: S_0 is the magnet's part, the higher powers the coil's
-part, whose slight dependence on distance is the magnet's own permeability. In a linear actuator n <= 1.
-
-The Hall element of a model: its field, its output and its converter.
-
-What a fixed point or a winding without current has of the field, with any circuits: a tensor B-spline.
-
-f(d, i_1..i_n) = sum of c_(a b1..bn) N_a(u(d)) N_b1(i_1) .. N_bn(i_n): the flux density at a Hall element, or the flux
-linkage of a pickup coil. A device that does not saturate has lines in the currents. Outside of the knots the
-polynomials at their ends are continued.
-
-Distances have the shape (...), currents (..., n) in the circuits' order, or (...) where there is one circuit or none.
-
-A pickup coil of a model: a winding without current, and the voltage that its flux linkage induces.
-
-u = d(lambda)/dt = (d lambda/dd) v + sum (d lambda/di_k) di_k/dt. A reading of a sampled loop or record is the mean of u
-over the sample before it, (lambda_k - lambda_(k-1)) / T: what an integrating converter or a low-pass before it gives,
-and free of the steps that a driver's voltage makes at the samples. A current of the winding would pull the body by
--d lambda/dd for each ampere, and link each circuit by d lambda/di_k: the same function says both.
-
-The sensors of a model beside the Hall element.
+Distances have the shape (...), currents (..., n) in the circuits' order.
 """
 
 from dataclasses import dataclass
@@ -50,7 +30,11 @@ class HallField(OfCurrents):
 
 @dataclass(frozen=True, eq=False)
 class HallSpline(HallField):
-    """B_z(d, i) at the Hall element as a tensor B-spline, of one current or of none."""
+    """B_z(d, i) at the Hall element as a tensor B-spline, of one current or of none.
+
+    B(d, i) = sum_n i^n S_n(u(d)) in a coordinate of the distance: S_0 is the magnet's part, the higher powers the
+    coil's part, whose slight dependence on distance is the magnet's own permeability. In a linear actuator n <= 1.
+    """
 
     coordinate: DistanceCoordinate = limited(metadata=FLAT)
     # In (u, i), in T; a polynomial in the current is a spline with one cell
@@ -71,7 +55,12 @@ class CurrentAxis:
 
 @dataclass(frozen=True, eq=False)
 class SensedField(HallField):
-    """The spline of the module's head."""
+    """What a fixed point or a winding without current has of the field, with any circuits: a tensor B-spline.
+
+    f(d, i_1..i_n) = sum of c_(a b1..bn) N_a(u(d)) N_b1(i_1) .. N_bn(i_n): the flux density at a Hall element, or the
+    flux linkage of a pickup coil. A device that does not saturate has lines in the currents. Outside of the knots the
+    polynomials at their ends are continued.
+    """
 
     coordinate: DistanceCoordinate = limited(metadata=FLAT)
     u_knots: FloatArray = limited(metadata={"degree": "u_degree"})
@@ -91,9 +80,6 @@ class SensedField(HallField):
         axes = [(self.u_knots, self.u_degree), *((axis.knots_A, axis.degree) for axis in self.currents)]
         coordinates = self.coordinate.of(distance), *ca.vertsplit(currents)[:n]
         return spline_at(self, axes, self.coefficients[..., None], *coordinates)[0]
-
-
-# What a field's metadata say of a model file: see femfit.model.json_section.
 
 
 @dataclass(frozen=True)
@@ -125,10 +111,17 @@ class HallSensor:
 
 
 class PickupSensor(Sensor, eq=False):
-    """The winding, whose flux linkage stands in Wb; its reading in V."""
+    """A winding without current, and the voltage that its flux linkage in Wb induces; its reading in V.
+
+    u = d(lambda)/dt = (d lambda/dd) v + sum (d lambda/di_k) di_k/dt. A reading of a sampled loop or record is the mean
+    of u over the sample before it, (lambda_k - lambda_(k-1)) / T: what an integrating converter or a low-pass before it
+    gives, and free of the steps that a driver's voltage makes at the samples. A current of the winding would pull the
+    body by -d lambda/dd for each ampere, and link each circuit by d lambda/di_k: the same function says both.
+    """
 
     flux: HallField = limited(metadata={"kinds": (SensedField,)})
     kind: Literal["pickup_coil"] = "pickup_coil"
 
 
 OtherSensor: TypeAlias = CurrentSensor | PositionSensor | PickupSensor | AccelerationSensor | ForceSensor
+"""A sensor of a model beside the Hall element."""

@@ -2,13 +2,6 @@
 
 L is d(flux linkage)/di of the model's co-energy. h(w) is what lagging states leave of it. Without eddy currents the
 induced part is j w h L.
-
-What a number of the drawing changes of an impedance beside W'(d, i): of its eddy currents, at frequencies.
-
-Per unit of the number it is j w S(u(d), i, ln f), with a complex spline S in H over the unit. Outside of the grid that
-S was computed on, the values at its border hold. Z / w of one conducting part is a function of ln(f sigma), so that it
-goes with ln(1 + a) where a is a share of the number. Of one part beside others that is right to first order alone: a
-spline of its own times ln(1 + a)^2 / 2 adds the second.
 """
 
 from collections.abc import Iterator, Sequence
@@ -119,7 +112,13 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class ImpedanceChange:
-    """The ``impedance`` stage of a drawn number, in proportion to a parameter."""
+    """What a number of the drawing changes of an impedance beside W'(d, i): of its eddy currents, at frequencies.
+
+    Per unit of the number it is j w S(u(d), i, ln f), with a complex spline S in H over the unit. Outside of the grid
+    that S was computed on, the values at its border hold. Z / w of one conducting part is a function of ln(f sigma), so
+    that it goes with ln(1 + a) where a is a share of the number. Of one part beside others that is right to first order
+    alone: a spline of its own times ln(1 + a)^2 / 2 adds the second.
+    """
 
     parameter: str
     share: bool  # Whether the parameter is a share of the number

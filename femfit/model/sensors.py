@@ -182,7 +182,7 @@ def sample_weights(sensor: AnySensor, step_s: float) -> FloatArray:
 def sampled_value(
     model: ActuatorModel, sensor: AnySensor, state: FloatArray, time: FloatArray | float = 0.0
 ) -> FloatArray:
-    """The g of the module's head, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
+    """What samples are made of, g, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
     if not isinstance(sensor, PickupSensor):
         return predict_sensor(model, sensor, state, time)
     flux = model.equations.function(("flux", sensor), lambda x, *_: pickup_flux(model, sensor, x))

@@ -1,33 +1,8 @@
 """Co-energies beside one circuit's spline: of several circuits, and of a plunger's network of gap, iron and leakage.
 
-Several circuits whose iron does not saturate: a quadratic form in their currents.
-
-W'(d, i_1..i_n) = v^T M(d) v / 2 with v = (1, i_1, .., i_n). M_00 / 2 is what magnets do alone, M_0k the flux linkage of
-circuit k without current, M_jk the inductances. The entries are splines in one coordinate of the distance. Force and
-all flux linkages are derivatives of the one function, so that dF/di_k = -d(flux linkage_k)/dd and M_jk = M_kj hold to
+Distances have the shape (...), currents (..., n) in the circuits' order. Force and all flux linkages are derivatives of
+one function, so that dF/di_k = -d(flux linkage_k)/dd and d(flux linkage_j)/di_k = d(flux linkage_k)/di_j hold to
 rounding.
-
-Distances have the shape (...), currents (..., n) in the circuits' order.
-
-Several circuits whose iron saturates: a tensor B-spline in the distance and all currents.
-
-W'(d, i_1..i_n) = sum of c_(a b1..bn) N_a(u(d)) N_b1(i_1) .. N_bn(i_n). Force and all flux linkages are derivatives of
-the one function, so that dF/di_k = -d(flux linkage_k)/dd and d(flux linkage_j)/di_k = d(flux linkage_k)/di_j hold to
-rounding. Beyond its knots the spline goes on as a parabola in each current. A circuit beyond them keeps its own
-inductance; those of the others still change with its current, and far out they are not positive definite together.
-
-Distances have the shape (...), currents (..., n) in the circuits' order.
-
-A plunger that saturates: a gap and an iron path in series, leakage beside them, in closed form.
-
-The main flux linkage psi obeys i = r(d) psi + c psi / (s(d) - psi): the gap's part r, and iron that saturates at s as
-Froelich's curve does. That is a quadratic equation for psi. The co-energy is
-
-    W'(d, i) = psi i - r psi^2 / 2 + c (psi + s ln(1 - psi / s)) + L(d) i^2 / 2,
-
-stationary in psi, so that F = psi^2 r' / 2 - c (ln(1 - y) + y / (1 - y)) s' - L' i^2 / 2 with y = psi / s. With
-x = ln((d + a) / d_0), ln r is a cubic in x, because flux fringes in a power of the gap, and s and L are straight lines:
-what leaks past the gap saturates the iron as well.
 
 References
 ----------
@@ -53,7 +28,12 @@ from femfit.model.magnetics import Magnetics, current_of
 
 @dataclass(frozen=True, eq=False)
 class CoenergyMatrix(Magnetics):
-    """M(d) of the module's head."""
+    """Several circuits whose iron does not saturate: a quadratic form in their currents.
+
+    W'(d, i_1..i_n) = v^T M(d) v / 2 with v = (1, i_1, .., i_n). M_00 / 2 is what magnets do alone, M_0k the flux
+    linkage of circuit k without current, M_jk = M_kj the inductances. The entries are splines in one coordinate of the
+    distance.
+    """
 
     kind: Literal["coenergy_matrix"] = field(default="coenergy_matrix", kw_only=True)
     names: tuple[str, ...] = field(metadata={"key": "circuits", "least": 2})  # In the order of their currents
@@ -90,7 +70,12 @@ class CircuitAxis:
 
 @dataclass(frozen=True, eq=False)
 class CoenergyTensor(Magnetics):
-    """The spline of the module's head."""
+    """Several circuits whose iron saturates: a tensor B-spline in the distance and all currents.
+
+    W'(d, i_1..i_n) = sum of c_(a b1..bn) N_a(u(d)) N_b1(i_1) .. N_bn(i_n). Beyond its knots the spline goes on as a
+    parabola in each current. A circuit beyond them keeps its own inductance; those of the others still change with its
+    current, and far out they are not positive definite together.
+    """
 
     kind: Literal["coenergy_tensor"] = field(default="coenergy_tensor", kw_only=True)
     coordinate: DistanceCoordinate = field(metadata=FLAT)
@@ -123,7 +108,17 @@ OPERATIONS = 100
 
 @dataclass(frozen=True, eq=False)
 class NetworkMagnetics(Magnetics):
-    """The co-energy of the network; a current of either sign pulls alike."""
+    """A plunger that saturates: a gap and an iron path in series, leakage beside them, in closed form.
+
+    The main flux linkage psi obeys i = r(d) psi + c psi / (s(d) - psi): the gap's part r, and iron that saturates at s
+    as Froelich's curve does. That is a quadratic equation for psi. The co-energy is
+
+        W'(d, i) = psi i - r psi^2 / 2 + c (psi + s ln(1 - psi / s)) + L(d) i^2 / 2,
+
+    stationary in psi, so that F = psi^2 r' / 2 - c (ln(1 - y) + y / (1 - y)) s' - L' i^2 / 2 with y = psi / s. With
+    x = ln((d + a) / d_0), ln r is a cubic in x, because flux fringes in a power of the gap, and s and L are straight
+    lines: what leaks past the gap saturates the iron as well. A current of either sign pulls alike.
+    """
 
     kind: Literal["reluctance_network"] = field(default="reluctance_network", kw_only=True)
     reference_distance_m: float = field(metadata={"positive": True})  # d_0

@@ -1,10 +1,6 @@
-"""The distances and currents that a model was fitted to, outside of which it is not evaluated.
+"""What is known of a model beside its parts: its domain, its misfit, what it was drawn of, and what a record told.
 
-How far a model is from the table that it was fitted to.
-
-What an actuator's drawing is made of, as far as effects and reports depend on it.
-
-What a record told of the noise that moves a device.
+A model is not evaluated outside of the distances and currents that it was fitted to.
 """
 
 from dataclasses import dataclass, field
@@ -174,7 +170,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class ActuatorKind:
-    """Which parts of the drawing are magnets, iron and winding."""
+    """Which parts of the drawing are magnets, iron and winding, as far as effects and reports depend on it."""
 
     fixed_magnet: bool
     moving_magnet: bool
