@@ -83,12 +83,12 @@ def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX,
 def shares(z: SX) -> tuple[SX, SX, SX]:
     """f1, f2 and f3 of a number of either sign."""
     near = ca.fabs(z) < 1.0
-    series, z = SX(1.0), ca.if_else(near, 1.0, z)
+    series, divisor = SX(1.0), ca.if_else(near, 1.0, z)
     for k in range(SERIES_TERMS + 3, 3, -1):
         series = 1.0 - z / k * series
-    first = -ca.expm1(-z) / z
-    third = ca.if_else(near, series / 6.0, (0.5 - (1.0 - first) / z) / z)
-    second = ca.if_else(near, 0.5 - z * third, (1.0 - first) / z)
+    first = -ca.expm1(-z) / divisor
+    third = ca.if_else(near, series / 6.0, (0.5 - (1.0 - first) / divisor) / divisor)
+    second = ca.if_else(near, 0.5 - z * third, (1.0 - first) / divisor)
     return ca.if_else(near, 1.0 - z * second, first), second, third
 
 
