@@ -8,7 +8,6 @@ from cyclopts import App, CycloptsError, Parameter
 
 from femfit import __version__
 from femfit.core.errors import FemfitError, UsageError
-from femfit.core.processes import kept_interrupts
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     # name, target, one line of help
@@ -89,11 +88,10 @@ def _end(*_: object) -> None:
 def _run() -> None:
     """Run the command; the one place that catches errors."""
     try:
-        with kept_interrupts():
-            try:
-                build_app()(sys.argv[1:], exit_on_error=False)
-            finally:
-                _flush()
+        try:
+            build_app()(sys.argv[1:], exit_on_error=False)
+        finally:
+            _flush()
     except CycloptsError:
         sys.exit(USAGE)  # cyclopts has printed what is wrong with the arguments
     except UsageError as error:
