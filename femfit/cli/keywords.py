@@ -22,9 +22,55 @@ from femfit.core.errors import UsageError
 
 _SECTION = re.compile(r"^(?:Parameters|Attributes)\n-+\n(.*?)(?=^\w+\n-+$|\Z)", re.MULTILINE | re.DOTALL)
 _ENTRY = re.compile(r"^(\w.*?) : (.*)\n((?: .*\n?|\n)*)", re.MULTILINE)
-_BOUNDS = re.compile(r"(>=?) (\S+?)(?: and <= (\S+))?(?=,| or |$)")
-_MAPPING, _NAMES = re.compile(r"mapping of str to (float or str|float|str|\(float, float\))"), "sequence of str"
+_CHOICES, _BOUNDS = re.compile(r"\{(.*)\}"), re.compile(r"(>=?) (\S+?)(?: and <= (\S+))?(?=,| or |$)")
 _PREFIXED = {"mm": ("m", 1e-3), "um": ("m", 1e-6), "ms": ("s", 1e-3), "uV": ("V", 1e-6), "g": ("kg", 1e-3)}
+
+
+def limits_of(text: str) -> tuple[float, float]:
+    """LOW:HIGH, either of which may be empty."""
+    low, colon, high = text.partition(":")
+    limits = (float(low or -math.inf), float(high or math.inf))
+    if not (colon and limits[0] <= limits[1]):
+        raise ValueError(text)
+    return limits
+
+
+def number_or_text(text: str) -> float | str:
+    """A number where it is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def names_of(texts: Iterable[str]) -> tuple[str, ...]:
+    """Names, with commas between them or one by one."""
+    return tuple(name for text in texts for word in text.split(",") if (name := word.strip()))
+
+
+_Read = Callable[[str], Any]
+_MAPPINGS: Mapping[str, tuple[str, _Read]] = {
+    "mapping of str to (float, float)": ("LOW:HIGH", limits_of),
+    "mapping of str to float or str": ("VALUE", number_or_text),
+    "mapping of str to float": ("NUMBER", float),
+    "mapping of str to str": ("VALUE", str),
+}
+"""Words of a docstring for values by their names: how a value is written, and read."""
+
+_NAMES, _LIMITS = "sequence of str", "(float, float)"
+
+_TYPES: Mapping[str, Any] = {
+    **dict.fromkeys((*_MAPPINGS, _NAMES), tuple[str, ...]),
+    "sequence of float": tuple[float, ...],
+    "sequence of int": tuple[int, ...],
+    _LIMITS: str,
+    "Path": Path,
+    "int": int,
+    "float": float,
+    "bool": bool,
+    "": str,
+}
+"""Words of a docstring, the first of which that a type has counts, and what the command line is asked for."""
 
 
 @dataclass(frozen=True)
@@ -33,77 +79,71 @@ class Keyword:
 
     Attributes
     ----------
-    kind : str
+    declared : str
         Type in the docstring's words: ``float > 0 or None``, ``{'held', 'linear'}``, ``mapping of str to float``.
+    words : str
+        Those of :data:`_TYPES` that are in it.
     """
 
     name: str
     option: str
-    kind: str
+    declared: str
+    words: str
     text: str
     default: Any
 
     @property
-    def type(self) -> Any:
-        """What the command line is asked for."""
-        if self.kind.startswith("{"):
-            return Literal[ast.literal_eval(f"({self.kind[1 : self.kind.index('}')]},)")]
-        kinds: dict[str, Any] = {"Path": Path, "mapping": tuple[str, ...], _NAMES: tuple[str, ...]}
-        kinds |= {"(float, float)": str, "sequence of float": tuple[float, ...], "sequence of int": tuple[int, ...]}
-        kinds |= {"int": int, "float": float, "bool": bool}
-        return next((kind for word, kind in kinds.items() if word in self.kind), str)
-
-    @property
     def parameter(self) -> inspect.Parameter:
         """The option, for the parser: not given by default, whereby the function's own default counts."""
-        bounds = _BOUNDS.search(self.kind)
+        asked, bounds, choices = _TYPES[self.words], _BOUNDS.search(self.declared), _CHOICES.match(self.declared)
+        several, flag = getattr(asked, "__origin__", None) is tuple, asked is bool
+        text = self.text + (" May be repeated." if several else "")
+        if self.default is not None and self.default != () and not flag:
+            text += f" [default: {','.join(self.default) if isinstance(self.default, tuple) else self.default}]"
         limits: dict[str, float] = {}
         if bounds:
             limits = {"gt" if bounds[1] == ">" else "gte": float(bounds[2])}
             limits |= {"lte": float(bounds[3])} if bounds[3] else {}
-        several, flag = getattr(self.type, "__origin__", None) is tuple, self.type is bool
-        default = ",".join(self.default) if isinstance(self.default, tuple) else self.default
-        text = self.text + (" May be repeated." if several else "")
-        text += f" [default: {default}]" if default not in {None, ""} and not flag else ""
-        validator = Number(**limits) if limits else None
-        shown = Parameter(name=f"--{self.option}", help=text, validator=validator, show_default=flag)
-        kind, unset = (self.type, () if several else False) if several or flag else (self.type | None, None)
-        option = inspect.Parameter(f"option_{self.name}", inspect.Parameter.KEYWORD_ONLY, default=unset)
-        return option.replace(annotation=Annotated[kind, shown])
+        shown = Parameter(
+            name=f"--{self.option}", help=text, validator=Number(**limits) if limits else None, show_default=flag
+        )
+        if choices:
+            asked = Literal[ast.literal_eval(f"({choices[1]},)")]
+        option = inspect.Parameter(f"option_{self.name}", inspect.Parameter.KEYWORD_ONLY)
+        unset = () if several else False if flag else None
+        return option.replace(default=unset, annotation=Annotated[asked if several or flag else asked | None, shown])
 
     def value(self, given: Any) -> Any:
         """What was given, as the function takes it: in SI, names one by one, values by their names."""
         base, factor = _PREFIXED.get(self.option.rpartition("-")[2], ("", 1.0))
         if base and self.name.endswith(f"_{base}"):
             return factor * given
-        if values := _MAPPING.search(self.kind):
-            return self._by_name(given, values[1])
-        if _NAMES in self.kind:
+        if self.words in _MAPPINGS:
+            return self._by_name(given, *_MAPPINGS[self.words])
+        if self.words == _NAMES:
             return names_of(given)
-        return self._parsed(given, "LOW:HIGH", limits_of) if "(float, float)" in self.kind else given
+        return self._read(given, "LOW:HIGH", limits_of) if self.words == _LIMITS else given
 
-    def _by_name(self, texts: Iterable[str], values: str) -> Any:
+    def _by_name(self, texts: tuple[str, ...], form: str, read: _Read) -> Any:
         """Values by their names, or one number where the function takes that too."""
-        form, value_of = _VALUES[values]
-        texts = names_of(texts) if values == "float" else tuple(texts)
-        if self.kind.startswith("float") and len(texts) == 1 and "=" not in texts[0]:
-            return self._parsed(texts[0], "NUMBER", float)
+        texts = names_of(texts) if read is float else texts
+        if self.declared.startswith("float") and len(texts) == 1 and "=" not in texts[0]:
+            return self._read(texts[0], form, read)
 
         def pair(text: str) -> tuple[str, Any]:
-            name, _, value = (part.strip() for part in text.rpartition("="))
+            name, _, value = (word.strip() for word in text.rpartition("="))
             if not (name and value):
                 raise ValueError(text)
-            return name, value_of(value)
+            return name, read(value)
 
-        return dict(self._parsed(text, f"NAME={form}", pair) for text in texts)
+        return dict(self._read(text, f"NAME={form}", pair) for text in texts)
 
-    def _parsed(self, text: str, form: str, value_of: Callable[[str], Any]) -> Any:
+    def _read(self, text: str, form: str, read: _Read) -> Any:
         try:
-            return value_of(text)
+            return read(text)
         except ValueError as error:
-            raise UsageError(
-                f"--{self.option} must read {form}; instead received {text!r}. It is: {self.text}"
-            ) from error
+            problem = f"--{self.option} must read {form}; instead received {text!r}. It is: {self.text}"
+            raise UsageError(problem) from error
 
 
 @dataclass(frozen=True)
@@ -132,22 +172,26 @@ class Keywords:
         node: Any = next(node for node in body if getattr(node, "name", "") == name)
         section = _SECTION.search(ast.get_docstring(node) or "")
         said = {
-            keyword: (kind, " ".join(text.split()))
-            for names, kind, text in _ENTRY.findall(section[1] if section else "")
+            keyword: (declared, next(words for words in _TYPES if words in declared), " ".join(text.split()))
+            for names, declared, text in _ENTRY.findall(section[1] if section else "")
             for keyword in names.split(", ")
         }
-        options = {keyword: option or keyword for keyword, _, option in (w.partition("=") for w in self.names.split())}
-        options = {keyword: option.replace("_", "-") for keyword, option in options.items()}
+        named = (name.partition("=") for name in self.names.split())
+        options = {keyword: (option or keyword).replace("_", "-") for keyword, _, option in named}
         defaults = _defaults(node)
         return tuple(
-            Keyword(keyword, option, said[keyword][0], _as_options(said[keyword][1], options), defaults.get(keyword))
+            Keyword(keyword, option, *said[keyword][:2], _as_options(said[keyword][2], options), defaults.get(keyword))
             for keyword, option in options.items()
         )
 
     def taken(self, options: dict[str, Any]) -> dict[str, Any]:
         """What was given of them, taken out of a command's options."""
         given = {entry: options.pop(f"option_{entry.name}", None) for entry in self.entries}
-        return {e.name: e.value(value) for e, value in given.items() if value is not None and value not in ((), False)}
+        return {
+            e.name: e.value(value)
+            for e, value in given.items()
+            if value is not None and value is not False and value != ()
+        }
 
 
 def _defaults(node: Any) -> dict[str, Any]:
@@ -168,34 +212,3 @@ def _as_options(text: str, options: Mapping[str, str]) -> str:
         return f"--{options[value]}" if value in options else re.sub(r"\((.*?),(.*?)\)", r"\1:\2", value)
 
     return re.sub(r"``(.*?)``", written, text)
-
-
-def names_of(texts: str | Iterable[str] | None) -> tuple[str, ...]:
-    """Names, with commas between them or one by one."""
-    texts = [texts] if isinstance(texts, str) else texts or ()
-    return tuple(name for text in texts for part in text.split(",") if (name := part.strip()))
-
-
-def limits_of(text: str) -> tuple[float, float]:
-    """LOW:HIGH, either of which may be empty."""
-    low, colon, high = text.partition(":")
-    limits = (float(low or -math.inf), float(high or math.inf))
-    if not (colon and limits[0] <= limits[1]):
-        raise ValueError(text)
-    return limits
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-_VALUES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
-    "float": ("NUMBER", float),
-    "str": ("VALUE", str),
-    "float or str": ("VALUE", _number_or_text),
-    "(float, float)": ("LOW:HIGH", limits_of),
-}
-"""How the values of a mapping are written, by the words of the docstring, and read."""

@@ -32,7 +32,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
     ("trial", "femfit.cli.trial:trial", "How often the diagnosis is right, on campaigns with a hidden effect."),
     ("integrate", "femfit.cli.integrate:integrate", "Drift-free flux or field from a coil's voltage."),
-    ("bench", "femfit.cli.bench:bench", "A bench table with flux linkage from a record of a coil's voltage."),
+    ("bench", "femfit.cli.integrate:bench", "A bench table with flux linkage from a record of a coil's voltage."),
 )
 
 
@@ -75,19 +75,7 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _print_what_the_terminal_can_show()
     before = signal.signal(signal.SIGTERM, _end)
-    try:
-        _run()
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _end(*_: object) -> None:
-    raise EndedError
-
-
-def _run() -> None:
-    """Run the command; the one place that catches errors."""
-    try:
+    try:  # the one place that catches errors
         try:
             build_app()(sys.argv[1:], exit_on_error=False)
         finally:
@@ -110,6 +98,12 @@ def _run() -> None:
         _fail("interrupted; what was finished is kept", 128 + signal.SIGINT)
     except Exception as error:  # noqa: BLE001  the last net: a user is told what to do, and the traceback is kept
         _fail(_bug(error), BUG)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _end(*_: object) -> None:
+    raise EndedError
 
 
 def _flush() -> None:

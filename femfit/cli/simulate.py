@@ -1,6 +1,5 @@
 """``femfit simulate``: close the loop around a model, or drive it in open loop."""
 
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,7 +8,7 @@ import femfit as ff
 from femfit.cli.command import AT_LEAST_ONE, NOT_NEGATIVE, Outcome, ToWrite, Writes, command
 from femfit.cli.keywords import Keywords
 from femfit.core.errors import UsageError
-from femfit.core.files import LOOP, OPEN_LOOP, PICTURE, Kind
+from femfit.core.files import LOOP, OPEN_LOOP, PICTURE
 
 _DRIVE = Keywords(
     "femfit.simulation.open_loop:simulate",
@@ -24,10 +23,6 @@ _LOOP = Keywords(
 _SENSED = Keywords("femfit.simulation.close_loop:close_loop", "sensors=sensor noise")
 
 
-def _series(arguments: Mapping[str, Any]) -> Kind:
-    return OPEN_LOOP if arguments["drive"] or arguments["extrapolate"] else LOOP
-
-
 @command()
 def simulate(
     model: Path,
@@ -39,7 +34,9 @@ def simulate(
     runs: Annotated[int | None, AT_LEAST_ONE] = None,
     sensed: Annotated[dict[str, Any], _SENSED],
     seed: Annotated[int, NOT_NEGATIVE] = 1,
-    csv: Annotated[Path | None, Writes(_series)] = None,
+    csv: Annotated[
+        Path | None, Writes(lambda given: OPEN_LOOP if given["drive"] or given["extrapolate"] else LOOP)
+    ] = None,
 ) -> Outcome:
     """Drive a model in open loop, or close the loop around it.
 
