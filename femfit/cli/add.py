@@ -30,7 +30,7 @@ def add(
     picture: Annotated[Path | None, Writes(PICTURE)] = None,
     table_options: MeasurementOptions,
 ) -> Outcome:
-    """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
+    """Refit a model with an effect, judged on runs that were not fitted.
 
     Parameters
     ----------

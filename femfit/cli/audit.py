@@ -12,7 +12,7 @@ _OPTIONS = Keywords("femfit.audit.tolerance_analysis:analyse_tolerances", "curre
 
 @command("File for the findings as JSON.")
 def audit(model: Path, *, table: Path | None = None) -> Outcome:
-    """Check a model file: misfit to its table, signs, bounds, range, sensor, precision.
+    """Check a model against its table, physics and supply; exits with 1 if wrong.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def audit(model: Path, *, table: Path | None = None) -> Outcome:
 
 @command()
 def tolerance(sweep: Path, *, distance_mm: float, options: Annotated[dict[str, Any], _OPTIONS]) -> Outcome:
-    """How a series of devices scatters by the drawing's tolerances, and which number to hold more tightly.
+    """How a series of devices scatters by the drawing's tolerances.
 
     Parameters
     ----------

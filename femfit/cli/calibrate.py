@@ -33,7 +33,7 @@ def calibrate(
     workers: Annotated[int | None, AT_LEAST_ONE] = None,
     table_options: MeasurementOptions,
 ) -> Outcome:
-    """Find the wrong numbers of a drawing from measurements, write it anew and solve its field again.
+    """Find a drawing's wrong numbers from measurements; write it anew.
 
     Parameters
     ----------

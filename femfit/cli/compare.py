@@ -16,7 +16,7 @@ def compare(
     *,
     table_options: MeasurementOptions,
 ) -> Outcome:
-    """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.
+    """How far a model is from measurements, against their noise, and where.
 
     Parameters
     ----------

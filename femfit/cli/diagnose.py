@@ -20,7 +20,7 @@ def diagnose(
     report: Annotated[Path | None, Writes(PAGE)] = None,
     table_options: MeasurementOptions,
 ) -> Outcome:
-    """Compare measurements with a model and name the physical effect that is missing.
+    """Name the effect that measurements show and the model lacks.
 
     Parameters
     ----------

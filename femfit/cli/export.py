@@ -18,7 +18,7 @@ def export(
     options: Annotated[dict[str, Any], _OPTIONS],
     output: Annotated[Path, OUTPUT, Writes(MODEL, "model.json")],
 ) -> Outcome:
-    """Export a model.
+    """Export a model: filters and simulator in C or in Python alone.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ def fit(
     forces: Annotated[dict[str, Any], _FORCES],
     device: Annotated[dict[str, Any], _DEVICE],
 ) -> Outcome:
-    """Fit a model to a sweep table, or to measured inductances, and write it.
+    """Fit a force law or a co-energy to a sweep table, and write the model file.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ _OPTIONS = Keywords(
 
 @command("File for the result as JSON, with the thermal network.")
 def heat(actuator: Path, *, options: Annotated[dict[str, Any], _OPTIONS]) -> Outcome:
-    """How warm winding and magnet become: hot resistance, remanence, time, and the largest current that may last.
+    """How warm winding and magnet become, and which current may last.
 
     Parameters
     ----------

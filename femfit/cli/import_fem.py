@@ -17,7 +17,7 @@ def import_fem(
     output: Annotated[Path, OUTPUT, Writes(DRAWING)],
     options: Annotated[dict[str, Any], _OPTIONS],
 ) -> Outcome:
-    """Read an axisymmetric magnetic FEMM model (.fem), and write it as an actuator file.
+    """Read a FEMM model (.fem) as an actuator file.
 
     Parameters
     ----------

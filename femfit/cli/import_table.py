@@ -26,7 +26,7 @@ def import_table(
     options: Annotated[dict[str, Any], _OPTIONS],
     actuator: Path | None = None,
 ) -> Outcome:
-    """Bring in a table of FEMM or another program: recognise, convert to SI, check, write as a sweep table.
+    """Bring in a table of FEMM or another program as a sweep table.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ def integrate(
     options: Annotated[dict[str, Any], _INTEGRAL],
     table_options: TableOptions,
 ) -> Outcome:
-    """Integrate a coil's voltage to its field (or, without an area, its flux linkage) and say how sure that is.
+    """Drift-free flux or field from a coil's voltage.
 
     Writes the record's rows with field_T (or flux_linkage_Wb), its standard uncertainty and the offset voltage.
 
@@ -53,7 +53,7 @@ def bench(
     options: Annotated[dict[str, Any], _PLATEAUS],
     table_options: TableOptions,
 ) -> Outcome:
-    """Make a bench table for compare and diagnose from a record of a coil's voltage: one row a plateau.
+    """A bench table with flux linkage from a record of a coil's voltage.
 
     Parameters
     ----------

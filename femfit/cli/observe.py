@@ -26,7 +26,7 @@ def observe(
     write_noise: Annotated[Path | None, Writes(MODEL)] = None,
     table_options: MeasurementOptions,
 ) -> Outcome:
-    """Run a recorded log through filters: the estimate beside the record, innovations, and the noise in the record.
+    """Run a recorded log through filters: estimate, innovations, noise.
 
     Parameters
     ----------

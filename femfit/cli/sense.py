@@ -22,7 +22,7 @@ def sense(
     *,
     options: Annotated[dict[str, Any], _OPTIONS],
 ) -> Outcome:
-    """How well the current, or other sensors, tell the distance: error in simulation, and bound.
+    """How well the current tells the distance: error in simulation, and bound.
 
     Parameters
     ----------

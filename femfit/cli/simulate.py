@@ -38,13 +38,13 @@ def simulate(
         Path | None, Writes(lambda given: OPEN_LOOP if given["drive"] or given["extrapolate"] else LOOP)
     ] = None,
 ) -> Outcome:
-    """Drive a model in open loop, or close the loop around it.
+    """Drive a model in open loop, or close the loop: controller, filter, sensors, steps, noise, faults.
 
     With --voltage, --current or --drive: pull-in and drop-out, switching times, seating velocity, bounces, energies.
 
-    Otherwise the loop is closed: controller, filter, sensors, steps, noise, faults. Without --controller, --filter,
-    --runs, --seconds, --plant, --csv, --picture, gains or a fault: which controllers hold the body over the reference
-    steps, and how well filter and direct measurement tell the distance.
+    Otherwise the loop is closed. Without --controller, --filter, --runs, --seconds, --plant, --csv, --picture, gains
+    or a fault: which controllers hold the body over the reference steps, and how well filter and direct measurement
+    tell the distance.
 
     Parameters
     ----------

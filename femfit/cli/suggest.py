@@ -15,7 +15,7 @@ def suggest(
     plan: Path | None = None,
     table_options: MeasurementOptions,
 ) -> Outcome:
-    """Advise the cheapest measurement that separates what the data leave together, or examine a plan.
+    """The next measurement that separates what is still confounded.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ def view(
     current_A: tuple[float, ...] = (),
     what: tuple[What, ...] = (),
 ) -> Outcome:
-    """Draw geometry, mesh, flux lines and |B| at a point, and write the field for ParaView.
+    """Draw geometry, mesh, flux lines and |B|; write a .vtu file.
 
     With the geometry the numbers of the drawing are listed: faces, bores, corners.
 
