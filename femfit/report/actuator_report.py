@@ -34,7 +34,7 @@ Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
-_OF_CONTENT = ("model", "actuator", "rows", "weight", "motion", "heat", "feeds")
+_OF_CONTENT = ("model", "actuator", "rows", "weight", "motion", "heat", "feeds", "study")
 """What templates call by its own name."""
 
 _CONSTANTS: dict[str, Any] = {
@@ -86,7 +86,6 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
         "coenergy": None if content.fit is None else content.fit.coenergy,
         **_CONSTANTS,
         "hall": _hall_facts(content),
-        "study": content.study,
         "travel": model.travel_m,
         "stopped": model.motion is not None and None not in {model.motion.near_stop, model.motion.far_stop},
         "provenance": _provenance(content),
@@ -108,7 +107,6 @@ def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]
         "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
         "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
         "moving_coil": bool(actuator.coils) and all(coil.moves for coil in actuator.coils),
-        "saturates": actuator.saturates,
         "parts": [(region.name, region.material.name, material_words(region)) for region in actuator.regions],
         "inductance_H": inductance,
         "weight_N": actuator.mechanics.mass_kg * GRAVITY,

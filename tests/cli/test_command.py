@@ -1,6 +1,7 @@
-"""What commands take from the library: its keywords, as its signatures and docstrings have them."""
+"""What every command has: options that are the library's keywords, and a result that is printed and written."""
 
 import inspect
+import json
 from importlib import import_module
 from pathlib import Path
 from types import UnionType
@@ -9,9 +10,9 @@ from typing import Literal, get_args, get_origin
 import pytest
 
 import femfit.cli
-from femfit.cli.command import MeasurementOptions, TableOptions
+from femfit.cli.command import MeasurementOptions, Outcome, TableOptions, command
 from femfit.cli.keywords import Keyword, Keywords
-from femfit.core.errors import UsageError
+from femfit.core.errors import OutputError, UsageError
 
 MODULES = [import_module(f"femfit.cli.{path.stem}") for path in Path(femfit.cli.__file__).parent.glob("[a-z]*.py")]
 TAKEN = [value for module in MODULES for value in vars(module).values() if isinstance(value, Keywords)]
@@ -71,3 +72,24 @@ def test_a_docstrings_text_reads_as_a_command_line():
     )
     assert "as variant=3, coil.turns=250 or" in where.text
     assert bounds.text.endswith("as d^-4=0:1e-8.")
+
+
+def test_a_result_whose_page_cannot_be_written_is_told_and_kept_as_json(tmp_path, capsys):
+    class Found:
+        def to_dict(self):
+            return {"distance_m": 0.02}
+
+        def __str__(self):
+            return "20 mm"
+
+    def page(path):
+        raise OutputError(f"{path} cannot be written")
+
+    @command()
+    def measure(report: Path) -> Outcome:
+        return Outcome(Found(), files=[(report, page)])
+
+    with pytest.raises(OutputError):
+        measure(tmp_path / "page.html", json=tmp_path / "result.json")
+    assert capsys.readouterr().out == "20 mm\n"
+    assert json.loads((tmp_path / "result.json").read_text())["distance_m"] == 0.02
