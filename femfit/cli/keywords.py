@@ -102,8 +102,8 @@ class Keyword:
             text += f" [default: {','.join(self.default) if isinstance(self.default, tuple) else self.default}]"
         limits: dict[str, float] = {}
         if bounds:
-            limits = {"gt" if bounds[1] == ">" else "gte": float(bounds[2])}
-            limits |= {"lte": float(bounds[3])} if bounds[3] else {}
+            limits = {"gt" if bounds[1] == ">" else "gte": ast.literal_eval(bounds[2])}
+            limits |= {"lte": ast.literal_eval(bounds[3])} if bounds[3] else {}
         shown = Parameter(
             name=f"--{self.option}", help=text, validator=Number(**limits) if limits else None, show_default=flag
         )

@@ -3,7 +3,7 @@
 A report on an actuator is made of results that were computed before.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -62,9 +62,8 @@ def _environment() -> "Environment":
     environment = Environment(
         loader=PackageLoader("femfit.report"), autoescape=True, lstrip_blocks=True, undefined=StrictUndefined
     )
-    written = (quantity, percent, plain, significant, at_currents, p_value, counted)
-    environment.filters |= {function.__name__: function for function in written}
-    environment.filters |= {
+    functions = (quantity, percent, plain, significant, at_currents, p_value, counted)
+    filters: dict[str, Callable[..., Any]] = {
         "part": lambda name: words("loop", name),
         "mm": lambda metres, digits=4: plain(1e3 * metres, digits),
         "words": lambda name: str(name).replace("_", " "),
@@ -73,6 +72,7 @@ def _environment() -> "Environment":
         "formula": formula_markup,
         "channel": CHANNEL_WORDS.__getitem__,
     }
+    environment.filters |= filters | {function.__name__: function for function in functions}
     templates = files("femfit.report") / "templates"
     environment.globals |= {
         "version": __version__,
