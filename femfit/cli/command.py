@@ -111,7 +111,7 @@ def command(
             from femfit.core.processes import kept_interrupts
 
             verbose, paths = options.pop("verbose", False), {name: options.pop(name, None) for name in texts}
-            options |= {name: mark.taken(options) for name, mark in keywords.items()}
+            options |= {name: mark.arguments(options) for name, mark in keywords.items()}
             call = signature.bind(*arguments, **options)
             call.apply_defaults()
             inputs, outputs = _paths(signature, call.arguments)
@@ -120,8 +120,8 @@ def command(
             )
             with kept_interrupts():
                 outcome = function(*call.args, **call.kwargs)
-            more = [(paths[name], partial(_FILES[name][1], outcome.result)) for name in files]
-            _conclude(replace(outcome, files=[*outcome.files, *more]), paths["json"], verbose=verbose)
+                more = [(paths[name], partial(_FILES[name][1], outcome.result)) for name in files]
+                _conclude(replace(outcome, files=[*outcome.files, *more]), paths["json"], verbose=verbose)
 
         shown: list[inspect.Parameter] = []
         for name, parameter in signature.parameters.items():

@@ -113,16 +113,16 @@ class Keyword:
         unset = () if several else False if flag else None
         return option.replace(default=unset, annotation=Annotated[asked if several or flag else asked | None, shown])
 
-    def value(self, given: Any) -> Any:
+    def value(self, argument: Any) -> Any:
         """What was given, as the function takes it: in SI, names one by one, values by their names."""
         base, factor = _PREFIXED.get(self.option.rpartition("-")[2], ("", 1.0))
         if base and self.name.endswith(f"_{base}"):
-            return factor * given
+            return factor * argument
         if self.words in _MAPPINGS:
-            return self._by_name(given, *_MAPPINGS[self.words])
+            return self._by_name(argument, *_MAPPINGS[self.words])
         if self.words == _NAMES:
-            return names_of(given)
-        return self._read(given, "LOW:HIGH", limits_of) if self.words == _LIMITS else given
+            return names_of(argument)
+        return self._read(argument, "LOW:HIGH", limits_of) if self.words == _LIMITS else argument
 
     def _by_name(self, texts: tuple[str, ...], form: str, read: _Read) -> Any:
         """Values by their names, or one number where the function takes that too."""
@@ -171,25 +171,31 @@ class Keywords:
         body = ast.parse(Path(spec.origin).read_text(encoding="utf-8")).body
         node: Any = next(node for node in body if getattr(node, "name", "") == name)
         section = _SECTION.search(ast.get_docstring(node) or "")
-        said = {
+        documented = {
             keyword: (declared, next(words for words in _TYPES if words in declared), " ".join(text.split()))
             for names, declared, text in _ENTRY.findall(section[1] if section else "")
             for keyword in names.split(", ")
         }
-        named = (name.partition("=") for name in self.names.split())
-        options = {keyword: (option or keyword).replace("_", "-") for keyword, _, option in named}
+        pairs = (name.partition("=") for name in self.names.split())
+        options = {keyword: (option or keyword).replace("_", "-") for keyword, _, option in pairs}
         defaults = _defaults(node)
         return tuple(
-            Keyword(keyword, option, *said[keyword][:2], _as_options(said[keyword][2], options), defaults.get(keyword))
+            Keyword(
+                keyword,
+                option,
+                *documented[keyword][:2],
+                _as_options(documented[keyword][2], options),
+                defaults.get(keyword),
+            )
             for keyword, option in options.items()
         )
 
-    def taken(self, options: dict[str, Any]) -> dict[str, Any]:
-        """What was given of them, taken out of a command's options."""
-        given = {entry: options.pop(f"option_{entry.name}", None) for entry in self.entries}
+    def arguments(self, options: dict[str, Any]) -> dict[str, Any]:
+        """The function's arguments that were given, taken out of a command's options."""
+        values = {entry: options.pop(f"option_{entry.name}", None) for entry in self.entries}
         return {
-            e.name: e.value(value)
-            for e, value in given.items()
+            entry.name: entry.value(value)
+            for entry, value in values.items()
             if value is not None and value is not False and value != ()
         }
 

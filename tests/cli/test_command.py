@@ -15,10 +15,10 @@ from femfit.cli.keywords import Keyword, Keywords
 from femfit.core.errors import OutputError, UsageError
 
 MODULES = [import_module(f"femfit.cli.{path.stem}") for path in Path(femfit.cli.__file__).parent.glob("[a-z]*.py")]
-TAKEN = [value for module in MODULES for value in vars(module).values() if isinstance(value, Keywords)]
-TAKEN += [kind.__metadata__[0] for kind in (TableOptions, MeasurementOptions)]
+GROUPS = [value for module in MODULES for value in vars(module).values() if isinstance(value, Keywords)]
+GROUPS += [kind.__metadata__[0] for kind in (TableOptions, MeasurementOptions)]
 ENTRIES = [
-    pytest.param(taken.place, entry, id=f"{taken.place}-{entry.name}") for taken in TAKEN for entry in taken.entries
+    pytest.param(group.place, entry, id=f"{group.place}-{entry.name}") for group in GROUPS for entry in group.entries
 ]
 
 
@@ -62,13 +62,13 @@ def test_what_is_given_becomes_what_the_function_takes():
 
 
 def test_what_is_not_given_is_left_to_the_function_and_a_zero_is_given():
-    drive = next(taken for taken in TAKEN if taken.place.endswith("open_loop:simulate"))
-    assert drive.taken({"option_start_m": 0.0, "option_voltage_V": (), "model": "m"}) == {"start_m": 0.0}
+    drive = next(group for group in GROUPS if group.place.endswith("open_loop:simulate"))
+    assert drive.arguments({"option_start_m": 0.0, "option_voltage_V": (), "model": "m"}) == {"start_m": 0.0}
 
 
 def test_a_docstrings_text_reads_as_a_command_line():
     (where, *_), (bounds,) = (
-        [e for t in TAKEN for e in t.entries if e.name == name][:1] for name in ("where", "bounds")
+        [e for t in GROUPS for e in t.entries if e.name == name][:1] for name in ("where", "bounds")
     )
     assert "as variant=3, coil.turns=250 or" in where.text
     assert bounds.text.endswith("as d^-4=0:1e-8.")
