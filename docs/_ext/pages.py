@@ -11,7 +11,7 @@ import library
 from sphinx.application import Sphinx
 
 import actuator_file
-from femfit.cli.main import build_app
+from femfit.cli.main import COMMANDS, build_app
 from femfit.core.sweep_columns import COLUMNS
 
 DOCS = Path(__file__).parents[1]
@@ -52,7 +52,7 @@ def _pages() -> dict[str, str]:
 
 def _commands() -> str:
     """Every command with its options, as ``femfit COMMAND --help`` says them."""
-    text = build_app().generate_docs(output_format="markdown")
+    text = build_app(COMMANDS).generate_docs(output_format="markdown")
     start = text.index("## femfit run")
     end = text.index("## femfit --install-completion")
     # In Markdown a line of four blanks would become code, and a bare <...> an element

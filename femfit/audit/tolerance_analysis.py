@@ -88,9 +88,9 @@ def analyse_tolerances(
     distance_m : float
         Within the sweep.
     currents_A : sequence of float
-        One a circuit, in the table's order.
+        Current, once for each circuit whose current was swept, in the table's order.
     quantity : str
-        A column with a slope.
+        Quantity with a slope: force_N, flux_linkage_Wb or hall_T.
 
     Raises
     ------

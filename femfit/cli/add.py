@@ -3,17 +3,20 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 from cyclopts import Parameter
 
 import femfit as ff
-from femfit.cli.command import NO_MEASUREMENT_OPTIONS, OUTPUT, MeasurementOptions, Outcome, ToWrite, Writes, command
+from femfit.cli.command import OUTPUT, MeasurementOptions, Outcome, ToWrite, Writes, command
+from femfit.cli.keywords import Keywords
 from femfit.core.errors import UsageError
-from femfit.core.files import MODEL, PAGE, PICTURE
+from femfit.core.files import MODEL, PICTURE
+
+_OPTIONS = Keywords("femfit.identify.add_effects:add_effects", "coil_temperature_C magnet_temperature_C")
 
 
-@command()
+@command(report="HTML file with the measured points on the curves before and after, and how far the error fell.")
 def add(
     model: Path,
     effect: str,
@@ -23,13 +26,11 @@ def add(
     effects: Annotated[tuple[str, ...], Parameter(name="--with")] = (),
     from_run: int | None = None,
     until_run: int | None = None,
-    coil_temperature_C: float | None = None,
-    magnet_temperature_C: float | None = None,
-    report: Annotated[Path | None, Writes(PAGE)] = None,
+    options: Annotated[dict[str, Any], _OPTIONS],
     picture: Annotated[Path | None, Writes(PICTURE)] = None,
-    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions,
 ) -> Outcome:
-    """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
+    """Refit a model with an effect, judged on runs that were not fitted.
 
     Parameters
     ----------
@@ -50,12 +51,6 @@ def add(
         First run in which the effect acts, counted from 1, as femfit diagnose gives it; default: the first.
     until_run : int
         Last run in which the effect acts, whose state the new model has; default: the last.
-    coil_temperature_C : float
-        Temperature of the winding in degC at which the new model runs; default: the recorded mean.
-    magnet_temperature_C : float
-        Temperature of the magnet in degC at which the new model runs; default: the recorded mean.
-    report : Path
-        HTML file with the measured points on the curves before and after, and how far the error fell.
     picture : Path
         PNG, SVG or PDF with the distance of a record as filters without a distance sensor estimate it, before and
         after.
@@ -64,22 +59,14 @@ def add(
     from femfit.report.motion_figures import write_before_after
 
     with status("Reading") as say:
-        actuator, measured = ff.read_model(model), table_options.read(data)
+        actuator, measured = ff.read_model(model), ff.read_measurement(data, **table_options)
         if picture is not None and not isinstance(measured, ff.TimeSeries):
             raise UsageError("--picture shows a record over time through a filter; a bench table has --report.")
         runs = None
         if from_run is not None or until_run is not None:
             count = len(set(measured.rows["run"])) if "run" in measured.rows else 1
             runs = {effect: (from_run or 1, until_run or count)}
-        result = ff.add_effects(
-            actuator,
-            measured,
-            (effect, *effects),
-            runs=runs,
-            coil_temperature_C=coil_temperature_C,
-            magnet_temperature_C=magnet_temperature_C,
-            progress=say,
-        )
+        result = ff.add_effects(actuator, measured, (effect, *effects), runs=runs, **options, progress=say)
     record = result.to_dict() | {"data": data.name}
     added = [*result.model.provenance.get("added", []), record]
     remembering = replace(result.model, provenance={**result.model.provenance, "added": added})
@@ -87,6 +74,5 @@ def add(
     files: list[ToWrite] = [
         (output if result.accepted else None, partial(ff.write_model, remembering)),
         (picture, lambda path: write_before_after((actuator, result.model), cast("ff.TimeSeries", measured), path)),
-        (report, partial(ff.write_report, result)),
     ]
     return Outcome(result, record, files)

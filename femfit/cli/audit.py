@@ -1,14 +1,18 @@
 """``femfit audit`` and ``femfit tolerance``: a model checked as its file holds it, and a series of devices."""
 
 from pathlib import Path
+from typing import Annotated, Any
 
 import femfit as ff
 from femfit.cli.command import Outcome, command
+from femfit.cli.keywords import Keywords
+
+_OPTIONS = Keywords("femfit.audit.tolerance_analysis:analyse_tolerances", "currents_A=current-A quantity=of")
 
 
 @command("File for the findings as JSON.")
 def audit(model: Path, *, table: Path | None = None) -> Outcome:
-    """Check a model file: misfit to its table, signs, bounds, range, sensor, precision.
+    """Check a model against its table, physics and supply; exits with 1 if wrong.
 
     Parameters
     ----------
@@ -27,14 +31,8 @@ def audit(model: Path, *, table: Path | None = None) -> Outcome:
 
 
 @command()
-def tolerance(
-    sweep: Path,
-    *,
-    distance_mm: float,
-    current_A: tuple[float, ...] = (),
-    of: str = "force_N",
-) -> Outcome:
-    """How a series of devices scatters by the drawing's tolerances, and which number to hold more tightly.
+def tolerance(sweep: Path, *, distance_mm: float, options: Annotated[dict[str, Any], _OPTIONS]) -> Outcome:
+    """How a series of devices scatters by the drawing's tolerances.
 
     Parameters
     ----------
@@ -42,9 +40,5 @@ def tolerance(
         Directory of a sweep with --signatures.
     distance_mm : float
         Distance in mm, of which the nearest swept point is taken.
-    current_A : tuple of float
-        Current in A, once for each circuit whose current was swept.
-    of : str
-        Quantity: force_N, flux_linkage_Wb or hall_T.
     """
-    return Outcome(ff.analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of))
+    return Outcome(ff.analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, **options))

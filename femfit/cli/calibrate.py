@@ -2,26 +2,24 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
+from typing import Annotated, Any
 
 import femfit as ff
 from femfit.cli.command import (
     AT_LEAST_ONE,
-    NO_MEASUREMENT_OPTIONS,
     OUTPUT,
     MeasurementOptions,
     Outcome,
     Writes,
     command,
-    names_of,
     run_directory,
 )
+from femfit.cli.keywords import Keywords
 from femfit.core.errors import UsageError
 from femfit.core.files import DRAWING, MODEL, write_text
 
 _MODEL, _AS_DRAWN = "calibrated/model.json", "drawn/model.json"
+_OPTIONS = Keywords("femfit.identify.calibration.calibrate:calibrate", "numbers effects=with")
 _DIRECTORY = run_directory("drawing", "-calibration")
 
 
@@ -30,13 +28,12 @@ def calibrate(
     drawing: Path,
     *data: Path,
     output: Annotated[Path, OUTPUT, Writes(DRAWING)],
-    numbers: str | None = None,
-    effects: Annotated[tuple[str, ...], Parameter(name="--with")] = (),
+    options: Annotated[dict[str, Any], _OPTIONS],
     runs: Annotated[Path | None, Writes(MODEL, _MODEL, _DIRECTORY), Writes(MODEL, _AS_DRAWN)] = None,
     workers: Annotated[int | None, AT_LEAST_ONE] = None,
-    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions,
 ) -> Outcome:
-    """Find the wrong numbers of a drawing from measurements, write it anew and solve its field again.
+    """Find a drawing's wrong numbers from measurements; write it anew.
 
     Parameters
     ----------
@@ -47,11 +44,6 @@ def calibrate(
         their sidecars .toml beside them where noise is declared.
     output : Path
         Actuator file for the drawing as the data have it, with the comments and the layout of the old one.
-    numbers : str
-        Key paths of the numbers with commas between them, or all; default: those that femfit diagnose names.
-    effects : str
-        Effect of the catalogue that is fitted beside the numbers; repeat for more; default: those that femfit diagnose
-        names.
     runs : Path
         Directory of the sweeps, in which nothing is solved twice; runs/NAME-calibration by default.
     workers : int
@@ -67,10 +59,9 @@ def calibrate(
     with status("Reading") as say:
         result = ff.calibrate(
             drawing,
-            [table_options.read(file) for file in data],
+            [ff.read_measurement(file, **table_options) for file in data],
             runs,
-            numbers=None if numbers is None else names_of(numbers),
-            effects=effects or None,
+            **options,
             workers=workers or len(os.sched_getaffinity(0)),
             progress=say,
         )

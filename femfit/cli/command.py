@@ -1,4 +1,4 @@
-"""What every command has: a check of what it may replace, its results written and printed, options of tables.
+"""What every command has: a check of what it may replace, and its results written and printed.
 
 A command's signature says which of its paths are files that it writes, and of which kind: ``Annotated[Path | None,
 Writes(PAGE)]``. Every other path is one that it reads.
@@ -7,28 +7,21 @@ Writes(PAGE)]``. Every other path is one that it reads.
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, is_dataclass
-from functools import update_wrapper
+from dataclasses import dataclass, replace
+from functools import partial, update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from femfit import __version__
-from femfit.core.errors import UsageError
-from femfit.core.files import RESULT, Kind, require_outputs, write_json
+import femfit as ff
+from femfit.cli.keywords import Keywords
+from femfit.core.files import PAGE, PICTURE, REPLAYED, RESULT, Kind, require_outputs, write_json, write_text
 from femfit.core.text import counted
 
-if TYPE_CHECKING:
-    from femfit.tables.measurement import Measurement
-
-Value = TypeVar("Value")
-
 OUTPUT = Parameter(name=["--output", "-o"])
-POSITIVE, NOT_NEGATIVE = Parameter(validator=Number(gt=0.0)), Parameter(validator=Number(gte=0.0))
-AT_LEAST_ONE = Parameter(validator=Number(gte=1))
-REPEATED = Parameter(show_default=False)
+AT_LEAST_ONE, NOT_NEGATIVE = Parameter(validator=Number(gte=1)), Parameter(validator=Number(gte=0))
 
 MOST_LINES = 13
 """Conventional: lines that a hurried reader reads, the answer and twelve."""
@@ -60,6 +53,20 @@ class Writes:
     default: Callable[[Mapping[str, Any]], Path] | None = None
 
 
+def _picture(result: Any, path: Path) -> None:
+    from femfit.report.style import write_picture
+
+    write_picture(result.plot, path)
+
+
+_FILES: dict[str, tuple[Kind, Callable[[Any, Path], object]]] = {
+    "picture": (PICTURE, _picture),
+    "csv": (REPLAYED, lambda result, path: write_text(path, result.table.to_csv(index=False))),
+    "report": (PAGE, lambda result, path: ff.write_report(result, path)),  # noqa: PLW0108  loaded when used
+}
+"""Options for files that a result can be written to, whatever it is: their kind, and what writes them."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a command ends with.
@@ -82,32 +89,56 @@ class Outcome:
     error: BaseException | None = None
 
 
-def command(json: str = "File for the result as JSON.") -> Callable[[Callable[..., Outcome]], Callable[..., None]]:
-    """Give a function that returns its outcome the options ``--json``, whose help is given, and ``--verbose``."""
+def command(
+    json: str = "File for the result as JSON.", **files: str
+) -> Callable[[Callable[..., Outcome]], Callable[..., None]]:
+    """Give a function that returns its outcome the options ``--json`` and ``--verbose``, and others for its files.
+
+    Parameters
+    ----------
+    json : str
+        Help of ``--json``.
+    files : str
+        Help of ``--picture``, ``--csv`` and ``--report``, by their names, where the result is written to such files.
+    """
+    texts = {**files, "json": json}
 
     def decorate(function: Callable[..., Outcome]) -> Callable[..., None]:
         signature = inspect.signature(function)
+        keywords = dict(_marks(signature, Keywords))
 
-        def run(
-            *arguments: Any,
-            json: Annotated[Path | None, Parameter(help=json)] = None,
-            verbose: Annotated[bool, Parameter(help=f"All lines of the result, not {MOST_LINES} at most.")] = False,
-            **options: Any,
-        ) -> None:
+        def run(*arguments: Any, **options: Any) -> None:
+            from femfit.core.processes import kept_interrupts
+
+            verbose, paths = options.pop("verbose", False), {name: options.pop(name, None) for name in texts}
+            options |= {name: mark.arguments(options) for name, mark in keywords.items()}
             call = signature.bind(*arguments, **options)
             call.apply_defaults()
             inputs, outputs = _paths(signature, call.arguments)
-            require_outputs(inputs, *outputs, (json, RESULT))
-            _conclude(function(*call.args, **call.kwargs), json, verbose=verbose)
+            require_outputs(
+                inputs, *outputs, *((paths[name], _FILES[name][0]) for name in files), (paths["json"], RESULT)
+            )
+            with kept_interrupts():
+                outcome = function(*call.args, **call.kwargs)
+                more = [(paths[name], partial(_FILES[name][1], outcome.result)) for name in files]
+                _conclude(replace(outcome, files=[*outcome.files, *more]), paths["json"], verbose=verbose)
 
-        own = inspect.signature(run).parameters
-        shown = signature.replace(parameters=[*signature.parameters.values(), own["json"], own["verbose"]])
+        shown: list[inspect.Parameter] = []
+        for name, parameter in signature.parameters.items():
+            shown += [entry.parameter for entry in keywords[name].entries] if name in keywords else [parameter]
+        shown += [_option(name, Path | None, None, text) for name, text in texts.items()]
+        shown.append(_option("verbose", bool, False, f"All lines of the result, not {MOST_LINES} at most."))
         update_wrapper(run, function)
-        run.__signature__ = shown  # type: ignore[attr-defined]
-        run.__annotations__ = {name: parameter.annotation for name, parameter in shown.parameters.items()}
+        run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
         return run
 
     return decorate
+
+
+def _option(name: str, kind: Any, default: object, text: str) -> inspect.Parameter:
+    option = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
+    return option.replace(annotation=Annotated[kind, Parameter(help=text)])
 
 
 def run_directory(drawing: str, end: str = "") -> Callable[[Mapping[str, Any]], Path]:
@@ -138,7 +169,7 @@ def _conclude(outcome: Outcome, json: Path | None, *, verbose: bool) -> None:
     try:
         if json is not None:
             data = outcome.result.to_dict() if outcome.data is None else outcome.data  # type: ignore[attr-defined]
-            write_json(json, {**data, "written_by": f"femfit {__version__}"})
+            write_json(json, {**data, "written_by": f"femfit {ff.__version__}"})
         for path, write in outcome.files:
             if path is not None:
                 write(path)
@@ -152,126 +183,39 @@ def _conclude(outcome: Outcome, json: Path | None, *, verbose: bool) -> None:
         raise outcome.error
 
 
+Mark = TypeVar("Mark")
+
+
+def _marks(signature: inspect.Signature, kind: type[Mark]) -> list[tuple[str, Mark]]:
+    """The parameters whose annotation has such marks, once with each."""
+    annotations = ((name, parameter.annotation) for name, parameter in signature.parameters.items())
+    marks = ((name, mark) for name, given in annotations for mark in getattr(given, "__metadata__", ()))
+    return [(name, mark) for name, mark in marks if isinstance(mark, kind)]
+
+
 def _paths(
     signature: inspect.Signature, arguments: dict[str, Any]
 ) -> tuple[list[Path], list[tuple[Path | None, Kind | None]]]:
-    """Paths that are read, those of groups of options too, and files that are written, defaults filled in."""
-    read: list[Path] = []
+    """Paths that are read, those of keywords too, and files that are written, defaults filled in."""
+    written = _marks(signature, Writes)
     outputs: list[tuple[Path | None, Kind | None]] = []
-    for name, parameter in signature.parameters.items():
-        metadata = getattr(parameter.annotation, "__metadata__", ())
-        written = [entry for entry in metadata if isinstance(entry, Writes)]
-        for writes in written:
-            if arguments[name] is None and writes.default is not None:
-                arguments[name] = writes.default(arguments)
-            if arguments[name] is not None and writes.kind is not None:
-                kind = writes.kind if isinstance(writes.kind, Kind) else writes.kind(arguments)
-                outputs.append((arguments[name] / writes.name, kind))
-        if not written:
-            value = arguments[name]
-            group = vars(value).values() if is_dataclass(value) else value if isinstance(value, tuple) else (value,)
-            read += [path for path in group if isinstance(path, Path)]
-    return read, outputs
+    for name, writes in written:
+        if arguments[name] is None and writes.default is not None:
+            arguments[name] = writes.default(arguments)
+        if arguments[name] is not None and writes.kind is not None:
+            kind = writes.kind if isinstance(writes.kind, Kind) else writes.kind(arguments)
+            outputs.append((arguments[name] / writes.name, kind))
+    read = [value for name, value in arguments.items() if name not in dict(written)]
+    several = [value.values() if isinstance(value, dict) else value for value in read]
+    return [
+        path for v in several for path in (v if isinstance(v, Iterable) else (v,)) if isinstance(path, Path)
+    ], outputs
 
 
-_TO_SI = {"_mm": ("_m", 1e-3), "_um": ("_m", 1e-6), "_ms": ("_s", 1e-3), "_uV": ("_V", 1e-6), "_g": ("_kg", 1e-3)}
+_READ, _WORDS = "femfit.tables.measurement_file:read_measurement", "columns=column units=unit table"
 
+TableOptions = Annotated[dict[str, Any], Keywords(_READ, _WORDS)]
+"""What a table's columns are, where their headers do not say it."""
 
-def in_si(options: object) -> dict[str, Any]:
-    """A group of options as keywords of the library: what is given in mm, um, ms, uV or g becomes SI, name and all."""
-    keywords = {}
-    for name, value in vars(options).items():
-        stem, mark, unit = name.rpartition("_")
-        si, factor = _TO_SI.get(mark + unit, (mark + unit, None))
-        keywords[stem + si] = value if value is None or factor is None else factor * value
-    return keywords
-
-
-def names_of(text: str | None) -> tuple[str, ...]:
-    """Names with commas between them."""
-    return tuple(name for part in (text or "").split(",") if (name := part.strip()))
-
-
-def parsed(text: str, option: str, form: str, example: str, value_of: Callable[[str], Value]) -> Value:
-    """The value of an option's text; a ValueError of ``value_of`` is a wrong use of the option."""
-    try:
-        return value_of(text)
-    except ValueError as error:
-        raise UsageError(f"{option} must read {form}, as in {example}; instead received {text!r}.") from error
-
-
-def pairs(
-    texts: Iterable[str], option: str, form: str, example: str, value_of: Callable[[str], Value]
-) -> dict[str, Value]:
-    """What an option gives as NAME=VALUE, by name."""
-
-    def pair(text: str) -> tuple[str, Value]:
-        name, _, value = (part.strip() for part in text.rpartition("="))
-        if not (name and value):
-            raise ValueError(text)
-        return name, value_of(value)
-
-    return dict(parsed(text, option, form, example, pair) for text in texts)
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class TableOptions:
-    """What a table's columns are, where their headers do not say it.
-
-    Attributes
-    ----------
-    column : tuple of str
-        Column of a header as HEADER=COLUMN, for example "Kanal 3=force_N"; may be repeated.
-    unit : tuple of str
-        Unit of a header as HEADER=UNIT (Kraft=gf), or HEADER=FACTOR to SI; may be repeated.
-    table : str
-        Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS).
-    """
-
-    column: Annotated[tuple[str, ...], REPEATED] = ()
-    unit: Annotated[tuple[str, ...], REPEATED] = ()
-    table: Annotated[str | None, Parameter(show_default=False)] = None
-
-    @property
-    def keywords(self) -> dict[str, Any]:
-        """All of them, as the functions that read tables take them."""
-        return {
-            "columns": pairs(self.column, "--column", "HEADER=COLUMN", "Kraft=force_N", str),
-            "units": pairs(self.unit, "--unit", "HEADER=UNIT", "Kraft=mN", str),
-            "table": self.table,
-        }
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class MeasurementOptions(TableOptions):
-    """What a measurement's columns are, and how large their noise is.
-
-    Attributes
-    ----------
-    noise : tuple of str
-        Noise of one reading as CHANNEL=STANDARD DEVIATION (force_N=2e-4), which counts before the sidecar's.
-    setting : tuple of str
-        Setting without a column that was the same throughout, as COLUMN=NUMBER in any unit (distance_mm=2).
-    """
-
-    noise: Annotated[tuple[str, ...], REPEATED] = ()
-    setting: Annotated[tuple[str, ...], REPEATED] = ()
-
-    def read(self, path: Path) -> "Measurement":
-        """A bench table or a record over time, as its sidecar and these options say."""
-        from femfit.tables.measurement_file import read_measurement
-
-        return read_measurement(path, **self.keywords)
-
-    @property
-    def keywords(self) -> dict[str, Any]:
-        """All of them, as the functions that read measurements take them."""
-        noise = pairs(self.noise, "--noise", "CHANNEL=NUMBER", "force_N=2e-4", float)
-        settings = pairs(self.setting, "--setting", "COLUMN=NUMBER", "distance_mm=2", float)
-        return {**super().keywords, "noise": noise, "settings": settings}
-
-
-NO_TABLE_OPTIONS = TableOptions()
-NO_MEASUREMENT_OPTIONS = MeasurementOptions()
+MeasurementOptions = Annotated[dict[str, Any], Keywords(_READ, f"{_WORDS} noise settings=setting")]
+"""What a measurement's columns are, and how large their noise is."""

@@ -1,23 +1,22 @@
 """``femfit compare``: how far a model is from measurements, against their noise, and where."""
 
-from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import femfit as ff
-from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, Writes, command
-from femfit.core.files import PAGE
+from femfit.cli.command import MeasurementOptions, Outcome, command
 
 
-@command("File for the result as JSON, with the maps.")
+@command(
+    "File for the result as JSON, with the maps.",
+    report="HTML file with measured points on the model's curves, and maps of the misfit.",
+)
 def compare(
     model: Path,
     data: Path,
     *,
-    report: Annotated[Path | None, Writes(PAGE)] = None,
-    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions,
 ) -> Outcome:
-    """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.
+    """How far a model is from measurements, against their noise, and where.
 
     Parameters
     ----------
@@ -27,12 +26,9 @@ def compare(
     data : Path
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
         sidecar .toml beside it where noise is declared.
-    report : Path
-        HTML file with measured points on the model's curves, and maps of the misfit.
     """
     from femfit.cli.output import status
 
     with status("Comparing"):
         predicting = model if model.suffix == ".json" else ff.fit_model(model).model
-        comparison = ff.compare(predicting, table_options.read(data))
-    return Outcome(comparison, files=[(report, partial(ff.write_report, comparison))])
+        return Outcome(ff.compare(predicting, ff.read_measurement(data, **table_options)))

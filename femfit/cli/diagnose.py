@@ -1,11 +1,14 @@
 """``femfit diagnose``: which effect is missing, or none, or none of ours."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import femfit as ff
-from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, Writes, command
+from femfit.cli.command import MeasurementOptions, Outcome, Writes, command
+from femfit.cli.keywords import Keywords
 from femfit.core.files import PAGE
+
+_OPTIONS = Keywords("femfit.identify.decision.diagnose:diagnose", "exclude")
 
 
 @command()
@@ -13,11 +16,11 @@ def diagnose(
     model: Path,
     data: Path,
     *,
-    exclude: tuple[str, ...] = (),
+    options: Annotated[dict[str, Any], _OPTIONS],
     report: Annotated[Path | None, Writes(PAGE)] = None,
-    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions,
 ) -> Outcome:
-    """Compare measurements with a model and name the physical effect that is missing.
+    """Name the effect that measurements show and the model lacks.
 
     Parameters
     ----------
@@ -26,8 +29,6 @@ def diagnose(
     data : Path
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
         sidecar .toml beside it where noise is declared.
-    exclude : tuple of str
-        Effect that is not considered; repeat for more.
     report : Path
         HTML file with what was measured, where the model fails, what would explain it, and what to measure next.
     """
@@ -37,8 +38,8 @@ def diagnose(
     from femfit.report.write import hashes
 
     with status("Reading") as say:
-        measured = table_options.read(data)
-        result = ff.diagnose(model, measured, exclude=exclude, progress=say)
+        measured = ff.read_measurement(data, **table_options)
+        result = ff.diagnose(model, measured, **options, progress=say)
 
     def page(path: Path) -> None:
         with status("Finding what to measure next") as say:

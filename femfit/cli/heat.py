@@ -1,37 +1,24 @@
 """``femfit heat``: how warm winding and magnet become, what that costs, and which current may last."""
 
 from pathlib import Path
+from typing import Annotated, Any
 
 import femfit as ff
 from femfit.cli.command import Outcome, command
+from femfit.cli.keywords import Keywords
+
+_OPTIONS = Keywords(
+    "femfit.heat.find_temperatures:find_temperatures", "current_A voltage_V=voltage distance_m=distance-mm"
+)
 
 
 @command("File for the result as JSON, with the thermal network.")
-def heat(
-    actuator: Path,
-    *,
-    current_A: tuple[float, ...] = (),
-    voltage: tuple[float, ...] = (),
-    distance_mm: float | None = None,
-) -> Outcome:
-    """How warm winding and magnet become: hot resistance, remanence, time, and the largest current that may last.
+def heat(actuator: Path, *, options: Annotated[dict[str, Any], _OPTIONS]) -> Outcome:
+    """How warm winding and magnet become, and which current may last.
 
     Parameters
     ----------
     actuator : Path
         Actuator file (.toml), whose table [thermal] says what surrounds the actuator.
-    current_A : tuple of float
-        Held current in A (rms where it alternates), once for each circuit; default: the most that the supply gives.
-    voltage : tuple of float
-        Held voltage in V in place of a current, once for each circuit.
-    distance_mm : float
-        Distance in mm at which the moving part is held; default: the first reference distance, or the shortest that it
-        can have.
     """
-    temperatures = ff.find_temperatures(
-        actuator,
-        current_A=current_A or None,
-        voltage_V=voltage or None,
-        distance_m=None if distance_mm is None else 1e-3 * distance_mm,
-    )
-    return Outcome(temperatures)
+    return Outcome(ff.find_temperatures(actuator, **options))

@@ -1,40 +1,41 @@
-"""The ``femfit`` command: names and one-line helps; each command's file is imported when it runs."""
+"""The ``femfit`` command; each command's file is imported when it runs."""
 
 import os
 import signal
 import sys
+from collections.abc import Collection
+from pathlib import Path
 
 from cyclopts import App, CycloptsError, Parameter
 
 from femfit import __version__
 from femfit.core.errors import FemfitError, UsageError
-from femfit.core.processes import kept_interrupts
 
-COMMANDS: tuple[tuple[str, str, str], ...] = (
-    # name, target, one line of help
-    ("new", "femfit.cli.new:new", "Write a commented drawing to start from: a solenoid, a voice coil, a bearing ..."),
-    ("run", "femfit.cli.run:run", "Sweep, fit, export, close the loop and report, in turn."),
-    ("sweep", "femfit.cli.sweep:sweep", "Solve the field over an actuator's currents and distances."),
-    ("view", "femfit.cli.view:view", "Draw geometry, mesh, flux lines and |B|; write a .vtu file."),
-    ("import", "femfit.cli.import_table:import_table", "Bring in a table of FEMM or another program as a sweep table."),
-    ("import-fem", "femfit.cli.import_fem:import_fem", "Read a FEMM model (.fem) as an actuator file."),
-    ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
-    ("export", "femfit.cli.export:export", "Export a model: filters and simulator in C or in Python alone."),
-    ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
-    ("sense", "femfit.cli.sense:sense", "How well the current tells the distance: error in simulation, and bound."),
-    ("audit", "femfit.cli.audit:audit", "Check a model against its table, physics and supply; exits with 1 if wrong."),
-    ("heat", "femfit.cli.heat:heat", "How warm winding and magnet become, and which current may last."),
-    ("tolerance", "femfit.cli.audit:tolerance", "How a series of devices scatters by the drawing's tolerances."),
-    ("observe", "femfit.cli.observe:observe", "Run a recorded log through filters: estimate, innovations, noise."),
-    ("compare", "femfit.cli.compare:compare", "How far a model is from measurements, against their noise, and where."),
-    ("diagnose", "femfit.cli.diagnose:diagnose", "Name the effect that measurements show and the model lacks."),
-    ("add", "femfit.cli.add:add", "Refit a model with an effect, judged on runs that were not fitted."),
-    ("calibrate", "femfit.cli.calibrate:calibrate", "Find a drawing's wrong numbers from measurements; write it anew."),
-    ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
-    ("trial", "femfit.cli.trial:trial", "How often the diagnosis is right, on campaigns with a hidden effect."),
-    ("integrate", "femfit.cli.integrate:integrate", "Drift-free flux or field from a coil's voltage."),
-    ("bench", "femfit.cli.bench:bench", "A bench table with flux linkage from a record of a coil's voltage."),
-)
+COMMANDS = {
+    "new": "new:new",
+    "run": "run:run",
+    "sweep": "sweep:sweep",
+    "view": "view:view",
+    "import": "import_table:import_table",
+    "import-fem": "import_fem:import_fem",
+    "fit": "fit:fit",
+    "export": "export:export",
+    "simulate": "simulate:simulate",
+    "sense": "sense:sense",
+    "audit": "audit:audit",
+    "heat": "heat:heat",
+    "tolerance": "audit:tolerance",
+    "observe": "observe:observe",
+    "compare": "compare:compare",
+    "diagnose": "diagnose:diagnose",
+    "add": "add:add",
+    "calibrate": "calibrate:calibrate",
+    "suggest": "suggest:suggest",
+    "trial": "trial:trial",
+    "integrate": "integrate:integrate",
+    "bench": "integrate:bench",
+}
+"""Names of the commands in the order of ``--help``: file of this folder and function."""
 
 
 USAGE = 2
@@ -48,8 +49,11 @@ class EndedError(BaseException):
     """SIGTERM: not an Exception, so that nothing on the way takes it for an error of its own."""
 
 
-def build_app() -> App:
-    """Register every command by its import path, so that ``--help`` imports none of them."""
+def build_app(described: Collection[str]) -> App:
+    """Register every command by its import path, so that ``--help`` imports none of them.
+
+    Those that are described say all of their docstring, the others its first line.
+    """
     app = App(
         name="femfit",
         help="From an electromagnetic actuator's drawing to a model that a filter can run.",
@@ -59,8 +63,12 @@ def build_app() -> App:
         default_parameter=Parameter(name_transform=lambda name: name.replace("_", "-"), negative=()),
         suppress_keyboard_interrupt=False,  # main says that finished work is kept
     )
-    for place, (name, target, text) in enumerate(COMMANDS):
-        app.command(target, name=name, help=text, sort_key=place)
+    for place, (name, target) in enumerate(COMMANDS.items()):
+        file, _, function = target.partition(":")
+        text = Path(__file__).with_name(f"{file}.py").read_text(encoding="utf-8")  # to import it would take a second
+        _, _, docstring = text.partition(f"\ndef {function}(")[2].partition('"""')
+        first_line = None if name in described else docstring.splitlines()[0].removesuffix('"""')
+        app.command(f"femfit.cli.{target}", name=name, help=first_line, sort_key=place)
     app.register_install_completion_command(help="Complete commands and options with the Tab key in this shell.")
     return app
 
@@ -76,24 +84,11 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _print_what_the_terminal_can_show()
     before = signal.signal(signal.SIGTERM, _end)
-    try:
-        _run()
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _end(*_: object) -> None:
-    raise EndedError
-
-
-def _run() -> None:
-    """Run the command; the one place that catches errors."""
-    try:
-        with kept_interrupts():
-            try:
-                build_app()(sys.argv[1:], exit_on_error=False)
-            finally:
-                _flush()
+    try:  # the one place that catches errors
+        try:
+            build_app(sys.argv[1:2])(sys.argv[1:], exit_on_error=False)
+        finally:
+            _flush()
     except CycloptsError:
         sys.exit(USAGE)  # cyclopts has printed what is wrong with the arguments
     except UsageError as error:
@@ -112,6 +107,12 @@ def _run() -> None:
         _fail("interrupted; what was finished is kept", 128 + signal.SIGINT)
     except Exception as error:  # noqa: BLE001  the last net: a user is told what to do, and the traceback is kept
         _fail(_bug(error), BUG)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _end(*_: object) -> None:
+    raise EndedError
 
 
 def _flush() -> None:

@@ -12,7 +12,7 @@ Kind = Literal["ball", "bearing", "levitation", "magnet-pair", "pot-magnet", "re
 
 
 def new(kind: Kind | None = None, *, schema: bool = False, output: Annotated[Path | None, OUTPUT] = None) -> None:
-    """Write a commented actuator file that runs, to change into a drawing of your own.
+    """Write a commented drawing to start from: a solenoid, a voice coil, a bearing ...
 
     Parameters
     ----------

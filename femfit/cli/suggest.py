@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import femfit as ff
-from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, command
+from femfit.cli.command import MeasurementOptions, Outcome, command
 from femfit.core.errors import UsageError
 
 
@@ -13,9 +13,9 @@ def suggest(
     data: Path | None = None,
     *,
     plan: Path | None = None,
-    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions,
 ) -> Outcome:
-    """Advise the cheapest measurement that separates what the data leave together, or examine a plan.
+    """The next measurement that separates what is still confounded.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def suggest(
         raise UsageError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
     with status("Diagnosing") as say:
         if plan is not None:
-            planned = read_bench_table(plan, planned=True, **table_options.keywords)
+            planned = read_bench_table(plan, planned=True, **table_options)
             return Outcome(examine_plan(ff.read_model(model), planned))
         assert data is not None  # noqa: S101 - one of the two is given
-        return Outcome(ff.suggest(model, table_options.read(data), progress=say))
+        return Outcome(ff.suggest(model, ff.read_measurement(data, **table_options), progress=say))

@@ -18,7 +18,7 @@ def sweep(
     workers: Annotated[int | None, AT_LEAST_ONE] = None,
     signatures: bool = False,
 ) -> Outcome:
-    """Solve the field over the actuator's currents, distances and parameters, and write the table.
+    """Solve the field over an actuator's currents and distances.
 
     An interrupted sweep goes on where it stopped when the same command is given again.
 

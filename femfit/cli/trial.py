@@ -17,7 +17,7 @@ def trial(
     seed: int = 1,
     workers: Annotated[int, AT_LEAST_ONE] = 2,
 ) -> Outcome:
-    """How often would the diagnosis be right on this actuator? Hide errors in simulated campaigns, and count.
+    """How often the diagnosis is right, on campaigns with a hidden effect.
 
     Hidden are numbers of the drawing that are off (remanence, turns, saturating iron), of which the field is solved
     again, and errors of the bench (stage, meters, resistance, temperatures), which act by their definition. Each

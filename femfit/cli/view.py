@@ -1,11 +1,12 @@
 """``femfit view``: an actuator or a point of a sweep as pictures and as a file for ParaView."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import femfit as ff
 from femfit.cli.command import OUTPUT, Outcome, Writes, command
-from femfit.core.errors import DomainError, UsageError
+from femfit.core.errors import ActuatorFileError, DomainError, UsageError
 from femfit.core.files import require_outputs
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def view(
     current_A: tuple[float, ...] = (),
     what: tuple[What, ...] = (),
 ) -> Outcome:
-    """Draw geometry, mesh, flux lines and |B| at a point, and write the field for ParaView.
+    """Draw geometry, mesh, flux lines and |B|; write a .vtu file.
 
     With the geometry the numbers of the drawing are listed: faces, bores, corners.
 
@@ -44,11 +45,14 @@ def view(
         Picture to draw; may be repeated; all by default.
     """
     from femfit.cli.output import status
+    from femfit.device.drawn_numbers import in_picture, read_numbers
     from femfit.report.field_figures import point_title, write_views
     from femfit.report.field_sample import solve_point
 
     actuator = ff.read_actuator(source)
-    numbers = _numbers(source)
+    numbers: tuple[NumberFacts, ...] = ()
+    with suppress(ActuatorFileError):  # of a drawing that sweeps parameters a number is not one value
+        numbers = in_picture(number.facts for number in read_numbers(source))
     distance, current = _within(actuator, distance_mm, current_A)
     files = _files(output or Path(f"{Path(actuator.name).name}-view"), what)
     require_outputs([source], *((path, None) for _, path in files))
@@ -72,17 +76,6 @@ def view(
         "files": {kind: str(path) for kind, path in files},
     }
     return Outcome("\n".join(lines), data)
-
-
-def _numbers(drawing: Path) -> "tuple[NumberFacts, ...]":
-    """Of a drawing that sweeps no parameters, whose numbers are one each."""
-    from femfit.core.errors import ActuatorFileError
-    from femfit.device.drawn_numbers import in_picture, read_numbers
-
-    try:
-        return in_picture(number.facts for number in read_numbers(drawing))
-    except ActuatorFileError:
-        return ()
 
 
 def _within(

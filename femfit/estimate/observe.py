@@ -97,12 +97,12 @@ def observe(
         With the commanded voltage, and a channel that a sensor of the model reads; a current or a distance is a sensor
         of its own where the model has none.
     filter : str or sequence of str
-        ``ukf``, ``ekf``, or ``ukf4`` and ``ekf4``, which estimate a bias as well; several are placed side by side.
+        Filters, placed side by side: ukf, ekf, or ukf4 and ekf4, which estimate a bias as a further state.
     sensors : sequence of str or None
-        Which sensors the filter reads; where None those of the drawing that the record has, or its current and distance
-        where it has none of them. Those it does not read check it.
+        Sensors that the filters read; by default those of the drawing that the record has, or its current and distance
+        where it has none of them; the others check the estimate.
     biases : sequence of str or None
-        Whose bias ``ukf4`` and ``ekf4`` estimate; the Hall element's, or else the first sensor's that reads no current.
+        Sensors whose bias ukf4 and ekf4 estimate; by default the Hall element, or else the first that reads no current.
     noise : FilterNoise or None
         Derived from the model and the record where None.
     find : bool

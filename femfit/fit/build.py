@@ -66,17 +66,25 @@ def fit_model(
     law : str or None
         A force law's name, ``all`` to rank every law and take the recommended one, or None for a co-energy.
     bounds : mapping of str to (float, float), or None
-        Bounds of single columns' coefficients, at every current, in place of the law's own.
+        Bounds of one of the law's coefficients, at every current, in place of the law's own, as ``{"d^-4": (0,
+        1e-8)}``.
     functions : sequence of str or None
-        Coefficient function of each of the law's columns; None to choose them by held-out error.
+        Coefficient functions of the current, one for each of the law's columns, for example constant,through-origin; by
+        default chosen by held-out error among constant, through-origin, square, affine and quadratic.
     inductance_H : float or None
         Inductance at the largest distance, for a table without flux linkage.
     actuator : str, Path, mapping or None
-        Actuator file, or values in place of those that the table's manifest records of its actuator.
-    mass_kg, resistance_ohm, supply_V : float, float, (float, float), or None
-        Moving mass, winding resistance, and lowest and highest voltage of the driver, in place of the actuator's.
-    where : mapping or None
-        Which variant of a parameter sweep, by column and value.
+        Actuator file with circuit, mass and sensor, for an imported table, or values in place of those that the table's
+        manifest records.
+    mass_kg : float or None
+        Mass of the moving part, in place of the actuator's.
+    resistance_ohm : float or None
+        Resistance of the winding, in place of the actuator's.
+    supply_V : (float, float) or None
+        Lowest and highest voltage of the driver, in place of the actuator's, as ``(0, 12)``.
+    where : mapping of str to float or str, or None
+        Variant of a parameter sweep, as ``{"variant": 3}``, ``{"coil.turns": 250}`` or
+        ``{"moving.regions.plunger.material": "steel_1010"}``.
 
     Raises
     ------

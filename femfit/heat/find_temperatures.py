@@ -157,11 +157,13 @@ def find_temperatures(
     ----------
     actuator : Actuator or path
         With ``[thermal]`` where its surroundings are not the usual ones.
-    current_A, voltage_V : float or sequence of float
-        What is held, of each circuit, of a current that alternates the rms value; without either, the most that the
-        supply gives.
-    distance_m : float
-        At which the moving part is held; by default the first reference distance, or the shortest that it can have.
+    current_A : float, sequence of float, or None
+        Held current (rms where it alternates), once for each circuit; the most that the supply gives by default.
+    voltage_V : float, sequence of float, or None
+        Held voltage in V in place of a current, once for each circuit.
+    distance_m : float or None
+        Distance at which the moving part is held; by default the first reference distance, or the shortest that it can
+        have.
 
     Raises
     ------

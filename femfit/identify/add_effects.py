@@ -183,8 +183,10 @@ def add_effects(
     runs : mapping of str to (int, int), optional
         Per effect that began or ended within the campaign, the first and the last run in which it acts, counted from
         1; by default as the diagnosis has it. The new model is that of the last run.
-    coil_temperature_C, magnet_temperature_C : float or None
-        At which the new model runs; None for the mean of what was recorded, or the model's own.
+    coil_temperature_C : float or None
+        Temperature of the winding at which the new model runs; by default the recorded mean, or the model's own.
+    magnet_temperature_C : float or None
+        Temperature of the magnet at which the new model runs; by default the recorded mean, or the model's own.
 
     Raises
     ------

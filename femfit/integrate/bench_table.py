@@ -125,12 +125,19 @@ def make_bench_table(
         ``time_s, coil_voltage_V, current_A, distance_m``, and any other column of a bench table.
     output : path
         The bench table, .csv; its sidecar .toml with noise and notes is written beside it.
-    resistance_ohm : float
-        Of the excitation winding, where the voltage is its own: R i is taken off.
-    settling_s, still_A, still_m : float
-        Seconds left out after each change; movements from sample to sample that still belong to a plateau.
-    model : path or model
-        Gives the flux linkage on each run's first plateau; 0 without one.
+    resistance_ohm : float >= 0 or None
+        Resistance of the excitation winding, whose R i is taken off where the voltage is that winding's own; not for a
+        separate sensing coil.
+    turns_ratio : float > 0
+        Turns of the excitation winding over those of the sensing coil.
+    settling_s : float >= 0
+        Time left out after each change, until the eddy currents have decayed.
+    still_A : float >= 0
+        Largest change of the current from sample to sample on a plateau.
+    still_m : float >= 0
+        Largest change of the distance from sample to sample on a plateau, 1 µm by default.
+    model : str, Path, ActuatorModel or None
+        Model that gives the flux linkage on each run's first plateau; 0 without one.
     columns, units, table : optional
         What the record's columns are and in which unit, and which table of its file it is, as in
         :func:`femfit.read_measurement`.

@@ -83,26 +83,39 @@ def integrate_coil(
     ----------
     record : path or DataFrame
         ``time_s``, ``coil_voltage_V``, and ``hall_T`` or ``current_A`` for a filter.
-    method : str
-        ``trapezoid``; ``ffa1`` (offset from a zero reading); ``ffa2`` (mean on each plateau); ``cs1-offset`` (Kalman
-        filter with a Hall probe, whose second state is the offset voltage); ``cs2``, ``cs2-identified`` (the same with
-        the current over a ratio, with a field model). Default: ``cs1-offset`` where the record has a Hall probe and an
-        area is given, else ``ffa2``.
-    coil_area_m2 : float
-        Total area of the coil; filters with a Hall probe or a ratio need it.
+    method : {'trapezoid', 'ffa1', 'ffa2', 'cs1-offset', 'cs2', 'cs2-identified'} or None
+        Method of integration: trapezoid; ffa1 (offset from an initial zero reading); ffa2 (mean on each plateau);
+        cs1-offset (Kalman filter with a Hall probe, whose second state is the offset voltage); cs2, cs2-identified (the
+        same with the current, by a ratio, by a field identified from ``lab``); by default cs1-offset where the record
+        has a Hall probe and an area is given, else ffa2.
+    coil_area_m2 : float or None
+        Total area of the coil in m2, which the filters need.
     output : path
         File for the rows, .csv or .parquet; without it they stay in the result.
-    initial_field_T : float
-        Field at the record's begin (flux linkage without an area); default 0, or the reference's first reading.
-    zero_reading_s, settling_s, still_A : float
-        Length of ffa1's zero reading; time that ffa2 waits after a ramp (1 s by default); how far a current may move
-        in a second of a plateau (0.1 A).
-    current_to_field_A_per_T : float
-        Of cs2.
-    lab : path
-        Of cs2-identified: a record with Hall probe and current of the cycled magnet, to identify its field from.
-    coil_area_sigma_m2, reference_gain_sigma, reference_offset_sigma_T, offset_sigma_V : float
-        Standard uncertainties of what stays the same through the record; the gain's is relative.
+    initial_field_T : float or None
+        Field at the record's begin (flux linkage in Wb without an area); 0 by default, or the reference's first
+        reading.
+    zero_reading_s : float > 0 or None
+        Time at the record's begin in which nothing moves, for the zero reading of ffa1.
+    settling_s : float >= 0 or None
+        Time left out after each ramp until the eddy currents have decayed, for ffa2; 1 s by default.
+    still_A : float > 0 or None
+        Largest change of the current within a second on a plateau of ffa2; 0.1 A by default.
+    current_to_field_A_per_T : float > 0 or None
+        Ratio of the magnet's current to its field in A/T for cs2, as sure as ``reference_gain_sigma`` says.
+    lab : str, Path or None
+        Record with Hall probe and current of a cycled magnet, from which cs2-identified identifies its field.
+    coil_area_sigma_m2 : float >= 0 or None
+        Standard uncertainty of the area in m2.
+    reference_gain_sigma : float >= 0 or None
+        Relative standard uncertainty of the gain of the Hall probe, or of the current-to-field ratio.
+    reference_offset_sigma_T : float >= 0 or None
+        Standard uncertainty of the reference's zero.
+    offset_sigma_V : float >= 0 or None
+        Standard uncertainty of the offset voltage that a method leaves; by default 20 µV (trapezoid), 5 µV (ffa1, ffa2)
+        and 0 (the filters, which estimate it).
+    coverage : float > 0
+        Coverage factor of the printed uncertainty.
     columns, units, table : optional
         What the record's columns are and in which unit, and which table of its file it is, as in
         :func:`femfit.read_measurement`.

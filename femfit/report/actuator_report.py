@@ -14,6 +14,7 @@ from femfit.device.electrics import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
 from femfit.fit.constants import TARGET
+from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows
 from femfit.model.several_magnetics import NETWORK, OPERATIONS
 from femfit.report.cutaway import draw_off_screen
@@ -23,18 +24,29 @@ from femfit.report.field_sample import FieldSample
 from femfit.report.figures import figures_of
 from femfit.report.model_figures import SweepGrid
 from femfit.report.page import ReportContent, hangs, render
-from femfit.report.style import data_uri, svg_uri, words
+from femfit.report.style import data_uri, svg_uri
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.margins import worst_of
-from femfit.simulation.summary import FILTER, ClosedLoopStudy
+from femfit.simulation.summary import FILTER
 from femfit.simulation.words import sentence
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
-_OF_CONTENT = ("model", "actuator", "rows", "weight", "motion", "heat", "feeds")
+_OF_CONTENT = ("model", "actuator", "rows", "weight", "motion", "heat", "feeds", "study")
 """What templates call by its own name."""
+
+_CONSTANTS: dict[str, Any] = {
+    "shapes": SHAPES,
+    "target": TARGET,
+    "network_name": NETWORK,
+    "network_operations": OPERATIONS,
+    "all_controllers": CONTROLLERS,
+    "filter": FILTER,
+    "worst_of": worst_of,
+    "loop_words": partial(sentence, "loop"),
+}
 
 CUTAWAY, NO_CUTAWAY = "cutaway", "why there is no cut-away"
 
@@ -70,16 +82,20 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
         "line_flux_Wb": None if content.field is None else line_flux(content.field),
         "sweep": None if rows is None else _sweep_facts(content, rows, content.grid),
-        "laws": _law_facts(content, rows),
+        "laws": content.fit if _ranked(content.fit) else None,
         "coenergy": None if content.fit is None else content.fit.coenergy,
-        "shapes": SHAPES,
+        **_CONSTANTS,
         "hall": _hall_facts(content),
-        "closed_loop": None if content.study is None else _loop_facts(content.study),
         "travel": model.travel_m,
         "stopped": model.motion is not None and None not in {model.motion.near_stop, model.motion.far_stop},
         "provenance": _provenance(content),
     }
     return render("actuator.html.j2", facts, figures)
+
+
+def _ranked(fit: FitResult | None) -> bool:
+    """Whether a law was found in the fit's ranking."""
+    return fit is not None and fit.ranking is not None and fit.ranking.recommended.fit is not None
 
 
 def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]:
@@ -91,7 +107,6 @@ def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]
         "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
         "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
         "moving_coil": bool(actuator.coils) and all(coil.moves for coil in actuator.coils),
-        "saturates": actuator.saturates,
         "parts": [(region.name, region.material.name, material_words(region)) for region in actuator.regions],
         "inductance_H": inductance,
         "weight_N": actuator.mechanics.mass_kg * GRAVITY,
@@ -115,24 +130,6 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
         "unit": unit,
         "factor": factor,
         "largest": largest,
-    }
-
-
-def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] | None:
-    fit = content.fit
-    if fit is None or rows is None or fit.ranking is None or fit.ranking.recommended.fit is None:
-        return None
-    candidates = fit.ranking.candidates
-    return {
-        "ranking": fit.ranking,
-        "network": fit.network,  # Where it is better than the laws that are ranked
-        "network_name": NETWORK,
-        "network_operations": OPERATIONS,
-        "best": fit.ranking.recommended,
-        "fitted": sum(c.fit is not None for c in candidates),
-        "target": TARGET,
-        "terms": fit.ranking.recommended.fit.term_rows,
-        "failures": [(c.law.name, c.failure) for c in candidates if c.fit is None],
     }
 
 
@@ -177,40 +174,4 @@ def _provenance(content: ReportContent) -> dict[str, Any]:
         "settings": [(name, value) for name, value in (manifest.get("settings") or {}).items() if value is not None],
         "hashes": hashes,
         "notes": () if content.fit is None else content.fit.notes,
-    }
-
-
-name_of = partial(words, "loop")
-"""A controller, filter or measurement as it is written."""
-
-
-def _loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
-    """The numbers of a study as its template shows them."""
-    design = study.design
-    lost, runs = sum(loop.runs - loop.held for loop in study.loops), sum(loop.runs for loop in study.loops)
-    filtered = [row for row in study.steps if row.measurement != "direct"]
-    return {
-        "study": study,
-        "first": design.points[0],
-        "last": design.points[-1],
-        "lost": lost,
-        "runs": runs,
-        "verdict": [(name_of(row.controller), row.held, row.runs, row.rms_m) for row in filtered],
-        "series": [
-            (f"steps-{loop.experiment.controller}", name_of(loop.experiment.controller), name_of(FILTER))
-            for loop in study.loops
-            if loop.held
-        ],
-        "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
-        "margins": [
-            (name_of(name), sentence("loop", "margins", design, worst_of(design.margins(name, FILTER))))
-            for name in design.controllers
-        ],
-        "gains": [
-            (name_of(name), sentence("loop", "gains", design, design.controller(name))) for name in design.controllers
-        ],
-        "missing": [(name_of(name), design.why_no(name)) for name in CONTROLLERS if design.why_no(name)],
-        "sensors": sentence("loop", "sensors", design),
-        "measurements": list(dict.fromkeys(row.measurement for row in study.steps)),
-        "steps": {(row.measurement, row.controller): row for row in study.steps},
     }

@@ -48,15 +48,15 @@ def render_diagnosis(
     observations, evidence, source = diagnosis.observations, diagnosis.campaign, data.source if data else SOURCE
     recorded_motion = "velocity_m_s" in observations.covariates  # readings are windows of a time series
     distinct = not recorded_motion and "mount" in observations.given  # whether mounts are told from runs
+    verdict = said_of(diagnosis, "verdict")
+    certainty = said_of(diagnosis, "certainty") if diagnosis.missing else ""
     facts: dict[str, Any] = {
-        "title": f"{diagnosis.model.name}: the bench and the model",
         "lead": f"{source} beside the model's predictions",
-        "summary": _summary(diagnosis, suggestions),
+        "summary": _summary(diagnosis, suggestions, verdict, certainty),
         "data": data,
         "diagnosis": diagnosis,
-        "observations": observations,
-        "verdict": said_of(diagnosis, "verdict"),
-        "certainty": said_of(diagnosis, "certainty") if diagnosis.missing else "",
+        "verdict": verdict,
+        "certainty": certainty,
         "classes": [effect for effect in diagnosis.missing if len(effect.members) > 1],
         "hashes": hashes,
         "recorded_motion": recorded_motion,
@@ -65,6 +65,7 @@ def render_diagnosis(
         "settings": len(np.unique(setting_cells(observations))),
         "noise": None if evidence is None else evidence.noise,
         "findings": observations.findings if evidence is None else diagnosis.findings,
+        "quoted_source": shlex.quote(source),
     }
     sections = ["curves", "measured", "misfit", "provenance"]
     if evidence is not None:
@@ -72,71 +73,61 @@ def render_diagnosis(
         facts |= _explained(diagnosis)
     if diagnosis.verdict != "nothing_missing":
         sections.append("next")
-        nominal = diagnosis.observations.nominal
-        possible = device_effects(nominal.circuits, nominal.drawn)
+        possible = device_effects(observations.nominal.circuits, observations.nominal.drawn)
         members = dict.fromkeys(name for effect in diagnosis.missing for name in effect.members if name in possible)
         facts["suggestions"] = suggestions[:SHOWN]
         facts["experiments"] = [(name, possible[name].experiment) for name in members]
     if bench_of(diagnosis).effects:
         sections.append("fall")
-        facts |= {
-            "added": None,
-            "quoted_source": shlex.quote(source),
-            "named_together": " + ".join(effect.name for effect in diagnosis.missing),
-            "errors": [diagnosis.error_fall.rms_before, diagnosis.error_fall.rms_after],
-        }
-    return titled(_render(diagnosis, facts, sections), titles_of(observations.nominal.drawn))
+        facts |= {"added": None, "named": diagnosis.missing, "error_fall": diagnosis.error_fall}
+    return _render(diagnosis, facts, sections)
 
 
 def render_comparison(comparison: Comparison) -> str:
     """The page on a comparison: the answer, measured points on the model's curves, maps of the misfit."""
-    facts = {
-        "title": f"{comparison.model.name}: the bench and the model",
-        "lead": "what was measured beside the model's predictions",
-        "summary": [("", line) for line in str(comparison).splitlines() if line.strip()][:SHOWN],
-        "diagnosis": None,
-    }
+    summary = [("", line) for line in str(comparison).splitlines() if line.strip()][:SHOWN]
+    facts = {"lead": "what was measured beside the model's predictions", "summary": summary, "diagnosis": None}
     return _render(comparison, facts, ["curves", "misfit"])
 
 
 def render_added(result: AddResult) -> str:
     """The page on effects that were added: measured points before and after, and how far the error fell."""
+    lines = [line.strip() for line in str(result).splitlines() if line.strip()]
     facts = {
         "added": result,
-        "named_together": " + ".join(added.effect.name for added in result.added) or "nothing added",
-        "errors": [result.fall.rms_before, result.fall.rms_after],
-        "title": f"{result.model.name}: the bench and the model",
+        "named": [added.effect for added in result.added],
+        "error_fall": result.fall,
         "lead": "the model before and after the refit",
-        "summary": [("", line.strip()) for line in str(result).splitlines() if line.strip()],
+        "summary": [("", line) for line in lines],
         "hashes": (),
+        "remainder": lines[:1],
     }
-    sections = ["curves", "fall", "provenance"]
-    if result.parts:
-        sections.insert(1, "remainder")
-        facts["remainder"] = str(result).splitlines()[:1]
-    return titled(_render(result, facts, sections), titles_of(result.observations.nominal.drawn))
+    return _render(result, facts, ["curves", *(["remainder"] if result.parts else []), "fall", "provenance"])
 
 
 def _render(result: Comparison | Diagnosis | AddResult, facts: Mapping[str, Any], sections: Sequence[str]) -> str:
-    bench, drawn = bench_of(result), {name: svg_uri(draw, name) for name, draw in figures_of(result).items()}
-    shown = {
-        "curves": [bench.curves[channel] for channel in bench.channels],
-        "effects": list(dict.fromkeys(added.effect.name for added in bench.effects)),
-        "floor": bench.floor,
-        "level": LEVEL_AFTER,
-        "known": bench.known,
-        "covariates": bench.covariates,
-    }
+    drawn = {name: svg_uri(draw, name) for name, draw in figures_of(result).items()}
     versions = [("femfit", __version__), *((name, version(name)) for name in ("numpy", "scipy", "matplotlib"))]
-    return render("bench.html.j2", {**facts, **shown, "versions": versions, "sections": sections}, drawn)
+    shared = {
+        "title": f"{result.model.name}: the bench and the model",
+        "observations": result.observations,
+        "bench": bench_of(result),
+        "level": LEVEL_AFTER,
+        "versions": versions,
+        "sections": sections,
+    }
+    page = render("bench.html.j2", {**shared, **facts}, drawn)
+    return titled(page, titles_of(result.observations.nominal.drawn))
 
 
-def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion]) -> list[tuple[str, str]]:
-    summary = [("Verdict", said_of(diagnosis, "verdict"))]
+def _summary(
+    diagnosis: Diagnosis, suggestions: Sequence[Suggestion], verdict: str, certainty: str
+) -> list[tuple[str, str]]:
+    summary = [("Verdict", verdict)]
     if diagnosis.where.channel:
         summary.append(("Where", diagnosis.where.sentence))
-    if diagnosis.missing:
-        summary.append(("How certain", said_of(diagnosis, "certainty")))
+    if certainty:
+        summary.append(("How certain", certainty))
     if suggestions or diagnosis.own_misfit:
         finer = sentence("allowances", "finer_model", finer_sweep(diagnosis.model))
         summary.append(("Next", suggestions[0].text if suggestions else finer))
@@ -153,7 +144,7 @@ def _explained(diagnosis: Diagnosis) -> dict[str, Any]:
     testable = [score for score in diagnosis.ranking if not score.note]
     shares = [(s.name, (s.chi2_fall - s.degrees_of_freedom) / excess, s.explained_share) for s in testable[:RANKED]]
     return {
-        "named": [(effect, effects.get(effect.name)) for effect in diagnosis.missing],
+        "explained": [(effect, effects.get(effect.name)) for effect in diagnosis.missing],
         "shares": shares if diagnosis.verdict != "nothing_missing" else [],
         "detectable": [
             (name, smallest_visible(effects[name], amplitudes, nominal) or NOTHING)

@@ -3,8 +3,7 @@
 A report on an actuator is made of results that were computed before.
 """
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -28,7 +27,6 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_sample import FieldSample
 from femfit.report.model_figures import SeveralCircuits, Supplied, SweepGrid, at_supply, several_circuits, sweep_grid
 from femfit.report.style import (
-    NOTHING,
     at_currents,
     formula_markup,
     p_value,
@@ -64,23 +62,17 @@ def _environment() -> "Environment":
     environment = Environment(
         loader=PackageLoader("femfit.report"), autoescape=True, lstrip_blocks=True, undefined=StrictUndefined
     )
-    environment.filters |= {
-        "quantity": quantity,
-        "dash": lambda value, unit: quantity(value, unit) if math.isfinite(value) else NOTHING,
+    functions = (quantity, percent, plain, significant, at_currents, p_value, counted)
+    filters: dict[str, Callable[..., Any]] = {
         "part": lambda name: words("loop", name),
-        "percent": percent,
-        "plain": plain,
-        "significant": significant,
         "mm": lambda metres, digits=4: plain(1e3 * metres, digits),
         "words": lambda name: str(name).replace("_", " "),
-        "at_currents": at_currents,
         "amperes": lambda current: f"{plain(current)} A",
         "wordy": lambda cells: (str(cells[0]).replace("_", " "), *cells[1:]),
         "formula": formula_markup,
         "channel": CHANNEL_WORDS.__getitem__,
-        "p_value": p_value,
-        "counted": counted,
     }
+    environment.filters |= filters | {function.__name__: function for function in functions}
     templates = files("femfit.report") / "templates"
     environment.globals |= {
         "version": __version__,

@@ -68,37 +68,45 @@ def close_loop(
     ----------
     model : ActuatorModel, str or Path
         What controller and filter believe, or its file.
-    controller : str or None
-        ``pid``, ``state-feedback`` (a linear-quadratic regulator with an integral) or ``backstepping``. Where None: the
-        one whose linear loop keeps the largest margin of those that hold all runs, or the PID where gains or a
-        bandwidth are given.
-    estimator : str
-        ``ukf`` or ``ekf``, with a 4 to estimate the first sensor's bias too, or ``direct``, which inverts the first
-        sensor's characteristic.
+    controller : {'pid', 'state-feedback', 'backstepping'} or None
+        Controller: pid, state-feedback (a linear-quadratic regulator with an integral) or backstepping; by default the
+        one whose linear loop keeps the largest margin of those that hold all runs, or pid where gains or a bandwidth
+        are given.
+    estimator : {'ukf4', 'ekf4', 'ukf', 'ekf', 'direct'}
+        Filter: ukf4 or ekf4, which estimate the first sensor's bias as a further state; ukf or ekf, which do not; or
+        direct, which inverts the first sensor's characteristic without a filter.
     sensors : sequence of str or None
-        Which sensors of the model the loop reads; the Hall element, or all where there is none.
+        Sensors that the loop reads, by their names in the drawing; the Hall element by default, or all where there is
+        none.
     targets_m : iterable of float or None
         Distances that the reference steps to in turn; those of the model where None.
-    seconds : float or None
-        Of one run; where None one second a target, or less where the samples are short (2000 of them, and a step).
+    seconds : float > 0 or None
+        Duration of one run in s; by default 1 s a reference distance, or 2000 samples and a step's time where that is
+        less.
     plant : ActuatorModel, str, Path or None
-        What truly moves and is truly sensed, where that is another model.
-    gains, bandwidth_rad_s : optional
-        The controller's, in place of the designed ones: :func:`femfit.simulation.design.adjusted`.
-    latency : int
-        Samples from a reading to the command that it leads to.
-    noise : mapping of str to float, float or None
-        White noise of one sample by the sensors' names, in their units, or that of the first; the model's where None.
+        Model of what truly moves and is truly sensed, while controller and filter believe in the other.
+    gains : mapping of str to float, or None
+        Gains of the controller in place of the designed ones, as ``{"kp": 2000}``; of pid: kp, ki, kd, filter_rad_s; of
+        backstepping: position, velocity, current; of state-feedback: distance, velocity, current, integral.
+    bandwidth_rad_s : float > 0 or None
+        Bandwidth of the controller in place of the one that its margins and the noise allow.
+    latency : int >= 0
+        Number of samples from a reading to the command that it leads to.
+    noise : float, mapping of str to float, or None
+        White noise of a sensor's sample in its unit, as ``{"laser": 0.002}``, or a number alone for the first sensor;
+        the model's by default.
     faulty : str or None
-        Sensor that offset, drift, sticking and dropouts are of; the first where None.
-    offset, drift_per_s : float
-        Of its reading, in its unit, which the model does not know.
-    force_scale : float
-        True force over the model's.
-    stuck_after_s : float or None
-        From then on the sensor repeats its last reading.
-    dropout : float
-        Probability of a reading at the lower end of the sensor's range.
+        Sensor with the offset, drift, sticking and dropouts; the first by default.
+    offset : float
+        Constant error of the faulty sensor in its unit, which the model does not know.
+    drift_per_s : float
+        Growth of the faulty sensor's offset in its unit per second.
+    force_scale : float > 0
+        Ratio of the true force to the model's.
+    stuck_after_s : float >= 0 or None
+        Time from which the faulty sensor repeats its last reading.
+    dropout : float >= 0 and <= 1
+        Probability of a reading at the lower end of the faulty sensor's range.
     recorded : int
         Runs whose series are kept.
     progress : callable or None

@@ -52,23 +52,25 @@ def simulate(
     model : ActuatorModel, str or Path
         With circuit and motion, or its file.
     drive : Profile, mapping of str to Profile, str, Path or None
-        What is commanded over time, of several circuits by their names, or a table with the columns time_s and
-        voltage_V or current_A (voltage_NAME_V or current_NAME_A). A circuit of which nothing is said gets 0.
-    voltage_V, current_A : float, mapping of str to float, or None
-        A constant command in place of ``drive``, of several circuits by their names; one of the three is needed where
-        there is a winding.
-    duration_s : float or None
-        Up to the last time of ``drive``, or 0.1 s, where None.
+        Command over time, of several circuits by their names, or a table with the columns time_s and voltage_V or
+        current_A (voltage_NAME_V or current_NAME_A); a circuit of which nothing is said gets 0.
+    voltage_V : float, mapping of str to float, or None
+        Constant command in V; for several circuits by their names, as ``{"bias": 2, "diff": 1}``.
+    current_A : float, mapping of str to float, or None
+        Constant command in A of a current amplifier; for several circuits by their names. One of the three commands is
+        needed where there is a winding.
+    duration_s : float > 0 or None
+        Duration of the open loop; up to the last time of ``drive``, or 0.1 s, by default.
     start_m : float or None
-        Where the body begins; where it rests without current, on a stop or between springs, where None.
+        Distance at which the body begins; by default where it rests without current, on a stop or between springs.
     mechanics : Mechanics or None
         In place of the model's.
-    interpolation : str
-        Of a table: ``held``, each value up to the next time, or ``linear``.
+    interpolation : {'held', 'linear'}
+        Interpolation of the drive's table: held (each value up to the next time) or linear.
     outside : str
         Where distance or current leave the validity domain: ``stop`` there, or ``extrapolate`` and say so.
-    sample_time_s : float or None
-        Of the result's table; a 2000th of the duration where None.
+    sample_time_s : float > 0 or None
+        Time between two rows of the result's table; a 2000th of the duration by default.
 
     Raises
     ------

@@ -111,15 +111,19 @@ def sense(
     Parameters
     ----------
     sensors : sequence of str
-        Names of the sensors that the filter reads, or their kinds.
+        Sensors that the filter reads, by their names or kinds (current, position).
     drive : Profile, str, Path or None
-        What is commanded over time; a step to ``voltage_V`` after 20 ms of rest where None.
+        Command over time in place of a step, or a table with the columns time_s and voltage_V.
     voltage_V : float or None
-        Of that step; the supply's largest where None.
-    test_voltage_V, test_frequency_Hz : float
-        Amplitude and frequency of a square wave on top of the command; a twentieth of the sampling rate where None.
-    runs : int
-        Runs with noises of their own.
+        Height of the command's step in V, after 20 ms of rest; the supply's largest voltage by default.
+    test_voltage_V : float >= 0
+        Amplitude in V of a square wave on top of the command.
+    test_frequency_Hz : float > 0 or None
+        Frequency of the square wave; a twentieth of the sampling rate by default.
+    runs : int >= 1
+        Number of simulated runs, each with its own noise.
+    rng : int >= 0 or numpy.random.Generator
+        Seed of the noise.
 
     Raises
     ------

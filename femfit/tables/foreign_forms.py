@@ -36,17 +36,31 @@ WORDS = {column_unit(name)[0]: name for name in SWEPT}
 
 @dataclass(frozen=True)
 class ImportOptions(Words):
-    """Overrides of what the reader finds out by itself."""
+    """Overrides of what the reader finds out by itself.
+
+    Attributes
+    ----------
+    matrix_rows : {'auto', 'distance', 'current'}
+        Quantity in the first column of a matrix force(distance, current) with its axes.
+    decimal : {'.', ','} or None
+        Decimal mark of the numbers.
+    distance_start_m : float or None
+        Distance at position (or step) zero; positions that count towards the electromagnet have a negative factor as
+        unit.
+    keep_force : bool
+        Force with the sign that it has, whatever its current says.
+    without : sequence of str
+        Quantities to leave out: flux_linkage, inductance, hall, coenergy.
+    accept : sequence of str
+        Codes of errors that shall not stop the import.
+    """
 
     # Names of the columns of a table without a header line, in order; of a matrix, its first row
     column_names: tuple[str, ...] = ()
-    # What the first column of a matrix force(distance, current) with its axes holds
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
     decimal: str | None = None
-    # Distance at zero of the column; positions that count towards the electromagnet have a negative factor as unit
     distance_start_m: float | None = None
-    keep_force: bool = False  # Whether the force's sign is right whatever its current says
-    # Quantities that are left out; codes of error findings that shall not stop the import
+    keep_force: bool = False
     without: tuple[str, ...] = ()
     accept: tuple[str, ...] = ()
 

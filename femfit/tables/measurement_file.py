@@ -74,18 +74,16 @@ def read_measurement(
         ``.parquet``, ``.xlsx``, ``.mat``, HDF5, TDMS or ``.wav``; ``NAME.toml`` or ``NAME.csv.toml``
         beside it may declare the noise.
     columns : mapping of str to str, optional
-        Header to the column that it is, where its name does not say it: ``{"Kanal 3": "force_N"}``.
+        Column that a header is, where its name does not say it: ``{"Kraft": "force_N"}``.
     units : mapping of str to str, optional
-        Header to its unit, or to a number that multiplies it to SI: ``{"Kraft": "gf"}``.
+        Unit of a header, or a number that multiplies it to SI: ``{"Kraft": "gf"}``.
     table : str, optional
-        Sheet, group or struct, where a file has several that could be meant.
+        Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS).
     noise : mapping of str to float, optional
-        Channel to the standard deviation of one reading: ``{"force_N": 2e-4}``; of impedances also a share of their
-        magnitude, ``{"impedance_percent": 0.1}``.
+        Standard deviation of one reading by channel, which counts before the sidecar's: ``{"force_N": 2e-4}``; of
+        impedances also a share of their magnitude, ``{"impedance_percent": 0.1}``.
     settings : mapping of str to float, optional
-        What was the same throughout and has no column: ``{"distance_mm": 2.0}``. All of these may stand in the sidecar
-        instead, as ``[columns]``, ``[units]``, ``table``, ``[noise]`` and ``[settings]``; what is given here counts
-        before it.
+        Setting without a column that was the same throughout, in any unit: ``{"distance_mm": 2}``.
 
     Raises
     ------

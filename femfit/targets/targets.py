@@ -78,13 +78,14 @@ def export(
     directory : path
         Absent, empty, or an earlier export, whose files are replaced.
     to : str
-        Name of one of :data:`TARGETS`: ``estimator`` or ``c``.
-    filter : {'ukf', 'ekf'}
-        Of C: unscented or extended. The file of Python has both.
-    real : {'double', 'float'}
-        Precision of C; what single precision costs along a simulated motion is said.
+        Kind of export: estimator (filters and simulator as one file of Python), or c (a filter in C99).
+    filter : str
+        Kalman filter of C: ukf (unscented) or ekf (extended); the file of Python has both.
+    real : str
+        Precision of C: double, or float where the hardware has that alone; what that costs along a simulated motion is
+        said.
     sensors : sequence of str or None
-        Sensors that the filter reads; the Hall element where None, or all where there is none.
+        Sensors that the filter reads; the Hall element by default, or all where there is none.
 
     Raises
     ------

@@ -157,3 +157,11 @@ def test_the_moving_part_of_a_fem_model_can_be_named_by_a_label(tmp_path):
     worked("import-fem", tmp_path / "m.fem", *options)
     assert [region.name for region in read_actuator(tmp_path / "a.toml").moving.regions] == ["n40"]
     assert "mover" not in {one["code"] for one in json.loads((tmp_path / "r.json").read_text())["findings"]}
+
+
+def test_an_empty_name_keeps_its_place_among_the_names_of_columns(tmp_path):
+    rows = [f"0.00{11 + k},{0.3 + k / 100},{0.2 + k / 100},{0.1 + k / 100}" for k in range(5)]
+    (tmp_path / "matrix.csv").write_text("\n".join(rows))
+    names = ("--columns", ",0 A,0.5 A,1 A", "--matrix-rows", "distance", "--unit", "distance=m")
+    worked("import", tmp_path / "matrix.csv", *names, "-o", tmp_path / "out", "--accept", "all")
+    assert sorted(read_sweep_table(tmp_path / "out").rows["current_A"].unique()) == [0.0, 0.5, 1.0]

@@ -24,10 +24,12 @@ from support.small_drawing import SMALL
 FEW = SMALL.replace("stop = 12", "stop = 6")
 
 
-def test_help_lists_every_command():
+def test_help_lists_every_command_and_a_page_says_all_of_it():
     text = femfit("--help").stdout
-    assert all(f" {name} " in text for name, _, _ in COMMANDS)
+    assert all(f" {name} " in text for name in COMMANDS)
     assert "--install-completion" in text
+    assert "Otherwise the loop is closed." not in text  # which stands on the command's own page
+    assert "Otherwise the loop is closed." in femfit("simulate", "--help").stdout
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
@@ -122,7 +124,7 @@ WAITING = """
 import signal, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin with it ignored
 from femfit.cli import main
-def app():
+def app(_):
     def command(*_, **__):
         print("waiting", flush=True)
         time.sleep(60)

@@ -96,7 +96,7 @@ def test_a_wrong_line_ends_with_its_code_and_names_what_is_wrong(folder, code, l
     assert not list(folder.glob("new*"))
 
 
-@pytest.mark.parametrize("name", [name for name, _, _ in COMMANDS])
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_explains_itself(name):
     done = femfit(name, "--help")
     assert done.returncode == 0

@@ -13,6 +13,7 @@ from femfit.model.json_file import write_model
 from support.actuators import GEOMETRY
 from support.command import worked
 from support.halves import cut_in_two
+from support.replays import damped
 from support.solenoids import solenoid
 
 AREA = "0.059394"
@@ -133,6 +134,14 @@ def test_each_of_several_circuits_takes_its_own_voltage(tmp_path):
     rows, data = motion_of(tmp_path / "halves.json", "--voltage", "inner=6,outer=6")
     assert data["switchings"][0]["kind"] == "pull_in"
     assert set(rows) >= {"current_inner_A", "voltage_outer_V", "flux_linkage_inner_Wb"}
+
+
+def test_a_sensed_motion_replaces_its_own_table_and_picture(tmp_path):
+    write_model(damped(), tmp_path / "solenoid.json")
+    files = ("--csv", tmp_path / "sensed.csv", "--picture", tmp_path / "sensed.png")
+    for seed in (1, 2):
+        worked("sense", tmp_path / "solenoid.json", "--voltage", 9, "--runs", 2, "--seed", seed, *files)
+    assert {"rms_m", "claimed_m", "bound_m"} < set(pd.read_csv(tmp_path / "sensed.csv"))
 
 
 @pytest.mark.nightly

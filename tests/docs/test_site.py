@@ -113,7 +113,7 @@ def commands():
 def test_commands_that_the_pages_show_exist(line):
     _, *words = shlex.split(line)
     try:
-        build_app().parse_args(words, exit_on_error=False, print_error=False)
+        build_app(()).parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         pytest.fail(str(error))
 

@@ -65,7 +65,7 @@ def test_a_wrong_name_is_answered_with_the_right_ones():
     ("code", "late"),
     [
         ("import femfit; dir(femfit)", HEAVY),
-        ("import femfit.cli.main as m; m.build_app()", HEAVY),
+        ("import femfit.cli.main as m; m.build_app(())", HEAVY),
         ("import femfit.cli.fit, femfit.cli.compare", ("pandas",)),  # which load tables when they run
     ],
 )

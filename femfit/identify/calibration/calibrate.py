@@ -58,10 +58,10 @@ def calibrate(
     directory : str or Path
         For the sweeps: ``drawn`` and ``calibrated`` in it. What was solved there already is not solved again.
     numbers : str, sequence of str, or None
-        Numbers by their key paths, by unique ends of these, or as a diagnosis names them, or ``all``; None for those
-        that a diagnosis names.
+        Numbers of the drawing by their key paths, by unique ends of these, or as a diagnosis names them, or all; by
+        default those that a diagnosis names.
     effects : str, sequence of str, or None
-        Effects of the catalogue that are fitted beside them; None for those that a diagnosis names.
+        Effects of the catalogue that are fitted beside the numbers; by default those that a diagnosis names.
     workers : int
         Processes of this machine that solve.
 

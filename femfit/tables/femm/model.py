@@ -152,6 +152,15 @@ class FemOptions:
     """Choices and values that a ``.fem`` file does not hold, as the command's options of the same names say them.
 
     Moving bodies are named by the number of one of their block labels; the face's height is in the file's z.
+
+    Attributes
+    ----------
+    moving_labels : sequence of int
+        Place in the file's list, from 1, of a block label in the body that moves; inferred by default.
+    mover_side : {'auto', 'above', 'below'}
+        Side of the fixed parts on which the moving part stands in the file: higher or lower z.
+    face_mm : float or None
+        Height z, in the file, of the fixed parts' face from which distances are counted.
     """
 
     moving_labels: tuple[int, ...] = ()
