@@ -84,7 +84,7 @@ class MeshedActuator(ABC):
         *,
         estimate: bool = True,
     ) -> None:
-        self._actuator, self._group, self.settings = actuator, group, settings
+        self._actuator, self._group, self.settings, self._estimate = actuator, group, settings, estimate
         # Where this is the level that meets a tolerance: its search's outcome, and rows that it has found at points
         self.choice: LevelChoice | None = None
         self.found: tuple[FloatArray, Rows] = np.zeros((0, 0)), {}
@@ -92,11 +92,18 @@ class MeshedActuator(ABC):
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
         self._signatures: SignatureRows | None = None
-        self.unknowns = self._discretise(settings, estimate=estimate)
+        self.unknowns = self._discretise()
 
     @abstractmethod
-    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
-        """Make the systems on the mesh; the number of unknowns of the finest one."""
+    def _discretise(self) -> int:
+        """Make the systems on the mesh at its reference; the number of unknowns of the finest one."""
+
+    def _slide(self, distance: float) -> None:
+        """Take a distance as the mesh's reference where a body slides."""
+        if self._moving.slides and distance != self._moving.reference:
+            self._moving.slide_to(distance)
+            self._signatures = None
+            self.unknowns = self._discretise()
 
     @abstractmethod
     def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
@@ -127,14 +134,16 @@ class MeshedActuator(ABC):
 class LinearActuator(MeshedActuator):
     """An actuator with linear materials, of which a distance is solved for all currents at once."""
 
-    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
-        self._system = LinearSystem(self._moving, self._actuator, settings.order)
-        self._lower = LinearSystem(self._moving, self._actuator, settings.order - 1) if estimate else None
+    def _discretise(self) -> int:
+        order = self.settings.order
+        self._system = LinearSystem(self._moving, self._actuator, order)
+        self._lower = LinearSystem(self._moving, self._actuator, order - 1) if self._estimate else None
         self._solved: float | None = None  # distance that the fields are of
         return int(self._system.space.ndof)
 
     def solve(self, distance: float) -> Coefficients:
         """Solve at a distance."""
+        self._slide(distance)
         with self._moving.at(distance):
             fine = self._system.evaluate()
             totals = [function_of(self._system.space, total) for total in self._system.total]
@@ -174,15 +183,16 @@ class LinearActuator(MeshedActuator):
 class NonlinearActuator(MeshedActuator):
     """An actuator with saturating parts, solved point by point."""
 
-    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
-        self._tolerance, below = settings.newton_tolerance, settings.order - 1
-        orders = min(FIRST_ORDER, below), settings.order, *([below] if estimate else [])
+    _references: States | None = None  # Of the lowest order, where the mesh was made
+
+    def _discretise(self) -> int:
+        self._tolerance, below = self.settings.newton_tolerance, self.settings.order - 1
+        orders = min(FIRST_ORDER, below), self.settings.order, *([below] if self._estimate else [])
         self._systems, self._raise_order = at_orders(self._moving, self._actuator, *orders)
-        self.fine, self._lower = self._systems[-1], self._systems[-2] if estimate else None
+        self.fine, self._lower = self._systems[-1], self._systems[-2] if self._estimate else None
         # The distance last solved, and states and columns of its points
         self._solved: tuple[float, States, dict[tuple[float, ...], dict[str, Any]]] = np.nan, {}, {}
-        self._references: States = {}
-        if len(self._group) > 1:
+        if self._references is None and len(self._group) > 1:
             self._systems[0].move()
             swept = current_points(swept_currents(self._actuator.sweep), len(self._circuits))
             self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
@@ -190,8 +200,9 @@ class NonlinearActuator(MeshedActuator):
 
     def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
         """The same; a point without convergence has its ``status`` and no field."""
+        self._slide(distance)
         with self._moving.at(distance):
-            results, bases, pending = [], self._references, points
+            results, bases, pending = [], self._references or {}, points
             for system, higher in zip(self._systems[:-1], self._raise_order, strict=True):
                 system.move()
                 results.append(dict(along_currents(system, pending, bases, self._tolerance)))

@@ -126,7 +126,6 @@ class PullIn:
             for part in (GAMMA, 1.0):
                 place = distance + part * step * velocity + 0.5 * (part * step) ** 2 * acceleration
                 if place != at:
-                    self.moving.mesh.UnsetDeformation()
                     self.moving.move_to(place)
                     stage.move()
                     at = place
@@ -145,7 +144,7 @@ class PullIn:
             rows.append((time, distance, current, flux, pull))
             if until is not None and distance <= until:
                 break
-        self.moving.mesh.UnsetDeformation()
+        self.moving.move_to(self.moving.reference)
         return np.array(rows).T
 
     @staticmethod
