@@ -134,7 +134,9 @@ class Layout:
 
     def gaps(self, distance: float) -> FloatArray:
         """The lengths in m, from the lowest on, that grow or shrink where the moving part shifts."""
-        return np.array([above[0] - below[1] for below, above in pairwise(self.stack(distance)) if below[2] != above[2]])
+        return np.array(
+            [above[0] - below[1] for below, above in pairwise(self.stack(distance)) if below[2] != above[2]]
+        )
 
     def rigid(self, distance: float) -> bool:
         """Whether the moving part with its layer is above all fixed parts, so that no part is stretched."""
@@ -146,9 +148,9 @@ def _joined(spans: Iterable[Span]) -> tuple[Span, ...]:
     """The same heights, those that overlap as one span."""
     joined: list[Span] = []
     for low, high in sorted(spans):
-        if joined and low <= joined[-1][1] + COINCIDENT:
-            low, high = joined[-1][0], max(high, joined.pop()[1])
-        joined.append((low, high))
+        overlaps = joined and low <= joined[-1][1] + COINCIDENT
+        start, end = joined.pop() if overlaps else (low, high)
+        joined.append((start, max(end, high)))
     return tuple(joined)
 
 

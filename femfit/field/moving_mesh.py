@@ -10,8 +10,8 @@ stand still at those of theirs (:meth:`femfit.field.layout.Layout.stack`). Betwe
 alone, which a stretch leaves where they are: the plunger's middle is stretched, and is the same plunger.
 
 The field is evaluated at quadrature points of a whole mesh, where a stretch along z changes what is seen. Coefficients
-of w are mapped to (w, dw/dr, dw/dz) once, on the mesh at its reference. A stretch by s moves each vertex by s g along z;
-with a = s dg/dr and b = 1 + s dg/dz
+of w are mapped to (w, dw/dr, dw/dz) once, on the mesh at its reference. A stretch by s moves each vertex by s g along
+z; with a = s dg/dr and b = 1 + s dg/dz
 
     dw/dr -> dw/dr - (a / b) dw/dz,    dw/dz -> dw/dz / b,    weight -> b weight,    r -> r,
 
@@ -75,7 +75,7 @@ class MovingMesh:
         return np.asarray(self.mesh.ngmesh.Coordinates())
 
     def _stretch(self, top: float) -> FloatArray:
-        """Part of the moving part's shift of each vertex: 1 at its edges and layer, whose top is given, 0 at fixed ones.
+        """Part of a shift that each vertex makes: 1 at the moving edges and the layer, to its top, and 0 at fixed ones.
 
         Between these it rises along z, where vertical edges alone pass, and fades out around the actuator.
         """

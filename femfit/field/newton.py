@@ -80,6 +80,8 @@ class NewtonResult:
     residual: float  # The last correction relative to the solution, in the energy's norm
     converged: bool
     history: tuple[float, ...]
+    # Relative error of the last correction as a solution of its equations; where it is not small, the mesh is at fault
+    solver_error: float = 0.0
 
 
 def minimise(
@@ -131,7 +133,7 @@ def minimise(
         if product > 0.0:  # as of any convex energy, but for rounding
             steps.append(_Step(moved, bent, product))
         stale = renewal_cost == 0.0 or step < 1.0 or slow
-    return NewtonResult(state, limit, history[-1], False, tuple(history))
+    return NewtonResult(state, limit, history[-1], False, tuple(history), _solver_error(problem, state, currents))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +155,15 @@ def _correction(problem: "NonlinearSystem", gradient: FloatArray, steps: deque[_
     for step, share in zip(steps, reversed(shares), strict=True):
         correction = correction + (share - inner(step.gradient, correction) / step.product) * step.state
     return correction
+
+
+def _solver_error(problem: "NonlinearSystem", state: FloatArray, currents: FloatArray) -> float:
+    """What a correction leaves of dE/dw, by the difference over a small part of it, relative along the correction."""
+    problem.renew(state)
+    gradient = problem.evaluate(state, currents).gradient
+    correction = problem.solve(-gradient)
+    change = problem.evaluate(state + RESOLVED * correction, currents).gradient - gradient
+    return abs(inner(change / RESOLVED + gradient, correction) / inner(gradient, correction))
 
 
 def _steps_left(before: float, residual: float, tolerance: float) -> float:

@@ -22,6 +22,7 @@ References
 F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighted over a layer.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -47,6 +48,8 @@ from femfit.field.point_rows import (
     BEYOND_CURVE,
     COARSE_FORCE,
     NO_CONVERGENCE,
+    NOT_FINITE,
+    UNSOLVED,
     Coefficients,
     CurrentsLike,
     current_points,
@@ -66,6 +69,10 @@ from femfit.field.tolerance import (
     with_errors,
 )
 from femfit.field.weak_form import function_of, hall_fields
+
+MOST_SOLVER_ERROR = 0.1
+"""Conventional: a correction that solves its equations to a tenth leads downhill as well as an exact one. Where a
+kinked curve keeps the iteration from its end it is below 0.004."""
 
 
 class MeshedActuator(ABC):
@@ -158,9 +165,7 @@ class LinearActuator(MeshedActuator):
         """What is solved at a distance for points (n, circuits)."""
         solution = self.solve(distance)
         if not np.all(np.isfinite(solution.force)):
-            raise FieldSolverError(
-                "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
-            )
+            raise FieldSolverError(NOT_FINITE)
         columns = superpose(points, solution, self._circuits)
         return {name: values.tolist() for name, values in columns.items()}
 
@@ -221,7 +226,7 @@ class NonlinearActuator(MeshedActuator):
             ended = [of_order[key] for of_order in results if key in of_order]
             iterations = sum(order.iterations for order in ended)
             newton = {"newton_iterations": iterations, "newton_residual": ended[-1].residual}
-            rows.append(newton | solutions.get(key, {"status": NO_CONVERGENCE}))
+            rows.append(newton | solutions.get(key, {"status": _failure(ended[-1])}))
         return table_rows(rows, points)
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
@@ -267,6 +272,13 @@ class NonlinearActuator(MeshedActuator):
         if hall is not None:
             columns["hall_T"] = float(hall_fields(hall, self.fine.space, fine[None])[0])
         return columns
+
+
+def _failure(result: NewtonResult) -> str:
+    """The status of a point whose iteration ended without convergence."""
+    if not math.isfinite(result.residual):
+        return f"failed: {NOT_FINITE}"
+    return UNSOLVED if result.solver_error > MOST_SOLVER_ERROR else NO_CONVERGENCE
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:
