@@ -289,8 +289,8 @@ def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: Solve
 
     for _, alike in groupby(distances, order):
         places = tuple(alike)
-        changes = np.abs(np.diff(np.log([layout.gaps(d) for d in places]), axis=0)) if len(places) > 1 else []
-        way = np.append(0.0, np.cumsum([change.max() for change in changes]))
+        changes = [np.log(layout.gaps(far) / layout.gaps(near)) for near, far in pairwise(places)]
+        way = np.append(0.0, np.cumsum([np.abs(change).max() for change in changes]))
         count = max(1, int(np.ceil(way[-1] / limit)))
         if count >= len(places):
             groups += [(d,) for d in places]

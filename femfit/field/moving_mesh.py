@@ -91,7 +91,7 @@ class MovingMesh:
             knots += [(max(top, stack[-1][1]), 1.0), (far, 0.0)]
         radius, height = self._vertices.T
         across = np.interp(radius, [1.5 * self.layout.radius, far], [1.0, 0.0])
-        return np.asarray(np.interp(height, *zip(*knots, strict=True)) * across)
+        return np.asarray(np.interp(height, *np.array(knots).T) * across)
 
     def slide_to(self, distance: float) -> None:
         """Move to a distance that becomes the reference."""

@@ -4,7 +4,7 @@ r"""The field problem of an actuator: all points of the currents at a distance, 
 1 A, so one factorisation a distance gives all: the force is a quadratic form in s, flux linkages and the Hall field are
 linear in it, and the co-energy is a quadratic form again. The stress of the moving part's own field integrates to zero,
 but not on a mesh: it is evaluated on the same mesh with everything else taken away, and subtracted
-(:mod:`femfit.field.linear_system`).
+(:mod:`femfit.field.source_fields`).
 
 **Saturating parts.** Along the currents a state changes much, along the distances little, so states at the group's
 reference distance are solved once at a low polynomial order, and a point starts from them
@@ -39,7 +39,6 @@ from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
-from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import NewtonResult, States, along_currents
 from femfit.field.nonlinear_system import FIRST_ORDER, at_orders
@@ -59,6 +58,7 @@ from femfit.field.point_rows import (
     weakest,
 )
 from femfit.field.signature_rows import SignatureRows
+from femfit.field.source_fields import SourceFields
 from femfit.field.tolerance import (
     LevelChoice,
     Rows,
@@ -122,7 +122,7 @@ class MeshedActuator(ABC):
 
     @abstractmethod
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
-        """The field w and the force in N at a point, with the mesh left stretched to it."""
+        """The field w, on the mesh at its reference, and the force in N at a point."""
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a point of the currents."""
@@ -143,8 +143,8 @@ class LinearActuator(MeshedActuator):
 
     def _discretise(self) -> int:
         order = self.settings.order
-        self._system = LinearSystem(self._moving, self._actuator, order)
-        self._lower = LinearSystem(self._moving, self._actuator, order - 1) if self._estimate else None
+        self._system = SourceFields(self._moving, self._actuator, order)
+        self._lower = SourceFields(self._moving, self._actuator, order - 1) if self._estimate else None
         self._solved: float | None = None  # distance that the fields are of
         return int(self._system.space.ndof)
 
@@ -180,7 +180,6 @@ class LinearActuator(MeshedActuator):
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
         """The sum of the sources' fields."""
         solution = self.solve(distance)
-        self._moving.move_to(distance)
         factors = np.insert(current_points(currents, len(self._circuits))[0], 0, 1.0)
         return function_of(self._system.space, factors @ self._system.total), float(factors @ solution.force @ factors)
 
@@ -247,7 +246,6 @@ class NonlinearActuator(MeshedActuator):
         if state is None:
             amperes = ", ".join(f"{i:g}" for i in point)
             raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {NO_CONVERGENCE}.")
-        self._moving.move_to(distance)
         return function_of(self.fine.space, state), self._solved[2][tuple(point)]["force_N"]
 
     def _states_at(self, distance: float, points: FloatArray) -> States:
