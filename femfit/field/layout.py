@@ -93,14 +93,7 @@ def _corners(filled: Any) -> Iterable[tuple[float, float]]:
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
 LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
-LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
-MITRE_LIMIT = 1.5  # of the offset: a pointed part's layer is cut off before its tip meets another part
-ROUNDING = 0.1  # of the offset: chords of an arc that a layer needs no more of
-FLAT = 1e-9
-"""Numerical: sine of an angle that rounding makes of none."""
-
 LEAST_GAP = 0.2  # of the clearance: a shorter length is not stretched
-SHORTEST_STEP = 0.02  # of the outer offset: a shorter edge where two steps nearly meet is no use, and may not be meshed
 
 
 Span = tuple[float, float]
@@ -165,11 +158,11 @@ def _spans(parts: Iterable[Region | Coil]) -> Iterable[Span]:
 
 def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
     """Measure an actuator over its sweep."""
-    mover, obstacles = mover_outline(actuator), _obstacles(actuator)
+    mover, still = mover_outline(actuator), obstacles(actuator)
     distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
-    clearance, scale = _clearance(mover, shapely.union_all(obstacles), distances)
+    clearance, scale = _clearance(mover, shapely.union_all(still), distances)
     moved = np.concatenate([np.asarray(mover.exterior.coords) + np.array([0.0, d]) for d in distances])
-    parts = [*(np.asarray(outline.exterior.coords) for outline in obstacles if outline.geom_type == "Polygon"), moved]
+    parts = [*(np.asarray(outline.exterior.coords) for outline in still if outline.geom_type == "Polygon"), moved]
     radius = max(float(np.hypot(*points.T).max()) for points in parts)
     hall = [] if actuator.hall is None else [(actuator.hall.height_m, actuator.hall.height_m)]
     return Layout(
@@ -191,14 +184,14 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
-    outer = OUTER_OFFSET * _clearance(mover, shapely.union_all(_obstacles(actuator)), (near, far))[1]
+    outer = OUTER_OFFSET * _clearance(mover, shapely.union_all(obstacles(actuator)), (near, far))[1]
     if far > near and layout.rigid(near):  # (far - top - outer) / (near - top - outer) within the limit
         outer = min(outer, near - layout.fixed[-1][1] - (far - near) / (settings.stretch_limit - 1.0))
     outer = max(outer, layout.outer_offset)
     return replace(layout, nearest=near, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
 
 
-def _obstacles(actuator: Actuator) -> list[Any]:
+def obstacles(actuator: Actuator) -> list[Any]:
     """All that the moving part and its layer keep away from."""
     fixed: list[Any] = [polygon(fixed_part) for fixed_part in fixed_parts(actuator)]
     if actuator.hall is not None:
@@ -223,52 +216,6 @@ def mover_outline(actuator: Actuator) -> shapely.Polygon:
             f"they form {len(outline.geoms)} separate bodies. Join them by a region of air or another material."
         )
     return outline
-
-
-def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon, shapely.Polygon]:
-    """The layer's inner and outer outline round the moving part at distance zero.
-
-    The offsets grow in steps with the room that there is: what of the moving part has a clearance of at least h to all
-    fixed parts is wrapped in offsets of h / 5 and 3 h / 5. So a narrow gap makes the layer, and the elements in it,
-    thin at the gap alone. No step reaches below the lowest offset, down to which the layer has to move as one where the
-    mesh is stretched.
-    """
-    mover = mover_outline(actuator)
-    outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
-    still = shapely.affinity.translate(shapely.union_all(_obstacles(actuator)), 0.0, -layout.nearest)
-    r0, z0, r1, z1 = mover.bounds
-    room = LEVEL_RATIO * layout.outer_offset / OUTER_OFFSET
-    while 0.0 < room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
-        free = mover - still.buffer(room, cap_style="square", join_style="mitre")
-        wider = [
-            outline | (_grown(free, share * room) & shapely.box(0.0, outline.bounds[1], 1e3, 1e3))
-            for outline, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
-        ]
-        if free.is_empty or any(outline.geom_type != "Polygon" or outline.interiors for outline in wider):
-            break
-        outlines = [without_spikes(outline.simplify(SHORTEST_STEP * layout.outer_offset)) for outline in wider]
-        room *= LEVEL_RATIO
-    return outlines[0], outlines[1]
-
-
-def without_spikes(outline: shapely.Polygon) -> shapely.Polygon:
-    """An outline without edges that are gone back over, of no width: a mesher counts what lies beside them twice."""
-    corners = np.asarray(outline.exterior.coords)[:-1]
-    while True:
-        before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
-        length = np.hypot(*before.T) * np.hypot(*after.T)
-        across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-        spikes = (np.abs(across) < FLAT * length) & ((before * after).sum(axis=1) > 0.0)
-        if not spikes.any():
-            return outline
-        corners = np.delete(corners, np.flatnonzero(spikes)[0], axis=0)
-        outline = shapely.Polygon(corners)
-
-
-def _grown(outline: Any, offset: float) -> Any:
-    """An outline all of whose edges are moved outwards by an offset in m, cut at the axis."""
-    grown = outline.buffer(offset, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    return grown.simplify(ROUNDING * offset).intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
 
 
 def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: SolverSettings) -> list[tuple[float, ...]]:

@@ -29,8 +29,8 @@ from ngsolve import H1, GridFunction, grad
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.parts import Actuator
-from femfit.field.drawing import build_mesh
-from femfit.field.layout import Layout, layer_outlines, layout_of_group
+from femfit.field.drawing import build_mesh, layer_outlines
+from femfit.field.layout import Layout, layout_of_group
 from femfit.field.material_points import QuadraturePoints
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import function_of, weight

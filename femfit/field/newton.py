@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.field.point_rows import between, weakest
+from femfit.field.point_rows import NO_CONVERGENCE, NOT_FINITE, UNSOLVED, between, weakest
 
 if TYPE_CHECKING:
     from femfit.field.nonlinear_system import NonlinearSystem
@@ -51,6 +51,10 @@ SUFFICIENT = 1e-4
 SHORTEST_STEP = 2.0**-30
 RESOLVED = 1e-6
 """Corrections below this change the energy by less than its rounding, so that the search has nothing to compare."""
+
+MOST_SOLVER_ERROR = 0.1
+"""Conventional: a correction that solves its equations to a tenth leads downhill as well as an exact one. Where a
+kinked curve keeps the iteration from its end it is below 0.004."""
 
 
 def inner(a: FloatArray, b: FloatArray) -> float:
@@ -82,6 +86,13 @@ class NewtonResult:
     history: tuple[float, ...]
     # Relative error of the last correction as a solution of its equations; where it is not small, the mesh is at fault
     solver_error: float = 0.0
+
+    @property
+    def failure(self) -> str:
+        """The status of the point where the iteration did not converge."""
+        if not math.isfinite(self.residual):
+            return f"failed: {NOT_FINITE}"
+        return UNSOLVED if self.solver_error > MOST_SOLVER_ERROR else NO_CONVERGENCE
 
 
 def minimise(

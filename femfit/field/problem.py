@@ -22,7 +22,6 @@ References
 F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighted over a layer.
 """
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -48,7 +47,6 @@ from femfit.field.point_rows import (
     COARSE_FORCE,
     NO_CONVERGENCE,
     NOT_FINITE,
-    UNSOLVED,
     Coefficients,
     CurrentsLike,
     current_points,
@@ -69,10 +67,6 @@ from femfit.field.tolerance import (
     with_errors,
 )
 from femfit.field.weak_form import function_of, hall_fields
-
-MOST_SOLVER_ERROR = 0.1
-"""Conventional: a correction that solves its equations to a tenth leads downhill as well as an exact one. Where a
-kinked curve keeps the iteration from its end it is below 0.004."""
 
 
 class MeshedActuator(ABC):
@@ -225,7 +219,7 @@ class NonlinearActuator(MeshedActuator):
             ended = [of_order[key] for of_order in results if key in of_order]
             iterations = sum(order.iterations for order in ended)
             newton = {"newton_iterations": iterations, "newton_residual": ended[-1].residual}
-            rows.append(newton | solutions.get(key, {"status": _failure(ended[-1])}))
+            rows.append(newton | solutions.get(key, {"status": ended[-1].failure}))
         return table_rows(rows, points)
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
@@ -272,13 +266,6 @@ class NonlinearActuator(MeshedActuator):
         return columns
 
 
-def _failure(result: NewtonResult) -> str:
-    """The status of a point whose iteration ended without convergence."""
-    if not math.isfinite(result.residual):
-        return f"failed: {NOT_FINITE}"
-    return UNSOLVED if result.solver_error > MOST_SOLVER_ERROR else NO_CONVERGENCE
-
-
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:
     return {key: result.state for key, result in results.items() if result.converged}
 
@@ -299,8 +286,7 @@ def prepare(
         Those that alone are wanted, and at which the tolerance is met; all that are swept where None. Materials that do
         not saturate are solved for all of them at once.
     """
-    saturates = actuator.saturates
-    kind = NonlinearActuator if saturates else LinearActuator
+    kind = NonlinearActuator if actuator.saturates else LinearActuator
     if settings.tolerance is None:
         return kind(actuator, group, layout, settings)
     level = partial(kind, actuator, group, layout, estimate=False)
@@ -310,8 +296,8 @@ def prepare(
         return problem
     circuits = len(actuator.circuits)
     swept = current_points(swept_currents(actuator.sweep), circuits)
-    ends = check_currents(swept) if saturates else swept
-    if currents is None or not saturates:
+    ends = check_currents(swept) if actuator.saturates else swept
+    if currents is None or not actuator.saturates:
         return meet_tolerance(level, group, swept, ends, settings)
     wanted = np.unique([*current_points(currents, circuits), swept[weakest(swept)]], axis=0)
     return meet_tolerance(level, group, wanted, wanted, settings, np.unique([*wanted, *ends], axis=0))

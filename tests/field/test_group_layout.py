@@ -10,9 +10,8 @@ from ngsolve import CF, Integrate
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.load import actuator_from_toml, read_actuator
-from femfit.field.drawing import build_mesh
+from femfit.field.drawing import build_mesh, layer_outlines
 from femfit.field.layout import (
-    layer_outlines,
     layout_of,
     layout_of_group,
     mover_outline,
@@ -113,6 +112,6 @@ def test_a_stepped_body_is_meshed_once_everywhere_and_a_mesh_that_covers_a_regio
     layer = Integrate(CF(1.0), moving.mesh, definedon=moving.mesh.Materials("layer"))
     outer, inner = layer_outlines(actuator, moving.layout)[::-1]
     assert layer == pytest.approx(outer.area - inner.area, rel=1e-9)  # it was covered twice
-    monkeypatch.setattr("femfit.field.layout.without_spikes", lambda outline: outline)
+    monkeypatch.setattr("femfit.field.drawing.without_spikes", lambda outline: outline)
     with pytest.raises(FieldSolverError, match=r"2\.0\d times"):
         MovingMesh(actuator, (0.0015,), layout_of(actuator, settings), settings)
