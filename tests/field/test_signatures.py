@@ -161,20 +161,15 @@ def test_signatures_of_what_is_no_file_are_refused(tmp_path):
         run_sweep(read_actuator(GEOMETRY / "ball.toml"), tmp_path, signatures=True)
 
 
-def test_numbers_of_a_drawing_that_sweeps_parameters_are_refused():
-    text = SMALL.replace("[tolerances]", '[sweep.parameters]\n"coils.coil.turns" = [90, 100]\n[tolerances]')
-    with pytest.raises(ActuatorFileError, match=r"sweep\.parameters"):
-        numbers_from_toml(text)
-
-
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("tables", "complaint"),
     [
-        ('"fixed.regions.core.r_mm[7]" = 0.1', "key path"),
-        ('"coils.coil.r_mm[1]" = -1', "> 0"),
-        ("length_mm = 0", "greater"),
+        ('[tolerances]\n"fixed.regions.core.r_mm[7]" = 0.1', "key path"),
+        ('[tolerances]\n"coils.coil.r_mm[1]" = -1', "> 0"),
+        ("[tolerances]\nlength_mm = 0", "greater"),
+        ('[sweep.parameters]\n"coils.coil.turns" = [90, 100]', r"sweep\.parameters"),
     ],
 )
-def test_tolerances_that_say_nothing_are_refused(line, said):
-    with pytest.raises(ActuatorFileError, match=said):
-        numbers_from_toml(SMALL.split("[tolerances]", maxsplit=1)[0] + f"[tolerances]\n{line}\n")
+def test_tolerances_that_say_nothing_and_swept_parameters_are_refused(tables, complaint):
+    with pytest.raises(ActuatorFileError, match=complaint):
+        numbers_from_toml(SMALL.split("[tolerances]", maxsplit=1)[0] + f"{tables}\n")
