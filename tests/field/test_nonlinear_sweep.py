@@ -69,7 +69,7 @@ def kinked():
     ("currents", "solve", "message"),
     [
         ((0.0, 8.0), None, f"1 point {NO_CONVERGENCE}; at 5 mm with 8 A. Check the B-H curve"),
-        ((0.0, 2.0), lambda _, load: 1e-9 * load, f"2 points {UNSOLVED}. Look there for a narrow gap"),  # goes nowhere
+        ((0.0, 2.0), lambda _, load: 1e-9 * load, f"1 point {UNSOLVED}; at 5 mm with 2 A. Look there"),  # nowhere
     ],
 )
 def test_points_that_fail_are_named_with_what_their_equations_show_as_the_cause(
