@@ -22,10 +22,14 @@ from femfit.device.parts import Actuator, Coil, Region
 from femfit.field.harmonic import LAYER_FACTOR, skin_layers
 from femfit.field.layout import (
     COINCIDENT,
+    INNER_OFFSET,
+    LARGEST_OFFSET,
+    OUTER_OFFSET,
     Layout,
     bulges_of,
     fixed_parts,
-    layer_outlines,
+    mover_outline,
+    obstacles,
     parts_of,
     polygon,
     singular_corners,
@@ -43,6 +47,14 @@ THIN = 0.02
 
 AREA_TOLERANCE = 1e-3
 """Numerical: between a region's area and that of its elements, whose edges are polynomials on arcs."""
+
+LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
+MITRE_LIMIT = 1.5  # of the offset: a pointed part's layer is cut off before its tip meets another part
+ROUNDING = 0.1  # of the offset: chords of an arc that a layer needs no more of
+FLAT = 1e-9
+"""Numerical: sine of an angle that rounding makes of none."""
+
+SHORTEST_STEP = 0.02  # of the outer offset: a shorter edge where two steps nearly meet is no use, and may not be meshed
 
 NOT_MAGNETIC = 0.01
 """Of mu_r above 1: copper, aluminium, brass and bronze; without a step of mu no corner is singular."""
@@ -65,6 +77,52 @@ def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: So
     mesh.Curve(settings.order)
     _require_whole(mesh, shape, distance)
     return mesh
+
+
+def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon, shapely.Polygon]:
+    """The layer's inner and outer outline round the moving part at distance zero.
+
+    The offsets grow in steps with the room that there is: what of the moving part has a clearance of at least h to all
+    fixed parts is wrapped in offsets of h / 5 and 3 h / 5. So a narrow gap makes the layer, and the elements in it,
+    thin at the gap alone. No step reaches below the lowest offset, down to which the layer has to move as one where the
+    mesh is stretched.
+    """
+    mover = mover_outline(actuator)
+    outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
+    still = shapely.affinity.translate(shapely.union_all(obstacles(actuator)), 0.0, -layout.nearest)
+    r0, z0, r1, z1 = mover.bounds
+    room = LEVEL_RATIO * layout.outer_offset / OUTER_OFFSET
+    while 0.0 < room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
+        free = mover - still.buffer(room, cap_style="square", join_style="mitre")
+        wider = [
+            outline | (_grown(free, share * room) & shapely.box(0.0, outline.bounds[1], 1e3, 1e3))
+            for outline, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
+        ]
+        if free.is_empty or any(outline.geom_type != "Polygon" or outline.interiors for outline in wider):
+            break
+        outlines = [without_spikes(outline.simplify(SHORTEST_STEP * layout.outer_offset)) for outline in wider]
+        room *= LEVEL_RATIO
+    return outlines[0], outlines[1]
+
+
+def without_spikes(outline: shapely.Polygon) -> shapely.Polygon:
+    """An outline without edges that are gone back over, of no width: a mesher counts what lies beside them twice."""
+    corners = np.asarray(outline.exterior.coords)[:-1]
+    while True:
+        before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
+        length = np.hypot(*before.T) * np.hypot(*after.T)
+        across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+        spikes = (np.abs(across) < FLAT * length) & ((before * after).sum(axis=1) > 0.0)
+        if not spikes.any():
+            return outline
+        corners = np.delete(corners, np.flatnonzero(spikes)[0], axis=0)
+        outline = shapely.Polygon(corners)
+
+
+def _grown(outline: Any, offset: float) -> Any:
+    """An outline all of whose edges are moved outwards by an offset in m, cut at the axis."""
+    grown = outline.buffer(offset, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    return grown.simplify(ROUNDING * offset).intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
 
 
 def _require_whole(mesh: Mesh, shape: Any, distance: float) -> None:

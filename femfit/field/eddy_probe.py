@@ -9,7 +9,7 @@ of current that is fixed to the conducting parts; e_k times the k-th one flows. 
 and is orthogonal to the others in power, so that 0 = e_k + d(flux linkage_k)/dt. The co-energy is a quadratic form in
 (1, i_1 .. i_n, e_1 .. e_q) and gives force, flux linkages and Hall field as for wound circuits: Galerkin's method for
 the induced currents. Where parts saturate, the form is that of small currents about the bias
-(:mod:`femfit.field.nonlinear_system`).
+(:mod:`femfit.field.source_fields`).
 
 References
 ----------
@@ -26,9 +26,8 @@ from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.eddy_sweep import principal
 from femfit.field.harmonic import ConductorPoints, HarmonicSystem
-from femfit.field.linear_system import SourceFields
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.nonlinear_system import static_system
+from femfit.field.source_fields import SourceFields
 from femfit.field.sweep_task import MeshGroup, Patterns
 from femfit.field.weak_form import FieldArray, hall_fields
 from femfit.tables.eddy_table import Transfers
@@ -44,12 +43,12 @@ class EddyProbe:
         self, actuator: Actuator, moving: MovingMesh, distance: float, order: int, bias: Sequence[float] = ()
     ) -> None:
         self._hall, self._moving, self.distance = actuator.hall, moving, distance
-        self._static = static_system(moving, actuator, order)
-        self._static.bias, points = np.array(bias), self._static.points
+        self._static = SourceFields(moving, actuator, order)
+        self._static.bias = np.array(bias)
         self._real, self._harmonic = (
-            HarmonicSystem(moving, actuator, order, real=real, points=points) for real in (True, False)
+            HarmonicSystem(moving, actuator, self._static.points, real=real) for real in (True, False)
         )
-        self._beside = slice(None if points is None else 1)  # what small currents pull on
+        self._beside = slice(1 if actuator.saturates else None)  # what small currents pull on
         step, states = MOTION_STEP * moving.layout.clearance, []
         for moved in (distance - step, distance + step):
             with moving.at(moved):
@@ -144,4 +143,4 @@ def system_with_patterns(mesh: MeshGroup, patterns: Patterns) -> SourceFields:
             rows = points.rows_of(_pattern_fields(patterns), of_patterns.space, of_patterns.distance)
         return points.loads(rows), points.loads(rows, moving=True)
 
-    return static_system(moving, mesh.actuator, mesh.settings.order, loads)
+    return SourceFields(moving, mesh.actuator, mesh.settings.order, loads)

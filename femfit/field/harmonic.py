@@ -40,16 +40,14 @@ from scipy.sparse.linalg import splu
 from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator, Material, Region, skin_depth
 from femfit.field.layout import AIR, polygon
-from femfit.field.linear_system import SummedInverse
 from femfit.field.material_points import MaterialPoints, QuadraturePoints
+from femfit.field.nonlinear_system import SummedInverse
 from femfit.field.weak_form import (
     RADIAL_WEIGHT_ORDER,
     FieldArray,
     flux_density,
     function_of,
-    linear_materials,
     materials,
-    reluctivity,
     stiffness,
 )
 
@@ -97,33 +95,15 @@ def skin_layers(region: Region, largest_element: float, frequency_Hz: float) -> 
 class HarmonicSystem:
     """The forms on one mesh, for real s or for complex ones.
 
-    Where parts saturate, they are those of small fields about a state: ``points`` holds nu_d there, as last set.
+    Where parts saturate, they are those of small fields about the state whose tangent ``points`` was last set to.
     """
 
-    def __init__(
-        self,
-        moving: "MovingMesh",
-        actuator: Actuator,
-        order: int,
-        *,
-        real: bool = False,
-        points: MaterialPoints | None = None,
-    ) -> None:
-        self.space = H1(moving.mesh, order=order, complex=not real)
-        named, conducting = materials(actuator), conductors(actuator)
+    def __init__(self, moving: "MovingMesh", actuator: Actuator, points: MaterialPoints, *, real: bool = False) -> None:
+        self.space = H1(moving.mesh, order=points.space.globalorder, complex=not real)
         self._air = stiffness(self.space, ng.CF(1.0 / MU_0), moving.layout.outer_radius, regions=AIR)
         self._frequency = ng.Parameter(1.0) if real else ng.ParameterC(1.0)
-        self._still: list[BilinearForm] = []
-        if points is not None:
-            self._renewed = [points.tangent_on(self.space)]
-        else:
-            nu = reluctivity(moving.mesh, linear_materials(actuator))
-            still = "|".join(name for name in named if name not in conducting)
-            if still:
-                self._still = [stiffness(self.space, nu, None, regions=still).Assemble()]
-            self._renewed = [stiffness(self.space, nu, None, regions="|".join(conducting))] if conducting else []
-        if conducting:
-            add_eddy_form(self._renewed[0], conducting, self._frequency)
+        self._solid = points.tangent_on(self.space)
+        add_eddy_form(self._solid, conductors(actuator), self._frequency)
         self._inverse = SummedInverse(self.space)
 
     def move(self) -> None:
@@ -133,9 +113,8 @@ class HarmonicSystem:
     def solve(self, frequency: complex, loads: FloatArray) -> FieldArray:
         """Solve at s in 1/s for loads (k, unknowns), on the mesh as last taken; the same shape."""
         self._frequency.Set(frequency)
-        for form in self._renewed:
-            form.Assemble()
-        self._inverse.renew((self._air, *self._still, *self._renewed))
+        self._solid.Assemble()
+        self._inverse.renew((self._air, self._solid))
         return self._inverse.solve_all(loads)
 
 

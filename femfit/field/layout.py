@@ -9,7 +9,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -93,13 +93,11 @@ def _corners(filled: Any) -> Iterable[tuple[float, float]]:
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
 LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
-LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
-MITRE_LIMIT = 1.5  # of the offset: a pointed part's layer is cut off before its tip meets another part
-ROUNDING = 0.1  # of the offset: chords of an arc that a layer needs no more of
-FLAT = 1e-9
-"""Numerical: sine of an angle that rounding makes of none."""
+LEAST_GAP = 0.2  # of the clearance: a shorter length is not stretched
 
-SHORTEST_STEP = 0.02  # of the outer offset: a shorter edge where two steps nearly meet is no use, and may not be meshed
+
+Span = tuple[float, float]
+"""The lowest and the highest of some heights in m."""
 
 
 @dataclass(frozen=True)
@@ -111,33 +109,71 @@ class Layout:
     # Distances of the layer's two outlines from the moving part, where the room is smallest
     inner_offset: float
     outer_offset: float
-    fixed_top: float  # Largest z of all fixed parts and the Hall element
+    # Heights of all edges that a stretch along z would bend or shift, all but vertical ones: of the fixed parts and the
+    # Hall element, and of the moving part at distance zero
+    fixed: tuple[Span, ...]
+    moving: tuple[Span, ...]
     radius: float  # Largest distance of any part from the origin, over the sweep
     outer_radius: float
-    # Whether the moving part with its layer stays above all fixed parts, so that one mesh can be stretched along z
-    stretchable: bool
+
+    def stack(self, distance: float) -> list[tuple[float, float, bool]]:
+        """Heights from the lowest on that shift as one, at a distance: (low, high, whether they are the moving part's).
+
+        Those of the moving part have the layer around them.
+        """
+        lower, upper = distance - self.outer_offset, distance + self.outer_offset
+        moving = _joined((low + lower, high + upper) for low, high in self.moving)
+        return sorted([(*span, False) for span in self.fixed] + [(*span, True) for span in moving])
+
+    def gaps(self, distance: float) -> FloatArray:
+        """The lengths in m, from the lowest on, that grow or shrink where the moving part shifts."""
+        return np.array(
+            [above[0] - below[1] for below, above in pairwise(self.stack(distance)) if below[2] != above[2]]
+        )
+
+    def rigid(self, distance: float) -> bool:
+        """Whether the moving part with its layer is above all fixed parts, so that no part is stretched."""
+        moves = [span[2] for span in self.stack(distance)]
+        return moves == sorted(moves)
+
+
+def _joined(spans: Iterable[Span]) -> tuple[Span, ...]:
+    """The same heights, those that overlap as one span."""
+    joined: list[Span] = []
+    for low, high in sorted(spans):
+        overlaps = joined and low <= joined[-1][1] + COINCIDENT
+        start, end = joined.pop() if overlaps else (low, high)
+        joined.append((start, max(end, high)))
+    return tuple(joined)
+
+
+def _spans(parts: Iterable[Region | Coil]) -> Iterable[Span]:
+    """Heights of the parts' edges that are not vertical."""
+    for part in parts:
+        corners = part_corners(part)
+        for (r0, z0), (r1, z1) in zip(corners, (*corners[1:], corners[0]), strict=True):
+            if abs(r1 - r0) > COINCIDENT:
+                yield min(z0, z1), max(z0, z1)
 
 
 def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
     """Measure an actuator over its sweep."""
-    mover, fixed = mover_outline(actuator), _obstacles(actuator)
-    still = shapely.union_all(fixed)
+    mover, still = mover_outline(actuator), obstacles(actuator)
     distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
-    clearance, scale = _clearance(mover, still, distances)
+    clearance, scale = _clearance(mover, shapely.union_all(still), distances)
     moved = np.concatenate([np.asarray(mover.exterior.coords) + np.array([0.0, d]) for d in distances])
-    parts = [*(np.asarray(outline.exterior.coords) for outline in fixed if outline.geom_type == "Polygon"), moved]
+    parts = [*(np.asarray(outline.exterior.coords) for outline in still if outline.geom_type == "Polygon"), moved]
     radius = max(float(np.hypot(*points.T).max()) for points in parts)
-    outer = OUTER_OFFSET * scale
-    fixed_top = still.bounds[3]
+    hall = [] if actuator.hall is None else [(actuator.hall.height_m, actuator.hall.height_m)]
     return Layout(
         clearance=clearance,
         nearest=distances[0],
         inner_offset=INNER_OFFSET * scale,
-        outer_offset=outer,
-        fixed_top=fixed_top,
+        outer_offset=OUTER_OFFSET * scale,
+        fixed=_joined([*_spans(fixed_parts(actuator)), *hall]),
+        moving=_joined(_spans(moving_parts(actuator))),
         radius=radius,
         outer_radius=settings.outer_radius_factor * radius,
-        stretchable=bool(distances[0] - outer > fixed_top + 0.2 * clearance),
     )
 
 
@@ -148,14 +184,14 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
-    outer = OUTER_OFFSET * _clearance(mover, shapely.union_all(_obstacles(actuator)), (near, far))[1]
-    if far > near:  # (far - top - outer) / (near - top - outer) within the limit
-        outer = min(outer, near - layout.fixed_top - (far - near) / (settings.stretch_limit - 1.0))
+    outer = OUTER_OFFSET * _clearance(mover, shapely.union_all(obstacles(actuator)), (near, far))[1]
+    if far > near and layout.rigid(near):  # (far - top - outer) / (near - top - outer) within the limit
+        outer = min(outer, near - layout.fixed[-1][1] - (far - near) / (settings.stretch_limit - 1.0))
     outer = max(outer, layout.outer_offset)
     return replace(layout, nearest=near, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
 
 
-def _obstacles(actuator: Actuator) -> list[Any]:
+def obstacles(actuator: Actuator) -> list[Any]:
     """All that the moving part and its layer keep away from."""
     fixed: list[Any] = [polygon(fixed_part) for fixed_part in fixed_parts(actuator)]
     if actuator.hall is not None:
@@ -182,64 +218,34 @@ def mover_outline(actuator: Actuator) -> shapely.Polygon:
     return outline
 
 
-def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon, shapely.Polygon]:
-    """The layer's inner and outer outline round the moving part at distance zero.
-
-    The offsets grow in steps with the room that there is: what of the moving part has a clearance of at least h to all
-    fixed parts is wrapped in offsets of h / 5 and 3 h / 5. So a narrow gap makes the layer, and the elements in it,
-    thin at the gap alone. No step reaches below the lowest offset, down to which the layer has to move as one where the
-    mesh is stretched.
-    """
-    mover = mover_outline(actuator)
-    outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
-    still = shapely.affinity.translate(shapely.union_all(_obstacles(actuator)), 0.0, -layout.nearest)
-    r0, z0, r1, z1 = mover.bounds
-    room = LEVEL_RATIO * layout.outer_offset / OUTER_OFFSET
-    while 0.0 < room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
-        free = mover - still.buffer(room, cap_style="square", join_style="mitre")
-        wider = [
-            outline | (_grown(free, share * room) & shapely.box(0.0, outline.bounds[1], 1e3, 1e3))
-            for outline, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
-        ]
-        if free.is_empty or any(outline.geom_type != "Polygon" or outline.interiors for outline in wider):
-            break
-        outlines = [without_spikes(outline.simplify(SHORTEST_STEP * layout.outer_offset)) for outline in wider]
-        room *= LEVEL_RATIO
-    return outlines[0], outlines[1]
-
-
-def without_spikes(outline: shapely.Polygon) -> shapely.Polygon:
-    """An outline without edges that are gone back over, of no width: a mesher counts what lies beside them twice."""
-    corners = np.asarray(outline.exterior.coords)[:-1]
-    while True:
-        before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
-        length = np.hypot(*before.T) * np.hypot(*after.T)
-        across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-        spikes = (np.abs(across) < FLAT * length) & ((before * after).sum(axis=1) > 0.0)
-        if not spikes.any():
-            return outline
-        corners = np.delete(corners, np.flatnonzero(spikes)[0], axis=0)
-        outline = shapely.Polygon(corners)
-
-
-def _grown(outline: Any, offset: float) -> Any:
-    """An outline all of whose edges are moved outwards by an offset in m, cut at the axis."""
-    grown = outline.buffer(offset, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    return grown.simplify(ROUNDING * offset).intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
-
-
 def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: SolverSettings) -> list[tuple[float, ...]]:
-    """Split ascending distances in m into consecutive groups that share one mesh."""
-    if not layout.stretchable:
-        return [(d,) for d in distances]
-    gaps = [d - layout.outer_offset - layout.fixed_top for d in distances]
-    count = max(1, int(np.ceil(np.log(gaps[-1] / gaps[0]) / np.log(max(settings.stretch_limit, 1.0 + 1e-9)))))
-    if settings.stretch_limit <= 1.0 or count >= len(distances):
-        return [(d,) for d in distances]
-    edges = np.geomspace(gaps[0], gaps[-1], count + 1)
-    index = np.clip(np.searchsorted(edges, gaps, side="right") - 1, 0, count - 1)
-    cuts = [0, *(np.flatnonzero(np.diff(index)) + 1).tolist(), len(distances)]
-    return [tuple(distances[a:b]) for a, b in pairwise(cuts)]
+    """Split ascending distances in m into consecutive groups that share one mesh.
+
+    They do where the same edges are above each other, and no gap of the group has more than the limit's ratio.
+    """
+    limit, groups = np.log(max(settings.stretch_limit, 1.0 + 1e-9)), list[tuple[float, ...]]()
+
+    def order(distance: float) -> Any:
+        """Which spans of heights move, from below; the distance itself where nothing can be stretched."""
+        gaps = layout.gaps(distance)
+        if settings.stretch_limit <= 1.0 or not gaps.size or gaps.min() <= LEAST_GAP * layout.clearance:
+            return distance
+        if settings.skin_frequency_Hz and not layout.rigid(distance):
+            return distance  # patterns of induced currents are known by their places in rigid parts
+        return tuple(span[2] for span in layout.stack(distance))
+
+    for _, alike in groupby(distances, order):
+        places = tuple(alike)
+        changes = [np.log(layout.gaps(far) / layout.gaps(near)) for near, far in pairwise(places)]
+        way = np.append(0.0, np.cumsum([np.abs(change).max() for change in changes]))
+        count = max(1, int(np.ceil(way[-1] / limit)))
+        if count >= len(places):
+            groups += [(d,) for d in places]
+            continue
+        index = np.clip(np.searchsorted(np.linspace(0.0, way[-1], count + 1), way, side="right") - 1, 0, count - 1)
+        cuts = [0, *(np.flatnonzero(np.diff(index)) + 1).tolist(), len(places)]
+        groups += [places[a:b] for a, b in pairwise(cuts)]
+    return groups
 
 
 MOVING = "moving(_coil)?:.*"

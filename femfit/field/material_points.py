@@ -38,6 +38,10 @@ Tensor: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Components rr, rz, zz of nu_d in m/H, each of shape (points)."""
 
 
+NOWHERE = "-"
+"""A pattern that no region's name has."""
+
+
 class QuadraturePoints:
     """Points of a rule on some regions of a mesh, whose weights have a density: values there, and maps to them."""
 
@@ -103,7 +107,7 @@ class MaterialPoints:
 
     def __init__(self, space: H1, named: Mapping[str, Material]) -> None:
         self.space = space
-        self.regions = "|".join(named)
+        self.regions = "|".join(named) or NOWHERE
         # B is of the space's order p and r multiplies B squared: the rule has to be exact to 2 p + 1.
         rule = space.globalorder + (space.globalorder < EXACT_TO_ODD)
         self._points = QuadraturePoints(space.mesh, rule, self.regions, 2.0 * math.pi * ng.x)
@@ -121,9 +125,11 @@ class MaterialPoints:
             self.coercive_field[:, points] = medium.coercive[:, None]
             if medium.curve is not None:
                 self._curves.append((points, medium.curve, medium.last_T))
+        self.saturates = bool(self._curves)
         self.moving = self._named_points("moving:.*")
         self._tensor = tuple(GridFunction(self._points.space) for _ in range(3))
         self.tangent_form = self.tangent_on(space)
+        self.set_tangent(np.zeros_like(self.coercive_field))
 
     def flux_density(self, state: FloatArray) -> FloatArray:
         """(B_r, B_z) in T, shape (2, points), of a state of the unknowns."""

@@ -1,13 +1,17 @@
-"""One mesh that serves a group of distances, by a stretch of the air along z.
+"""One mesh that serves a group of distances, by a stretch along z.
 
-Vertices of the moving part and its layer shift as one; the air above and the upper part of the gap below stretch
+Vertices of the moving part and its layer shift as one; what is above and the upper part of the gap below stretch
 linearly, and the shift fades out with the radius. A mesh that changes smoothly makes errors that change smoothly: F(d)
 has no remeshing jumps. The elements at the fixed parts' corners hold most of the energy's error and do not move, so
 that it is the same at all distances: else it would show in d(flux linkage)/dd, which is often 1e-4 of the flux a mm.
 
+A body that slides past fixed parts, as a plunger in a bore, shifts at the heights of its own edges, and fixed parts
+stand still at those of theirs (:meth:`femfit.field.layout.Layout.stack`). Between the two there are vertical edges
+alone, which a stretch leaves where they are: the plunger's middle is stretched, and is the same plunger.
+
 The field is evaluated at quadrature points of a whole mesh, where a stretch along z changes what is seen. Coefficients
-of w are mapped to (w, dw/dr, dw/dz) once, on the mesh as it was made. A stretch by s moves each vertex by s g along z;
-with a = s dg/dr and b = 1 + s dg/dz
+of w are mapped to (w, dw/dr, dw/dz) once, on the mesh at its reference. A stretch by s moves each vertex by s g along
+z; with a = s dg/dr and b = 1 + s dg/dz
 
     dw/dr -> dw/dr - (a / b) dw/dz,    dw/dz -> dw/dz / b,    weight -> b weight,    r -> r,
 
@@ -16,7 +20,7 @@ so that a field needs no evaluation anew where the mesh is stretched.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import ngsolve as ng
@@ -25,85 +29,89 @@ from ngsolve import H1, GridFunction, grad
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.parts import Actuator
-from femfit.field.drawing import build_mesh
-from femfit.field.layout import Layout, layer_outlines, layout_of_group
+from femfit.field.drawing import build_mesh, layer_outlines
+from femfit.field.layout import Layout, layout_of_group
 from femfit.field.material_points import QuadraturePoints
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import function_of, weight
 
-STILL = 0.6  # of the gap above the fixed parts
-BISECTIONS = 40  # of the stretch; a step of rounding of it
+STILL = 0.6  # of a gap, beside the fixed part
 FADE = 8.0  # the stretch has faded out at this multiple of the actuator's radius
 
 
 class MovingMesh:
-    """A mesh made at the reference distance of a group of ascending distances in m, and stretched to the others."""
+    """A mesh made for a group of ascending distances in m, and moved to each of them.
+
+    It moves about ``reference``. Where a body ``slides`` past others, that is the distance that it was last slid to:
+    its parts and theirs are stretched, so that all that is integrated over them is of that distance alone.
+    """
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
+        shared, self.reference = len(group) > 1, group[0]
+        self.slides = shared and not layout.rigid(group[0])
         self.layout = layout_of_group(actuator, group, layout, settings)
-        self.reference = group[0]
-        if len(group) > 1:  # the geometric mean of the gaps
-            offset, top = self.layout.outer_offset, self.layout.fixed_top
-            low, high = (distance - offset - top for distance in (group[0], group[-1]))
-            self.reference = float(np.sqrt(low * high)) + offset + top
+        if shared:  # the geometric mean of the gap that changes most
+            first, last = (self.layout.gaps(distance) for distance in (group[0], group[-1]))
+            k = int(np.argmax(np.abs(np.log(last / first))))
+            share = (np.sqrt(first[k] * last[k]) - first[k]) / (last[k] - first[k])
+            self.reference = float(group[0] + share * (group[-1] - group[0]))
+        if self.slides:
+            self.layout = layout_of_group(actuator, (self.reference,), layout, settings)
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
-        _, low, _, high = layer_outlines(actuator, self.layout)[1].bounds
-        self._layer_heights = (low + self.reference, high + self.reference)
         self.mover_weight = weight(self.mesh)
+        self._made, self._heights = self.reference, self._vertices[:, 1].copy()
+        self._reference_heights = self._heights
+        # Parts of a shift of the moving part that each vertex makes, shape (vertices,). The layer takes up a small one:
+        # that moves no element at a corner of either part, where the energy of each part's own field is in error
+        self._share = self.vertex_share = self.mover_weight.vec.FV().NumPy()[: self.mesh.nv].copy()
+        if shared:
+            self._share = self._stretch(layer_outlines(actuator, self.layout)[1].bounds[3] + self.reference)
+        if not self.slides:
+            self.vertex_share = self._share
 
-    @cached_property
-    def vertex_share(self) -> FloatArray:
-        """Part of a small shift of the moving part that each vertex makes, shape (vertices,).
+    @property
+    def _vertices(self) -> FloatArray:
+        """Radii and heights of the vertices, shape (vertices, 2); to be written, too."""
+        return np.asarray(self.mesh.ngmesh.Coordinates())
 
-        The stretch's own, or all of it within the mover's layer: neither moves an element at a corner of either part,
-        where the energy of each part's own field is in error.
+    def _stretch(self, top: float) -> FloatArray:
+        """Part of a shift that each vertex makes: 1 at the moving edges and the layer, to its top, and 0 at fixed ones.
+
+        Between these it rises along z, where vertical edges alone pass, and fades out around the actuator.
         """
-        return np.array(self._share.vec.FV().NumPy()[: self.mesh.nv])
+        stack, far, knots = self.layout.stack(self.reference), FADE * self.layout.radius, list[tuple[float, float]]()
+        if stack[0][2]:
+            knots += [(-far, 0.0), (stack[0][0], 1.0)]
+        for (_, low, moves), (high, _, moves_above) in pairwise(stack):
+            if moves_above and not moves:
+                knots += [(low + STILL * (high - low), 0.0), (high, 1.0)]
+            elif moves and not moves_above:
+                knots += [(low, 1.0), (high - STILL * (high - low), 0.0)]
+        if stack[-1][2]:
+            knots += [(max(top, stack[-1][1]), 1.0), (far, 0.0)]
+        radius, height = self._vertices.T
+        across = np.interp(radius, [1.5 * self.layout.radius, far], [1.0, 0.0])
+        return np.asarray(np.interp(height, *np.array(knots).T) * across)
 
-    @cached_property
-    def _share(self) -> ng.GridFunction:
-        """The share as a function on the mesh as it was made: 1 at the moving part, 0 at the fixed ones."""
-        if not self.layout.stretchable:
-            return self.mover_weight
-        (low, high), far, top = self._layer_heights, FADE * self.layout.radius, self.layout.fixed_top
-        points = np.array([vertex.point for vertex in self.mesh.vertices])
-        along = np.interp(points[:, 1], [top + STILL * (low - top), low, high, far], [0.0, 1.0, 1.0, 0.0])
-        across = np.interp(points[:, 0], [1.5 * self.layout.radius, far], [1.0, 0.0])
-        return function_of(H1(self.mesh, order=1), along * across)
+    def slide_to(self, distance: float) -> None:
+        """Move to a distance that becomes the reference."""
+        self._reference_heights = self._heights + (distance - self._made) * self._share
+        self.reference = distance
+        self.move_to(distance)
 
     def move_to(self, distance: float) -> None:
-        """Stretch to a distance; ``mesh.UnsetDeformation`` undoes it.
-
-        Where the mesh serves one distance alone, that is for small steps, which the mover's layer takes up.
-        """
-        shift = distance - self.reference
-        if shift:
-            self._displacement = ng.GridFunction(ng.VectorH1(self.mesh, order=1))  # kept alive while in use
-            along_z = self._displacement.components[1].vec.FV().NumPy()
-            along_z[:] = shift * self.vertex_share
-            self.mesh.SetDeformation(self._displacement)
-
-    def unstretched(self, points: FloatArray, distance: float) -> FloatArray:
-        """Where points (n, 2) in space lie on the mesh before it was stretched to a distance, by bisection."""
-        shift = distance - self.reference
-        if not shift:
-            return points
-        radius, height = points[:, 0], points[:, 1]
-        low, high = height - max(shift, 0.0), height - min(shift, 0.0)
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            above = middle + shift * self._share(self.mesh(radius, middle))[:, 0] > height
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
-        return np.column_stack([radius, 0.5 * (low + high)])
+        """Move to a distance, one near by where the mesh serves one alone or slides."""
+        self._vertices[:, 1] = self._reference_heights + (distance - self.reference) * self.vertex_share
+        self.mesh.ngmesh.Update()  # or places would be looked for where elements were
 
     @contextmanager
     def at(self, distance: float) -> Iterator[None]:
-        """Stretched to a distance within the context."""
+        """Moved to a distance within the context."""
         self.move_to(distance)
         try:
             yield
         finally:
-            self.mesh.UnsetDeformation()
+            self.move_to(self.reference)
 
 
 class StretchedPoints:

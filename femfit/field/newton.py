@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.field.point_rows import between, weakest
+from femfit.field.point_rows import NO_CONVERGENCE, NOT_FINITE, UNSOLVED, between, weakest
 
 if TYPE_CHECKING:
     from femfit.field.nonlinear_system import NonlinearSystem
@@ -51,6 +51,10 @@ SUFFICIENT = 1e-4
 SHORTEST_STEP = 2.0**-30
 RESOLVED = 1e-6
 """Corrections below this change the energy by less than its rounding, so that the search has nothing to compare."""
+
+MOST_SOLVER_ERROR = 0.1
+"""Conventional: a correction that solves its equations to a tenth leads downhill as well as an exact one. Where a
+kinked curve keeps the iteration from its end it is below 0.004."""
 
 
 def inner(a: FloatArray, b: FloatArray) -> float:
@@ -80,6 +84,15 @@ class NewtonResult:
     residual: float  # The last correction relative to the solution, in the energy's norm
     converged: bool
     history: tuple[float, ...]
+    # Relative error of the last correction as a solution of its equations; where it is not small, the mesh is at fault
+    solver_error: float = 0.0
+
+    @property
+    def failure(self) -> str:
+        """The status of the point where the iteration did not converge."""
+        if not math.isfinite(self.residual):
+            return f"failed: {NOT_FINITE}"
+        return UNSOLVED if self.solver_error > MOST_SOLVER_ERROR else NO_CONVERGENCE
 
 
 def minimise(
@@ -131,7 +144,7 @@ def minimise(
         if product > 0.0:  # as of any convex energy, but for rounding
             steps.append(_Step(moved, bent, product))
         stale = renewal_cost == 0.0 or step < 1.0 or slow
-    return NewtonResult(state, limit, history[-1], False, tuple(history))
+    return NewtonResult(state, limit, history[-1], False, tuple(history), _solver_error(problem, state, currents))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +166,15 @@ def _correction(problem: "NonlinearSystem", gradient: FloatArray, steps: deque[_
     for step, share in zip(steps, reversed(shares), strict=True):
         correction = correction + (share - inner(step.gradient, correction) / step.product) * step.state
     return correction
+
+
+def _solver_error(problem: "NonlinearSystem", state: FloatArray, currents: FloatArray) -> float:
+    """What a correction leaves of dE/dw, by the difference over a small part of it, relative along the correction."""
+    problem.renew(state)
+    gradient = problem.evaluate(state, currents).gradient
+    correction = problem.solve(-gradient)
+    change = problem.evaluate(state + RESOLVED * correction, currents).gradient - gradient
+    return abs(inner(change / RESOLVED + gradient, correction) / inner(gradient, correction))
 
 
 def _steps_left(before: float, residual: float, tolerance: float) -> float:

@@ -39,9 +39,9 @@ def pickups_at(actuator: Actuator, moving: MovingMesh, distance: float) -> Calla
                 f"the origin, and the field ends at {1e3 * outer:.4g} mm. Draw it nearer."
             )
         points, weights = section_nodes(coil.vertices_m)
-        fields = moving.unstretched(points + np.array([0.0, distance if coil.moves else 0.0]), distance)
+        radius, height = points.T + np.array([[0.0], [distance if coil.moves else 0.0]])
         density = coil.turns / weights.sum() * 2.0 * np.pi * points[:, 0] ** 2
-        placed[pickup_column(coil.name)] = moving.mesh(fields[:, 0], fields[:, 1]), density * weights
+        placed[pickup_column(coil.name)] = moving.mesh(radius, height), density * weights
     return lambda w: {name: float(weights @ w(places)[:, 0]) for name, (places, weights) in placed.items()}
 
 

@@ -83,6 +83,11 @@ BEYOND_CURVE, COARSE_FORCE = "beyond_bh_curve", "coarse_force_N"
 NO_CONVERGENCE = "failed: Newton's iteration did not converge"
 """The status of points that a saturating part made fail; the table's Newton columns say how near they came."""
 
+UNSOLVED = "failed: the field's equations could not be solved on this mesh"
+"""The status of points whose linear equations were left with an error."""
+
+NOT_FINITE = "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Coefficients:

@@ -4,7 +4,7 @@ r"""The field problem of an actuator: all points of the currents at a distance, 
 1 A, so one factorisation a distance gives all: the force is a quadratic form in s, flux linkages and the Hall field are
 linear in it, and the co-energy is a quadratic form again. The stress of the moving part's own field integrates to zero,
 but not on a mesh: it is evaluated on the same mesh with everything else taken away, and subtracted
-(:mod:`femfit.field.linear_system`).
+(:mod:`femfit.field.source_fields`).
 
 **Saturating parts.** Along the currents a state changes much, along the distances little, so states at the group's
 reference distance are solved once at a low polynomial order, and a point starts from them
@@ -38,7 +38,6 @@ from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
-from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import NewtonResult, States, along_currents
 from femfit.field.nonlinear_system import FIRST_ORDER, at_orders
@@ -47,6 +46,7 @@ from femfit.field.point_rows import (
     BEYOND_CURVE,
     COARSE_FORCE,
     NO_CONVERGENCE,
+    NOT_FINITE,
     Coefficients,
     CurrentsLike,
     current_points,
@@ -56,6 +56,7 @@ from femfit.field.point_rows import (
     weakest,
 )
 from femfit.field.signature_rows import SignatureRows
+from femfit.field.source_fields import SourceFields
 from femfit.field.tolerance import (
     LevelChoice,
     Rows,
@@ -84,7 +85,7 @@ class MeshedActuator(ABC):
         *,
         estimate: bool = True,
     ) -> None:
-        self._actuator, self._group, self.settings = actuator, group, settings
+        self._actuator, self._group, self.settings, self._estimate = actuator, group, settings, estimate
         # Where this is the level that meets a tolerance: its search's outcome, and rows that it has found at points
         self.choice: LevelChoice | None = None
         self.found: tuple[FloatArray, Rows] = np.zeros((0, 0)), {}
@@ -92,11 +93,18 @@ class MeshedActuator(ABC):
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
         self._signatures: SignatureRows | None = None
-        self.unknowns = self._discretise(settings, estimate=estimate)
+        self.unknowns = self._discretise()
 
     @abstractmethod
-    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
-        """Make the systems on the mesh; the number of unknowns of the finest one."""
+    def _discretise(self) -> int:
+        """Make the systems on the mesh at its reference; the number of unknowns of the finest one."""
+
+    def _slide(self, distance: float) -> None:
+        """Take a distance as the mesh's reference where a body slides."""
+        if self._moving.slides and distance != self._moving.reference:
+            self._moving.slide_to(distance)
+            self._signatures = None
+            self.unknowns = self._discretise()
 
     @abstractmethod
     def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
@@ -108,7 +116,7 @@ class MeshedActuator(ABC):
 
     @abstractmethod
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
-        """The field w and the force in N at a point, with the mesh left stretched to it."""
+        """The field w, on the mesh at its reference, and the force in N at a point."""
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a point of the currents."""
@@ -127,14 +135,16 @@ class MeshedActuator(ABC):
 class LinearActuator(MeshedActuator):
     """An actuator with linear materials, of which a distance is solved for all currents at once."""
 
-    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
-        self._system = LinearSystem(self._moving, self._actuator, settings.order)
-        self._lower = LinearSystem(self._moving, self._actuator, settings.order - 1) if estimate else None
+    def _discretise(self) -> int:
+        order = self.settings.order
+        self._system = SourceFields(self._moving, self._actuator, order)
+        self._lower = SourceFields(self._moving, self._actuator, order - 1) if self._estimate else None
         self._solved: float | None = None  # distance that the fields are of
         return int(self._system.space.ndof)
 
     def solve(self, distance: float) -> Coefficients:
         """Solve at a distance."""
+        self._slide(distance)
         with self._moving.at(distance):
             fine = self._system.evaluate()
             totals = [function_of(self._system.space, total) for total in self._system.total]
@@ -149,9 +159,7 @@ class LinearActuator(MeshedActuator):
         """What is solved at a distance for points (n, circuits)."""
         solution = self.solve(distance)
         if not np.all(np.isfinite(solution.force)):
-            raise FieldSolverError(
-                "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
-            )
+            raise FieldSolverError(NOT_FINITE)
         columns = superpose(points, solution, self._circuits)
         return {name: values.tolist() for name, values in columns.items()}
 
@@ -166,7 +174,6 @@ class LinearActuator(MeshedActuator):
     def field(self, distance: float, currents: CurrentsLike) -> tuple[GridFunction, float]:
         """The sum of the sources' fields."""
         solution = self.solve(distance)
-        self._moving.move_to(distance)
         factors = np.insert(current_points(currents, len(self._circuits))[0], 0, 1.0)
         return function_of(self._system.space, factors @ self._system.total), float(factors @ solution.force @ factors)
 
@@ -174,15 +181,16 @@ class LinearActuator(MeshedActuator):
 class NonlinearActuator(MeshedActuator):
     """An actuator with saturating parts, solved point by point."""
 
-    def _discretise(self, settings: SolverSettings, *, estimate: bool) -> int:
-        self._tolerance, below = settings.newton_tolerance, settings.order - 1
-        orders = min(FIRST_ORDER, below), settings.order, *([below] if estimate else [])
+    _references: States | None = None  # Of the lowest order, where the mesh was made
+
+    def _discretise(self) -> int:
+        self._tolerance, below = self.settings.newton_tolerance, self.settings.order - 1
+        orders = min(FIRST_ORDER, below), self.settings.order, *([below] if self._estimate else [])
         self._systems, self._raise_order = at_orders(self._moving, self._actuator, *orders)
-        self.fine, self._lower = self._systems[-1], self._systems[-2] if estimate else None
+        self.fine, self._lower = self._systems[-1], self._systems[-2] if self._estimate else None
         # The distance last solved, and states and columns of its points
         self._solved: tuple[float, States, dict[tuple[float, ...], dict[str, Any]]] = np.nan, {}, {}
-        self._references: States = {}
-        if len(self._group) > 1:
+        if self._references is None and len(self._group) > 1:
             self._systems[0].move()
             swept = current_points(swept_currents(self._actuator.sweep), len(self._circuits))
             self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
@@ -190,8 +198,9 @@ class NonlinearActuator(MeshedActuator):
 
     def solved_rows(self, distance: float, points: FloatArray) -> dict[str, list[Any]]:
         """The same; a point without convergence has its ``status`` and no field."""
+        self._slide(distance)
         with self._moving.at(distance):
-            results, bases, pending = [], self._references, points
+            results, bases, pending = [], self._references or {}, points
             for system, higher in zip(self._systems[:-1], self._raise_order, strict=True):
                 system.move()
                 results.append(dict(along_currents(system, pending, bases, self._tolerance)))
@@ -210,7 +219,7 @@ class NonlinearActuator(MeshedActuator):
             ended = [of_order[key] for of_order in results if key in of_order]
             iterations = sum(order.iterations for order in ended)
             newton = {"newton_iterations": iterations, "newton_residual": ended[-1].residual}
-            rows.append(newton | solutions.get(key, {"status": NO_CONVERGENCE}))
+            rows.append(newton | solutions.get(key, {"status": ended[-1].failure}))
         return table_rows(rows, points)
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
@@ -231,7 +240,6 @@ class NonlinearActuator(MeshedActuator):
         if state is None:
             amperes = ", ".join(f"{i:g}" for i in point)
             raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {NO_CONVERGENCE}.")
-        self._moving.move_to(distance)
         return function_of(self.fine.space, state), self._solved[2][tuple(point)]["force_N"]
 
     def _states_at(self, distance: float, points: FloatArray) -> States:
@@ -278,8 +286,7 @@ def prepare(
         Those that alone are wanted, and at which the tolerance is met; all that are swept where None. Materials that do
         not saturate are solved for all of them at once.
     """
-    saturates = actuator.saturates
-    kind = NonlinearActuator if saturates else LinearActuator
+    kind = NonlinearActuator if actuator.saturates else LinearActuator
     if settings.tolerance is None:
         return kind(actuator, group, layout, settings)
     level = partial(kind, actuator, group, layout, estimate=False)
@@ -289,8 +296,8 @@ def prepare(
         return problem
     circuits = len(actuator.circuits)
     swept = current_points(swept_currents(actuator.sweep), circuits)
-    ends = check_currents(swept) if saturates else swept
-    if currents is None or not saturates:
+    ends = check_currents(swept) if actuator.saturates else swept
+    if currents is None or not actuator.saturates:
         return meet_tolerance(level, group, swept, ends, settings)
     wanted = np.unique([*current_points(currents, circuits), swept[weakest(swept)]], axis=0)
     return meet_tolerance(level, group, wanted, wanted, settings, np.unique([*wanted, *ends], axis=0))

@@ -4,9 +4,11 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from femfit import __version__
 from femfit.core.errors import FieldSolverError, RunDirectoryError, UsageError
 from femfit.core.files import path_of
 from femfit.core.journal import Journal, JournalHeader, holds
@@ -17,7 +19,7 @@ from femfit.device.tolerances import KINDS
 from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
 from femfit.field.point_rows import bias_currents, current_points, swept_currents
 from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
-from femfit.field.sweep_task import AGAIN, DistanceTask, Done, Result, mesh_groups, solvers, versions
+from femfit.field.sweep_task import AGAIN, DistanceTask, Done, Result, mesh_groups, solvers
 from femfit.field.tolerance import SolverSettings, settings_for
 from femfit.tables.eddy_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
@@ -199,7 +201,7 @@ def _numbers(sweep: str | Path | Actuator | VariantSweep) -> tuple[DrawnNumber, 
 
 def _configuration(sweep: VariantSweep, settings: SolverSettings, numbers: Sequence[DrawnNumber]) -> dict[str, Any]:
     """What a sweep is of: its ``hash``, and those of its ``parts``, under the names that a user knows them by."""
-    configuration = {"settings": asdict(settings), "versions": versions()}
+    configuration = {"settings": asdict(settings), "versions": {"femfit": __version__, "ngsolve": version("ngsolve")}}
     parts = {
         "the drawing": _of_field([asdict(sweep.actuator), [asdict(variant) for variant in sweep.variants]]),
         "the solver's settings": configuration["settings"],

@@ -14,7 +14,7 @@ from femfit.device.electrics import PickupCoil
 from femfit.device.load import sweep_manifest_entry
 from femfit.device.parts import Actuator
 from femfit.device.rewrite import VariantSweep
-from femfit.field.point_rows import NO_CONVERGENCE, swept_currents
+from femfit.field.point_rows import NO_CONVERGENCE, UNSOLVED, swept_currents
 from femfit.field.tolerance import scale
 from femfit.tables.signatures import Signatures
 from femfit.tables.sweep_table import SweepTable, current_names
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Result = Mapping[str, Any]
-THIS_DISTANCE = (
-    "The same currents were solved at other distances, so it is the mesh of this one. Look there for a narrow gap or a "
-    "thin sliver of a part, move the distance a little, or leave it out."
-)
-STEEL = "Check the B-H curve for kinks, or sweep the current in smaller steps."
+REMEDIES = {
+    NO_CONVERGENCE: "Check the B-H curve for kinks, or sweep the current in smaller steps.",
+    UNSOLVED: "Look there for a narrow gap or a thin sliver of a part, move the distance a little, or leave it out.",
+}
+"""What to do about points that were not solved, by their status."""
 
 NEWTON_COLUMNS = ("newton_iterations", "newton_residual")
 """Columns of actuators with saturating parts alone."""
@@ -154,17 +154,16 @@ def summarise(table: SweepTable) -> dict[str, Any]:
 
 def failed_points(table: SweepTable) -> list[str]:
     """What failed, where, and what to do about it, a sentence or two for each reason."""
-    rows, lines = table.rows, []
-    currents = current_names(rows)
+    rows, lines, currents = table.rows, [], current_names(table.rows)
     for reason, failed in rows[rows["status"] != "ok"].groupby("status", sort=False):
-        text, places = f"{counted(len(failed), 'point')} {reason}", failed["distance_m"].unique()
+        text = f"{counted(len(failed), 'point')} {str(reason).removesuffix('.')}"
         if len(failed) < len(rows) and VARIANT not in rows:
-            text += f"; at {listing(f'{1e3 * place:g} mm' for place in places)}"
-        if reason == NO_CONVERGENCE:
-            solved = {tuple(values) for values in rows.loc[rows["status"] == "ok", currents].to_numpy()}
-            elsewhere = solved.issuperset(tuple(values) for values in failed[currents].to_numpy())
-            text += f". {THIS_DISTANCE if len(places) == 1 and elsewhere else STEEL}"
-        lines.append(text)
+            text += f"; at {listing(f'{1e3 * place:g} mm' for place in failed['distance_m'].unique())}"
+            points = failed[currents].drop_duplicates()
+            if len(points) < len(rows[currents].drop_duplicates()):
+                amperes = (", ".join(f"{i:g}" for i in point) for point in points.to_numpy())
+                text += f" with {listing(f'{point} A' for point in amperes)}"
+        lines.append(f"{text}. {REMEDIES.get(str(reason), '')}".rstrip())
     return lines
 
 

@@ -14,12 +14,10 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from femfit import __version__
 from femfit.core.errors import FemfitError, FieldSolverError
 from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
@@ -83,11 +81,6 @@ def solvers(workers: int) -> Iterator[Solve]:
     finally:  # nothing is left to do, or the user will not wait for it
         for pool in pools:
             pool.shutdown(wait=False, kill_workers=True)
-
-
-def versions() -> dict[str, str]:
-    """What results depend on beside their task."""
-    return {"femfit": __version__, "ngsolve": version("ngsolve")}
 
 
 def _alone(task: Any) -> Result:

@@ -16,7 +16,7 @@ quadratic form in w; its matrix lives in the layer alone, which moves as a rigid
 distances of a mesh.
 
 The force of the moving part's own field integrates to zero, but not on a mesh: it is subtracted
-(:mod:`femfit.field.linear_system`).
+(:mod:`femfit.field.source_fields`).
 
 References
 ----------
@@ -37,7 +37,7 @@ from scipy import sparse
 
 from femfit.core.numerics import MU_0, BoolArray, FloatArray
 from femfit.device.electrics import HallElement
-from femfit.device.parts import Actuator, LinearMaterial, Material, Region
+from femfit.device.parts import Actuator, Material, Region
 from femfit.field.layout import FIXED, MOVING, coil_region, parts_of
 
 LAYER = "layer"
@@ -89,11 +89,6 @@ def materials(actuator: Actuator) -> dict[str, Material]:
     return {name: part.material for name, part in parts_of(actuator).items() if isinstance(part, Region)}
 
 
-def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
-    """The same of the parts that do not saturate."""
-    return {name: material for name, material in materials(actuator).items() if isinstance(material, LinearMaterial)}
-
-
 def stiffness(
     space: H1, reluctivity: Any, outer_radius: float | None, *, regions: str = ".*", condense: bool = True
 ) -> BilinearForm:
@@ -110,32 +105,20 @@ def stiffness(
 
 
 def source_loads(space: H1, actuator: Actuator, *, moving: bool = False) -> FloatArray:
-    """The right-hand sides of the magnets and of 1 A in each circuit, or of what of them moves.
+    """The right-hand sides of 1 A in each circuit, or in its moving coils alone.
 
     Returns
     -------
-    array, shape (1 + circuits, unknowns)
+    array, shape (circuits, unknowns)
         The product of a circuit's row with a solution is that solution's flux linkage.
     """
     v, r = space.TestFunction(), ng.x
-    forms = [LinearForm(space) for _ in range(1 + len(actuator.circuits))]
-    for name, material in linear_materials(actuator).items():
-        if material.remanence_T and (name.startswith("moving:") or not moving):
-            source = material.reluctivity * material.remanence_T
-            along = InnerProduct(CF(material.direction), flux_density(v))
-            forms[0] += source * along * 2.0 * math.pi * r * dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
-    coils = [coil for coil in actuator.coils if coil.moves or not moving]
-    for place, circuit in enumerate(actuator.circuits, 1):
-        for coil in (coil for coil in coils if coil.circuit == circuit.name):
-            density = coil.sign * coil.turns / shapely.Polygon(coil.vertices_m).area
-            over = dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
-            forms[place] += density * r * v * 2.0 * math.pi * r * over
-    return np.array([form.Assemble().vec.FV().NumPy() for form in forms])
-
-
-def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
-    """Nu on the mesh: of the named materials, of air elsewhere."""
-    return mesh.MaterialCF({name: material.reluctivity for name, material in named.items()}, default=1.0 / MU_0)
+    forms = {circuit.name: LinearForm(space) for circuit in actuator.circuits}
+    for coil in (coil for coil in actuator.coils if coil.moves or not moving):
+        density = coil.sign * coil.turns / shapely.Polygon(coil.vertices_m).area
+        over = dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
+        forms[coil.circuit] += density * r * v * 2.0 * math.pi * r * over
+    return np.array([form.Assemble().vec.FV().NumPy() for form in forms.values()]).reshape(-1, space.ndof)
 
 
 def weight(mesh: Mesh) -> GridFunction:

@@ -11,8 +11,8 @@ from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import induces
 from femfit.field.harmonic import ConductorPoints
-from femfit.field.nonlinear_system import static_system
 from femfit.field.point_rows import bias_currents
+from femfit.field.source_fields import SourceFields
 from femfit.field.sweep import run_sweep
 from support.eddy_transient import mesh_for
 from support.small_drawing import POT
@@ -43,7 +43,7 @@ def forms(actuator, moving, bias):
         rows = np.array([inside, outer])
         return points.loads(rows), points.loads(rows, moving=True)
 
-    system = static_system(moving, actuator, ORDER, loads)
+    system = SourceFields(moving, actuator, ORDER, loads)
     system.bias = np.array([bias])
     with moving.at(DISTANCE):
         return system.evaluate()

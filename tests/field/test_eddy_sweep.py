@@ -52,14 +52,10 @@ def test_patterns_give_the_direct_solution_on_another_mesh_and_at_other_frequenc
     assert np.abs(exact.flux_linkage[-1, 0, 0]) < 0.7 * np.abs(exact.flux_linkage[0, 0, 0])  # there is an effect
 
 
-def test_estimated_errors_are_small_and_those_of_motion_too(swept):
+def test_forms_are_symmetric_and_positive_with_small_errors_those_of_motion_too(swept):
     eddy = swept[1].eddy
     assert 0.0 < eddy.errors[:, 0].max() < 0.01
     assert eddy.braking_error < 0.5 * eddy.asked_error
-
-
-def test_forms_are_symmetric_and_positive(swept):
-    eddy = swept[1].eddy
     among = eddy.flux_linkage[:, :, 1:]
     assert np.abs(among - among.swapaxes(1, 2)).max() < 1e-12 * np.abs(among).max()
     assert np.linalg.eigvalsh(among).min() > 0.0

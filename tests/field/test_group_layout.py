@@ -10,9 +10,8 @@ from ngsolve import CF, Integrate
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.load import actuator_from_toml, read_actuator
-from femfit.field.drawing import build_mesh
+from femfit.field.drawing import build_mesh, layer_outlines
 from femfit.field.layout import (
-    layer_outlines,
     layout_of,
     layout_of_group,
     mover_outline,
@@ -20,6 +19,7 @@ from femfit.field.layout import (
 )
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings, settings_for
+from support.actuators import swept_at
 from support.field import prepared
 from support.small_drawing import POT
 
@@ -64,22 +64,40 @@ def test_the_width_of_the_layer_does_not_matter_to_the_force():
     assert np.all(off <= np.array(near["force_error_N"]))  # the estimate covers the error
 
 
+PLUNGER = read_actuator(Path(__file__).parents[2] / "geometry" / "plunger-solenoid.toml")
+
+
 @pytest.mark.parametrize("count", [12, 40])
-def test_no_group_is_stretched_beyond_the_limit(count):
-    actuator = swept_over(np.geomspace(NARROW, FAR, count))
-    layout = layout_of(actuator, SETTINGS)
-    for group in stretch_groups(actuator.sweep.distances_m, layout, SETTINGS):
-        own = layout_of_group(actuator, group, layout, SETTINGS)
-        near, far = (d - own.fixed_top - own.outer_offset for d in (group[0], group[-1]))
-        assert near > 0.0
-        assert far / near <= SETTINGS.stretch_limit * (1.0 + 1e-9)
+@pytest.mark.parametrize(("actuator", "ends"), [(swept_over([NARROW]), (NARROW, FAR)), (PLUNGER, (5e-4, 0.012))])
+def test_no_group_is_stretched_beyond_the_limit(actuator, ends, count):
+    layout = layout_of(swept_at(actuator, tuple(np.geomspace(*ends, count))), SETTINGS)
+    groups = stretch_groups(tuple(np.geomspace(*ends, count)), layout, SETTINGS)
+    assert len(groups) <= 12
+    for group in groups:
+        own = layout_of_group(actuator, group, layout, SETTINGS) if layout.rigid(group[0]) else layout
+        near, far = (own.gaps(distance) for distance in (group[0], group[-1]))
+        assert np.all(np.concatenate([near, far]) > 0.0)
+        assert np.all(np.maximum(far / near, near / far) <= SETTINGS.stretch_limit * (1.0 + 1e-9))
         assert own.outer_offset >= layout.outer_offset
+
+
+def test_bodies_share_a_mesh_where_vertical_edges_alone_pass_each_other():
+    def meshes(actuator):
+        distances = tuple(np.linspace(3e-3, 4e-3, 5))
+        return len(stretch_groups(distances, layout_of(swept_at(actuator, distances), SETTINGS), SETTINGS))
+
+    (plunger,) = PLUNGER.moving.regions
+    (r0, z0), (r1, z1) = np.min(plunger.vertices_m, axis=0), np.max(plunger.vertices_m, axis=0)
+    middle = 0.5 * (z0 + z1)
+    cone = ((r0, z0), (0.8 * r1, z0), (r1, middle), (r1, z1), (r0, z1))  # its edge passes the bore
+    tapered = replace(PLUNGER.moving, regions=(replace(plunger, vertices_m=cone),))
+    assert meshes(PLUNGER) == 1
+    assert meshes(replace(PLUNGER, moving=tapered)) == 5
 
 
 def test_no_edge_of_the_layer_is_too_short_to_be_meshed():
     # Two steps of the layer round this plunger met within 0.1 um at 1.0999087 mm, and the solver could not draw that.
-    actuator = read_actuator(Path(__file__).parents[2] / "geometry" / "plunger-solenoid.toml")
-    layout = layout_of(actuator, SETTINGS)
+    actuator, layout = PLUNGER, layout_of(PLUNGER, SETTINGS)
     for distance in (1.0999086569638599e-3, *np.linspace(0.5e-3, 9e-3, 41)):
         own = layout_of_group(actuator, (float(distance),), layout, SETTINGS)
         for outline in layer_outlines(actuator, own):
@@ -94,6 +112,6 @@ def test_a_stepped_body_is_meshed_once_everywhere_and_a_mesh_that_covers_a_regio
     layer = Integrate(CF(1.0), moving.mesh, definedon=moving.mesh.Materials("layer"))
     outer, inner = layer_outlines(actuator, moving.layout)[::-1]
     assert layer == pytest.approx(outer.area - inner.area, rel=1e-9)  # it was covered twice
-    monkeypatch.setattr("femfit.field.layout.without_spikes", lambda outline: outline)
+    monkeypatch.setattr("femfit.field.drawing.without_spikes", lambda outline: outline)
     with pytest.raises(FieldSolverError, match=r"2\.0\d times"):
         MovingMesh(actuator, (0.0015,), layout_of(actuator, settings), settings)

@@ -4,16 +4,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit.core.numerics import MU_0
+from femfit.device.parts import NonlinearMaterial
 from femfit.field import newton as current_path
 from femfit.field import sweep_task
-from femfit.field.point_rows import NO_CONVERGENCE
+from femfit.field.nonlinear_system import NonlinearSystem
+from femfit.field.point_rows import NO_CONVERGENCE, UNSOLVED
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import failed_points, summarise
-from femfit.tables.sweep_table import SweepTable, read_sweep_table
+from femfit.field.tolerance import SolverSettings
+from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import magnet, swept_at
 from support.field import QUICK
 from support.saturating import bobbin, rows_at
-from support.sweeps import full_table
 
 CURRENTS = (-2.0, 0.0, 2.0, 8.0)
 
@@ -55,16 +58,29 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(actuator, 
     pd.testing.assert_frame_equal(again.rows, table.rows, check_exact=True)
 
 
-@pytest.mark.parametrize(("count", "named", "curve"), [(1, "; at 16 mm. ", False), (2, "; at 16 mm, 17.5 mm. ", True)])
-def test_distances_that_fail_whole_are_named_and_the_curve_is_blamed_for_several(count, named, curve):
-    """Currents that were solved elsewhere put the blame on one distance's mesh; several distances, on the steel."""
-    table = full_table()
-    failed = table.rows["distance_m"].round(6).isin([0.016, 0.0175][:count])
-    rows = table.rows.assign(status=np.where(failed, NO_CONVERGENCE, "ok"))
-    (line,) = failed_points(SweepTable(rows, table.manifest))
-    assert line.startswith(f"{failed.sum()} points {NO_CONVERGENCE}{named}")
-    assert ("B-H curve" in line) == curve
-    assert ("narrow gap" in line) != curve
+def kinked():
+    """A curve within the limits of materials that Newton's iteration does not get over."""
+    steps = [(0.1, 0.1 / (1.5e6 * MU_0)), (0.002, 0.002 / (1.001 * MU_0))] * 16
+    b, h = np.cumsum([(0.0, 0.0), *steps], axis=0).T
+    return NonlinearMaterial("kinked", tuple(b), tuple(h))
+
+
+@pytest.mark.parametrize(
+    ("currents", "solve", "message"),
+    [
+        ((0.0, 8.0), None, f"1 point {NO_CONVERGENCE}; at 5 mm with 8 A. Check the B-H curve"),
+        ((0.0, 2.0), lambda _, load: 1e-9 * load, f"1 point {UNSOLVED}; at 5 mm with 2 A. Look there"),  # nowhere
+    ],
+)
+def test_points_that_fail_are_named_with_what_their_equations_show_as_the_cause(
+    currents, solve, message, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(NonlinearSystem, "solve", solve or NonlinearSystem.solve)
+    sweep_task.MESHES.clear()
+    table = run_sweep(bobbin(kinked(), currents=currents), tmp_path, workers=1, settings=SolverSettings(order=3))
+    sweep_task.MESHES.clear()
+    (line,) = failed_points(table)
+    assert line.startswith(message)
 
 
 def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):

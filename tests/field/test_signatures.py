@@ -8,7 +8,7 @@ import pytest
 from femfit.core.errors import ActuatorFileError, UsageError
 from femfit.device.drawn_numbers import numbers_from_toml, read_numbers
 from femfit.device.load import read_actuator
-from femfit.field.layout import layout_of
+from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
@@ -35,7 +35,7 @@ def _table(problem, distance, currents):
     [
         ("emaws-rig", 0.022, 1.0),  # magnet and Hall element
         ("ball", 0.005, 1.0),  # arcs and saturation
-        # a bore, where every distance has its own mesh, and a moving coil in a saturating magnet system
+        # a bore, and a moving coil in a saturating magnet system, where every distance has its own mesh
         pytest.param("plunger-solenoid", 0.002, 1.0, marks=pytest.mark.nightly),
         pytest.param("voice-coil", -0.006, 2.0, marks=pytest.mark.nightly),
     ],
@@ -49,12 +49,12 @@ def test_scaling_of_all_lengths_and_currents(name, distance, current):
     """
     actuator, numbers = read_actuator(GEOMETRY / f"{name}.toml"), read_numbers(GEOMETRY / f"{name}.toml")
     layout = layout_of(actuator, FINE)
-    step, step_i = (2e-3 if layout.stretchable else 2e-2) * layout.clearance, 0.01 * current
+    near = tuple(distance + k * 2e-3 * layout.clearance for k in (-1, 0, 1))
+    shared = len(stretch_groups(near, layout, FINE)) == 1
+    step, step_i = (2e-3 if shared else 2e-2) * layout.clearance, 0.01 * current
     ends = (distance - step, distance, distance + step)
-    problem = _problem(actuator, ends if layout.stretchable else (distance,))
-    low, high = (
-        _table(problem if layout.stretchable else _problem(actuator, (d,)), d, [current])[0] for d in ends[::2]
-    )
+    problem = _problem(actuator, ends if shared else (distance,))
+    low, high = (_table(problem if shared else _problem(actuator, (d,)), d, [current])[0] for d in ends[::2])
     below, here, above = _table(problem, distance, [current - step_i, current, current + step_i])
     (slopes,) = problem.signatures(distance, [current], numbers)
     lengths = np.array([number.facts.value if number.facts.unit == "mm" else 0.0 for number in numbers])
@@ -161,20 +161,15 @@ def test_signatures_of_what_is_no_file_are_refused(tmp_path):
         run_sweep(read_actuator(GEOMETRY / "ball.toml"), tmp_path, signatures=True)
 
 
-def test_numbers_of_a_drawing_that_sweeps_parameters_are_refused():
-    text = SMALL.replace("[tolerances]", '[sweep.parameters]\n"coils.coil.turns" = [90, 100]\n[tolerances]')
-    with pytest.raises(ActuatorFileError, match=r"sweep\.parameters"):
-        numbers_from_toml(text)
-
-
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("tables", "complaint"),
     [
-        ('"fixed.regions.core.r_mm[7]" = 0.1', "key path"),
-        ('"coils.coil.r_mm[1]" = -1', "> 0"),
-        ("length_mm = 0", "greater"),
+        ('[tolerances]\n"fixed.regions.core.r_mm[7]" = 0.1', "key path"),
+        ('[tolerances]\n"coils.coil.r_mm[1]" = -1', "> 0"),
+        ("[tolerances]\nlength_mm = 0", "greater"),
+        ('[sweep.parameters]\n"coils.coil.turns" = [90, 100]', r"sweep\.parameters"),
     ],
 )
-def test_tolerances_that_say_nothing_are_refused(line, said):
-    with pytest.raises(ActuatorFileError, match=said):
-        numbers_from_toml(SMALL.split("[tolerances]", maxsplit=1)[0] + f"[tolerances]\n{line}\n")
+def test_tolerances_that_say_nothing_and_swept_parameters_are_refused(tables, complaint):
+    with pytest.raises(ActuatorFileError, match=complaint):
+        numbers_from_toml(SMALL.split("[tolerances]", maxsplit=1)[0] + f"{tables}\n")

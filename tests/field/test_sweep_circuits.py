@@ -32,8 +32,8 @@ def swept(request, tmp_path_factory):
     return actuator, directory, run_sweep(actuator, directory, workers=1, settings=QUICK)
 
 
-def test_all_combinations_of_two_circuits_currents_are_swept(swept):
-    _, _, table = swept
+def test_all_combinations_of_two_circuits_currents_are_swept_and_read_back(swept):
+    _, directory, table = swept
     rows = table.rows
     assert (rows["status"] == "ok").all()
     assert len(rows) == 2 * 3 * 3
@@ -42,10 +42,6 @@ def test_all_combinations_of_two_circuits_currents_are_swept(swept):
     needed = {"flux_linkage_lower_Wb", "flux_linkage_upper_Wb", "inductance_lower_H", "inductance_upper_H"}
     assert needed | {"inductance_lower_upper_H", "coenergy_J", "force_error_N"} <= set(rows)
     assert not {"current_A", "flux_linkage_Wb", "inductance_H"} & set(rows)
-
-
-def test_a_table_with_two_circuits_is_read_back(swept):
-    _, directory, table = swept
     pd.testing.assert_frame_equal(read_sweep_table(directory).rows, table.rows)
     summary = summarise(table)
     assert summary["failed"] == 0

@@ -9,7 +9,7 @@ from netgen.occ import OCCGeometry, WorkPlane
 from ngsolve import H1, Integrate, LinearForm, Mesh, dx
 
 from femfit.core.numerics import MU_0
-from femfit.field.linear_system import SummedInverse
+from femfit.field.nonlinear_system import SummedInverse
 from femfit.field.weak_form import flux_density, stiffness
 
 RADIUS, WIDTH = 1.0, 0.18  # the Gaussian is 4e-14 on the boundary

@@ -13,10 +13,10 @@ import femfit as ff
 from femfit.device.load import actuator_from_toml
 from femfit.field.harmonic import ConductorPoints, add_eddy_form, conductors
 from femfit.field.layout import layout_of
-from femfit.field.linear_system import SummedInverse
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
-from femfit.field.nonlinear_system import BiasedSystem, NonlinearSystem
+from femfit.field.nonlinear_system import NonlinearSystem, SummedInverse
+from femfit.field.source_fields import SourceFields
 from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import LayerForce
 from femfit.model.dynamics import state_derivative
@@ -126,7 +126,6 @@ class PullIn:
             for part in (GAMMA, 1.0):
                 place = distance + part * step * velocity + 0.5 * (part * step) ** 2 * acceleration
                 if place != at:
-                    self.moving.mesh.UnsetDeformation()
                     self.moving.move_to(place)
                     stage.move()
                     at = place
@@ -145,7 +144,7 @@ class PullIn:
             rows.append((time, distance, current, flux, pull))
             if until is not None and distance <= until:
                 break
-        self.moving.mesh.UnsetDeformation()
+        self.moving.move_to(self.moving.reference)
         return np.array(rows).T
 
     @staticmethod
@@ -207,7 +206,7 @@ def test_the_field_in_time_ends_in_the_static_state():
     _, distances, currents, flux, force = field.run(2.0, FAR, np.geomspace(1e-4, 0.1, 24))
     assert set(distances) == {FAR}
     assert currents[-1] == pytest.approx(2.0 / actuator.circuits[0].resistance_ohm, rel=1e-4)
-    held = BiasedSystem(field.moving, actuator, 2)
+    held = SourceFields(field.moving, actuator, 2)
     held.bias = currents[-1:]
     at_rest = held.evaluate()
     assert flux[-1] == pytest.approx(at_rest.flux_linkage[0, 0], rel=1e-4)

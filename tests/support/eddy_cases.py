@@ -12,9 +12,10 @@ from femfit.device.outlines import circle
 from femfit.device.parts import AIR, Coil, LinearMaterial, Region
 from femfit.field.harmonic import HarmonicSystem, conductors
 from femfit.field.layout import layout_of
+from femfit.field.material_points import MaterialPoints
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import flux_density, source_loads
+from femfit.field.weak_form import flux_density, materials, source_loads
 from support import eddy_exact
 from support.actuators import device, rectangle
 
@@ -52,9 +53,11 @@ class Harmonic:
         """Inductances in H between the circuits at s in 1/s, and the fields of 1 A in each as GridFunctions."""
         real = not isinstance(s, complex)
         with self.moving.at(self.distance):
-            system = HarmonicSystem(self.moving, self.actuator, self.settings.order, real=real)
+            space = ng.H1(self.moving.mesh, order=self.settings.order)
+            points = MaterialPoints(space, materials(self.actuator))
+            system = HarmonicSystem(self.moving, self.actuator, points, real=real)
             system.move()
-            loads = source_loads(ng.H1(self.moving.mesh, order=self.settings.order), self.actuator)[1:]
+            loads = source_loads(space, self.actuator)
             w = system.solve(s, loads)
             fields = [ng.GridFunction(system.space) for _ in w]
             for field, one in zip(fields, w, strict=True):

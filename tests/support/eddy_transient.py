@@ -5,16 +5,17 @@ from functools import cache
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from ngsolve import BilinearForm
+from ngsolve import H1, BilinearForm
 
 import femfit as ff
 from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.harmonic import HarmonicSystem, add_eddy_form, conductors
 from femfit.field.layout import layout_of
+from femfit.field.material_points import MaterialPoints
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import csr, source_loads
+from femfit.field.weak_form import csr, materials, source_loads
 from support.small_drawing import POT
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
@@ -42,12 +43,13 @@ def step_of_voltage(actuator, moving, volts, first, last, per_octave):
     K w + M dw/dt = load i with volts = R i + load . dw/dt, both as one system E dy/dt = A y + f. A step of voltage has
     no time of its own: steps double from octave to octave of time, ``per_octave`` in each, from ``first`` to ``last``.
     """
-    system = HarmonicSystem(moving, actuator, ORDER, real=True)
+    points = MaterialPoints(H1(moving.mesh, order=ORDER), materials(actuator))
+    system = HarmonicSystem(moving, actuator, points, real=True)
     system.move()
     form = BilinearForm(system.space)
     add_eddy_form(form, conductors(actuator))
     mass = csr(form.Assemble().mat, system.space.ndof)
-    load = source_loads(system.space, actuator)[1]
+    load = source_loads(system.space, actuator)[0]
     resistance = actuator.circuits[0].resistance_ohm
     times, currents, linked = [0.0], [0.0], [0.0]
     held, flux, step = np.zeros(system.space.ndof), 0.0, first / per_octave  # M w and load . w
