@@ -12,9 +12,12 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import BoolArray, FloatArray, first_best
-from femfit.identify.constants import COARSE, SPANNED
+from femfit.identify.constants import COARSE
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.patterns import Patterns, smooth_patterns
+
+SPANNED = 1e-4
+"""Numerical: squared sine below which a pattern lies in the fitted columns."""
 
 
 @dataclass(frozen=True)

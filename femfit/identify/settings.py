@@ -25,17 +25,13 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.identify.constants import (
-    AVERAGED_TO,
-    LEAST_GAPS,
     LEAST_REPEATS,
     MOST_DROPPED,
     MOST_ROWS,
-    NEAR_STEPS,
     SAME_LINE,
     SAME_READING,
     SAME_SETTING,
     SHORT,
-    WHOLE,
 )
 from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
 from femfit.identify.words import finding, sentence
@@ -44,6 +40,13 @@ from femfit.model.impedance import impedances_by_column
 from femfit.tables.header import parts_of
 from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import BenchTable
+
+AVERAGED_TO = 1000
+"""Numerical: rows to about which a longer bench table is averaged."""
+
+NEAR_STEPS, WHOLE, LEAST_GAPS = 10.0, 0.05, 5
+"""Numerical: gaps between readings of up to so many steps are looked at, are whole to that part of a step, and must be
+so many for a step to be known."""
 
 
 def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:

@@ -16,12 +16,12 @@ from femfit.identify.constants import (
     COVARIATE_SHARE,
     LEAST_READINGS,
     LEFT_BY_SHARE,
-    ROUNDED,
     SAME_SHARE,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
 from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.patterns import Patterns, smooth_patterns
+from femfit.identify.signatures import ROUNDED
 from femfit.identify.words import sentence
 from femfit.tables.header import parts_of
 

@@ -29,10 +29,22 @@ from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, es
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibrationResult
 from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
-from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
 from femfit.identify.decision.diagnose import Diagnosis, diagnose, said_of
 from femfit.identify.words import sentence
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
+
+MOST_STEPS = 8
+"""Numerical: numbers that have not settled after so many sweeps in a row follow no Gauss-Newton step."""
+
+MOST_ROUNDS = 3
+"""Numerical: how often what a calibrated drawing leaves is diagnosed again; each round needs a cause of its own."""
+
+RISE = 1.0
+"""Numerical: a step after which the weighted sum of squares is more than this larger is taken back and halved; less
+changes no conclusion, and meshes differ."""
+
+HALVINGS = 4
+"""Numerical: a step that draws what cannot be built is halved so often."""
 
 Data = Measurement | str | Path
 

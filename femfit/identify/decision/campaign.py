@@ -29,7 +29,6 @@ from femfit.identify.decision.constants import (
     BROAD,
     FORM,
     FORM_DEGREE,
-    FORM_DIRECTIONS,
     FORM_ELSEWHERE,
     READINGS_OF_A_STOP,
     SHARE_DEGREE,
@@ -43,6 +42,9 @@ from femfit.identify.patterns import products, scaled_to_one
 from femfit.identify.refit import Refit, Start
 from femfit.identify.signatures import testable_columns
 from femfit.identify.words import finding
+
+FORM_DIRECTIONS = 14
+"""Numerical, for the time that it takes: directions of a form's error that are kept, the largest."""
 
 
 @dataclass(frozen=True, eq=False)

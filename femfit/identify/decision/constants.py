@@ -27,13 +27,6 @@ FORM_SPREAD = (0.0, 0.3, 1.0, 3.0)
 FORM_DEGREE = 3
 """Assumed: degree in distance and current of a form's error."""
 
-FORM_DIRECTIONS = 14
-"""Numerical, for the time that it takes: directions of a form's error that are kept, the largest."""
-
-SIZES = 9
-"""Numerical: how many sizes of an effect are tried, in equal steps of their logarithm, from where it would just be seen
-(a length of one standard deviation) to half of its plausible range."""
-
 UNKNOWN_SIZES = (3.0, 10.0, 30.0, 100.0, 300.0)
 """Assumed: lengths of an unknown misfit's patterns, in standard deviations, equally likely."""
 
@@ -45,21 +38,6 @@ SHARE_DEGREE = 2
 
 IN_PART = 0.1
 """Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
-
-LOOKED_AT = 0.002
-"""Numerical: an explanation is refitted where it may have this part of the probability: a fifth of a class's end."""
-
-IN_VAIN = 3
-"""Numerical: refits in a row that bring nothing after which no further effect is looked for beside an unknown cause."""
-
-MOST_REFITS = 45
-"""Numerical, for the time that it takes: explanations that are refitted; all others stand at first order."""
-
-MOST_EFFECTS = 5
-"""Numerical, for the time that it takes: effects of a set that is looked at; a refit of eight took half a minute."""
-
-PAIRED = 12
-"""Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
 
 READINGS_OF_A_STOP = 3
 """Assumed: rows for each stop of the stage from which an error of each stop cannot explain just anything."""

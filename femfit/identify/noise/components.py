@@ -23,28 +23,36 @@ from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import (
     CONTRADICTED,
-    EXACT,
-    FINEST,
-    FIXED,
     LEAST_READINGS,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
-    MOST_MOUNTS,
-    MOST_STOPS,
     PRIOR_MOUNT_M,
     PRIOR_RUN,
     PRIOR_WEIGHT,
-    ROUNDS,
     SAME_READING,
-    UNKNOWN_CHANNEL,
 )
-from femfit.identify.noise.design import ChannelDesign, channel_design
+from femfit.identify.noise.design import EXACT, ChannelDesign, channel_design
 from femfit.identify.noise.likelihood import Likelihood
-from femfit.identify.noise.whitening import NoiseModel, Whitening, random_effects, stops
+from femfit.identify.noise.whitening import MOST_STOPS, NoiseModel, Whitening, random_effects, stops
 from femfit.identify.observations import Observations
 from femfit.identify.settings import setting_cells
 from femfit.identify.words import finding
 from femfit.tables.measurement import OF_RUNS
+
+ROUNDS = 2
+"""Numerical: rounds in which correlations are sought by the variances, and these by the correlations."""
+
+FIXED = 1e3
+"""Numerical: size of a random effect, over its usual one, or over a reading's, that is as good as fixed."""
+
+MOST_MOUNTS = 48
+"""Numerical, for the time that it takes: of more mounts, or runs, so many say the noise of all (to 10 %)."""
+
+UNKNOWN_CHANNEL = 1e6
+"""Numerical: a channel of unknown noise gets this many times its largest reading, so that it has no weight."""
+
+FINEST = 1e-7
+"""Numerical: noise of a channel over its largest reading below which products of columns lose it in their rounding."""
 
 GUESS = "guess"
 """Source of a noise that smooth patterns of the settings leave, where neither repeats nor a declaration tell it."""

@@ -22,24 +22,25 @@ from scipy.linalg import solve_triangular
 from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import FloatArray, IntArray, root_beside_one
-from femfit.identify.constants import (
-    CORRELATIONS,
-    EXACT,
-    LARGEST_CORRELATION,
-    LARGEST_SHARE,
-    LEAST_REPEATS,
-    LEAST_SHARE,
-    OF_SETTINGS,
-    PRIOR_MEMORY,
-    PRIOR_SHARE,
-    SHARES,
-    SPANNED_SQUARE,
-)
+from femfit.identify.constants import LARGEST_CORRELATION, LEAST_REPEATS, OF_SETTINGS, PRIOR_MEMORY, PRIOR_SHARE
 from femfit.identify.noise.likelihood import Contrasts
 from femfit.identify.noise.whitening import Chain, chain_of, orthonormal_basis, random_effects
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import smooth_patterns
 from femfit.identify.settings import quantisation_step, setting_cells
+
+LEAST_SHARE, LARGEST_SHARE, SHARES = 0.1, 1000.0, 36
+"""Numerical: shares of a setting that are tried, even in their logarithm, beside none."""
+
+EXACT = 1e9
+"""Numerical: the weight of a variance that is known."""
+
+CORRELATIONS = 40
+"""Numerical: correlations that are tried, even in artanh(rho), which moves the variance of a slow pattern,
+(1 + rho) / (1 - rho), by 10 % from one to the next."""
+
+SPANNED_SQUARE = 1e-9
+"""Numerical: part of a squared length below which a column of mounts or runs is spanned by others."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,15 +27,18 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, root_beside_one
-from femfit.identify.constants import (
-    FLAT,
-    LARGEST_STEP,
-    LARGEST_UNSEEN,
-    NO_VARIANCE,
-    SEARCH_STEPS,
-    SETTLED_STEP,
-    VARIANCES_TRIED,
-)
+from femfit.identify.constants import LARGEST_UNSEEN
+
+VARIANCES_TRIED = 37
+"""Numerical: values over which a variance is averaged, even in its logarithm, from 512 times below the largest
+standard deviation."""
+
+SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-5, 1e-6
+"""Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of its scale
+below which a variance is none."""
+
+FLAT = 1e-6
+"""Numerical: curvature of -2 log likelihood in a log variance below which it is flat, and the variance stays."""
 
 
 @dataclass(frozen=True, eq=False)

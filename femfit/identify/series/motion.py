@@ -34,7 +34,6 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import changed_by, circuit_of, recorded, true_setting, with_further_force
-from femfit.identify.constants import SLOWEST
 from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
@@ -42,6 +41,9 @@ from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.magnetics import MagneticState
 from femfit.model.readings import Point, at_rest, hall_seen
 from femfit.model.with_effects import eddy_with_sources
+
+SLOWEST = 1e-12
+"""Numerical: decay over a step below which a state, or a pattern of eddy current, only adds up."""
 
 FORCE_BALANCE = "force_balance_N"
 

@@ -25,14 +25,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import with_distance
-from femfit.identify.constants import (
-    LEAST_REPEATS,
-    LEAST_VARIANCE,
-    MEDIAN_CHANCE,
-    RESTLESS,
-    SLOPE_STEP,
-    TURNS_OF_MISFIT,
-)
+from femfit.identify.constants import LEAST_REPEATS, LEAST_VARIANCE, MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
 from femfit.identify.patterns import smooth_patterns
@@ -46,6 +39,9 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import TimeSeries
+
+SLOPE_STEP = 1e-3
+"""Numerical: step of a difference over the width of a parameter's plausible range."""
 
 
 def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:

@@ -19,12 +19,15 @@ from scipy import sparse
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.identify.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN
+from femfit.identify.constants import BEHIND, MIDDLE, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.observations import TEMPERATURES, circumstances
 from femfit.identify.series.motion import Motion
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, local_polynomials, window_weights
 from femfit.model.actuator_model import ActuatorModel
+
+NODES = 12
+"""Numerical: intervals between the nodes of a window."""
 
 
 @dataclass(frozen=True, eq=False)
