@@ -44,8 +44,12 @@ MOST_OFF_GRID = 0.05
 FINEST_PART = 4
 """Conventional: the median step is at most so many grid steps; a record of which more is missing is not resampled."""
 
-SAME_STEP = 1e-3
-"""Numerical: steps of a converter are equal to this part of one."""
+NEAR_STEPS, WHOLE_STEPS, LEAST_GAPS = 10.0, 0.05, 5
+"""Numerical: gaps between levels of up to so many steps are looked at, are whole to that part of a step, and must be so
+many for a step to be known."""
+
+SAME_READING = 1e-12
+"""Derived: some thousand roundings of a float, over the largest reading."""
 
 
 class OnGrid(NamedTuple):
@@ -255,11 +259,19 @@ def white_noise(misfit: FloatArray, segment: IntArray, least: int = LEAST_DIFFER
 
 
 def converter_step(values: FloatArray) -> float:
-    """The step of the converter that made these values; zero where they lie on no grid."""
-    levels = np.unique(values[np.isfinite(values)])
-    if not 2 < len(levels) < 0.7 * np.count_nonzero(np.isfinite(values)):
+    """The step of the converter that made these values; zero where they lie on no grid.
+
+    Levels next to each other are whole steps apart. Chance makes that once in 1e5 of five levels that are more than a
+    step apart, and hardly of values that repeat. Where settings were repeated, so that values do without a converter,
+    give each level once.
+    """
+    finite = values[np.isfinite(values)]
+    levels = np.unique(finite)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > SAME_READING * float(np.abs(levels).max(initial=0.0))]
+    if not len(gaps):
         return 0.0
-    steps = np.diff(levels)
-    step = float(steps.min())
-    multiple = steps / step
-    return step if np.all(np.abs(multiple - np.round(multiple)) < SAME_STEP * np.maximum(multiple, 1.0)) else 0.0
+    near = gaps[gaps < NEAR_STEPS * gaps.min()] / gaps.min()
+    repeats = 2 < len(levels) < 0.7 * len(finite)
+    known = repeats or np.count_nonzero(near > 1.5) >= LEAST_GAPS
+    return float(gaps.min()) if known and np.all(np.abs(near - np.round(near)) < WHOLE_STEPS) else 0.0

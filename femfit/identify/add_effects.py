@@ -371,7 +371,9 @@ def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]
         fit=fit,
         unusual=[(added, clocked(p)) for added, p in every if not is_plausible(added, p)],
         ends=[(a, clocked(p)) for a, p in stuck if abs(a.parameters[p.name] - p.null) > 1e-3 * p.width],
-        absent=[name for name, known in limits.items() if all(min(ci) <= null <= max(ci) for null, ci in known)],
+        absent=[
+            name for name, intervals in limits.items() if all(min(ci) <= null <= max(ci) for null, ci in intervals)
+        ],
         nominal=observations.nominal,
         alone=lambda added, p: AddedEffect(added.effect, added.effect.null() | {p.name: added.parameters[p.name]}),
     )

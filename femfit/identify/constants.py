@@ -96,9 +96,6 @@ SAME_SETTING = 1.0 / 400.0
 SAME_LINE = 1.0 / 50.0
 """Assumed: settings closer than this part of their range lie on one line, along which a smooth misfit is compared."""
 
-SAME_READING = 1e-12
-"""Derived: some thousand roundings of a float, over the largest reading."""
-
 # Readings that are set aside or suspected
 
 MOST_ROWS = 5000

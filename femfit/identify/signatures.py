@@ -43,7 +43,7 @@ def _without_part(nominal: Nominal) -> dict[str, str]:
         ("stop", not any(map(math.isfinite, nominal.stops_m)), "the drawing has no stop"),
         ("no spring", nominal.springs is not None, "the drawing has a spring, whose own errors are looked at"),
     )
-    return {part: "" for part, _, _ in faults} | {part: why for part, fault, why in faults if fault}
+    return {component: "" for component, _, _ in faults} | {component: why for component, fault, why in faults if fault}
 
 
 @dataclass(frozen=True, eq=False)

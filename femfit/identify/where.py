@@ -150,6 +150,6 @@ def _is_share(misfit: FloatArray, base: FloatArray, share: float) -> bool:
     """Whether a misfit is next to all of one share of the prediction, large readings and small ones alike."""
     small = np.abs(base) <= np.median(np.abs(base))
     in_small = float(misfit[small] @ base[small]) / max(float(base[small] @ base[small]), 1e-300)
-    left = misfit - share * base
-    is_all = float(left @ left) < LEFT_BY_SHARE * float(misfit @ misfit)
+    residual = misfit - share * base
+    is_all = float(residual @ residual) < LEFT_BY_SHARE * float(misfit @ misfit)
     return is_all and abs(in_small - share) < SAME_SHARE * abs(share)

@@ -152,7 +152,7 @@ class Diagnosis(Plotted, Result, Decision):
     @property
     def explanations(self) -> tuple[Refit, ...]:
         """What was named, then each other explanation that the data leave."""
-        return tuple(explanation.fit for explanation in self.left if explanation.fit)
+        return tuple(explanation.fit for explanation in self.remaining if explanation.fit)
 
     @property
     def noise(self) -> NoiseModel | None:
@@ -322,12 +322,12 @@ def _ranking(
 def _named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
     """What is named, each effect with its class and the sizes of those that are as likely."""
     by_name = {added.effect.name: added for added in fit.effects}
-    exchanged = {frozenset(each.names): each.fit for each in decision.left if each.fit}
+    exchanged = {frozenset(each.names): each.fit for each in decision.remaining if each.fit}
     nominal, result = campaign.observations.nominal, []
     for members, tie in zip(decision.classes, decision.ties, strict=True):
         added, beside = by_name[members[0]], set(fit.names) - {members[0]}
         refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        others = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
+        exchanges = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
         named = NamedEffect(
             name=members[0],
             members=members,
@@ -336,7 +336,7 @@ def _named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: f
             parameters=dict(added.parameters),
             ci95=dict(added.ci95),
             words=tuple(describe(added, nominal)),
-            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in others),
+            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in exchanges),
             plausible=plausible(added),
             runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
         )

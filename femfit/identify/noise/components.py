@@ -21,6 +21,7 @@ from scipy import stats
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
+from femfit.estimate.record import SAME_READING
 from femfit.identify.constants import (
     CONTRADICTED,
     LEAST_READINGS,
@@ -29,7 +30,6 @@ from femfit.identify.constants import (
     PRIOR_MOUNT_M,
     PRIOR_RUN,
     PRIOR_WEIGHT,
-    SAME_READING,
 )
 from femfit.identify.noise.design import EXACT, ChannelDesign, channel_design
 from femfit.identify.noise.likelihood import Likelihood
@@ -148,12 +148,12 @@ def _likelihood(observations: Observations, designs: Sequence[ChannelDesign], sc
     of_distance = PRIOR_WEIGHT * ("distance_m" in declared)
     of_runs = [EXACT * (OF_RUNS + name in declared) for name in observations.channels]
     weight = np.array([of_distance, *of_runs, of_distance, *(design.counts_like for design in designs)])
-    known = [design.declared**2 if design.counts_like else design.variance for design in designs]
+    variances = [design.declared**2 if design.counts_like else design.variance for design in designs]
     return Likelihood(
         [design.contrasts(*design.place) for design in designs],
         effects.group,
         effects.second,
-        scale=np.append(scales**2, known),
+        scale=np.append(scales**2, variances),
         weight=weight,
         from_zero=(weight == 0.0) & (np.arange(len(weight)) < len(scales)),
     )
@@ -175,18 +175,18 @@ def _known(observations: Observations, c: int, constant: bool) -> ChannelDesign 
     if not np.isfinite(declared):
         return None if constant else _undeclared(design, least)
     declared, repeats = max(declared, least), 0 if constant else design.repeats
-    design = replace(design, sigma=declared, kept={})
-    told = replace(design, declared=declared, counts_like=EXACT, source=source, repeats=0)  # which nothing moves
+    design = replace(design, sigma=declared, cache={})
+    as_declared = replace(design, declared=declared, counts_like=EXACT, source=source, repeats=0)  # which nothing moves
     if not repeats or design.contrasts(0, 0).free < LEAST_REPEATS:  # mounts may have all that repeats differ by
-        return told
+        return as_declared
     alone = replace(design, source="repeats")
     shown = alone.likeliest(FIXED / np.maximum(np.linalg.norm(design.random, axis=0), 1e-300)).variance
     ratio = shown / declared**2
     if 2.0 * min(stats.f.sf(ratio, repeats, counts_like), stats.f.cdf(ratio, repeats, counts_like)) < CONTRADICTED:
         return alone
     if counts_like == EXACT:
-        return told
-    return replace(told, counts_like=counts_like, source=f"{source} and repeats", repeats=repeats)
+        return as_declared
+    return replace(as_declared, counts_like=counts_like, source=f"{source} and repeats", repeats=repeats)
 
 
 def _undeclared(design: ChannelDesign, least: float) -> ChannelDesign | None:
@@ -198,7 +198,7 @@ def _undeclared(design: ChannelDesign, least: float) -> ChannelDesign | None:
         # Without what the declared errors of the settings make; but not less is left than the standard error of a
         # variance from so many readings: below it nothing can be told apart
         variance = max(design.variance - float(design.made.mean()), design.variance * np.sqrt(2.0 / free), least**2)
-        design = replace(design, sigma=float(np.sqrt(variance)), kept={})
+        design = replace(design, sigma=float(np.sqrt(variance)), cache={})
     varies = design.contrasts(0, 0).square > SAME_READING * float(np.sum(design.residual**2))
     return replace(design, source="repeats" if design.repeats else GUESS) if varies else None
 

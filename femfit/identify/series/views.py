@@ -48,10 +48,10 @@ def balance_view(base: ActuatorModel, samples: Samples, windows: Windows, nomina
     time, row = _nodes(windows)
     level, _ = _smoothed(samples, windows, time, behind=SPAN, ahead=SPAN, degree=3)
     _, slope = _smoothed(samples, windows, time, behind=SLOPE_SPAN, ahead=SLOPE_SPAN, degree=3)
-    own = replace(windows, segment=np.arange(len(windows.centre_s)))
-    weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
-    whole = window_weights(windows, samples["time_s"], samples["segment"], samples["usable"])
-    covariates = _covariates(samples, windows, whole.mean, whole.slope, nominal)
+    each_alone = replace(windows, segment=np.arange(len(windows.centre_s)))
+    weights = window_weights(each_alone, time, row, np.ones(len(time), dtype=bool))
+    window_means = window_weights(windows, samples["time_s"], samples["segment"], samples["usable"])
+    covariates = _covariates(samples, windows, window_means.mean, window_means.slope, nominal)
     return View(windows, covariates, _motion(base, samples, windows, covariates, level, slope, nominal), weights)
 
 
