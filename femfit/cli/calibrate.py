@@ -43,7 +43,8 @@ def calibrate(
         Bench tables, or records over time, whose runs count together: CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with
         their sidecars .toml beside them where noise is declared.
     output : Path
-        Actuator file for the drawing as the data have it, with the comments and the layout of the old one.
+        Actuator file for the drawing as the data have it, with the comments and the layout of the old one; not written
+        where the numbers do not settle.
     runs : Path
         Directory of the sweeps, in which nothing is solved twice; runs/NAME-calibration by default.
     workers : int
@@ -66,9 +67,11 @@ def calibrate(
             progress=say,
         )
     names = [file.name for file in data]
-    write_text(output, heading(result, drawing.name, names) + result.drawing)
     ff.write_model(result.model, model)
     ff.write_model(result.model_as_drawn, runs / _AS_DRAWN)
-    written = f"written: {output}, its sweep in {model.parent} and its model {model}"
+    written = f"written: the last sweep in {model.parent} and its model {model}"
+    if result.settled:
+        write_text(output, heading(result, drawing.name, names) + result.drawing)
+        written = f"written: {output}, its sweep in {model.parent} and its model {model}"
     after = f"Next: femfit compare {model} {data[0]}"
     return Outcome(f"{result}\n{written}\n{after}", result.to_dict() | {"drawing": drawing.name, "data": names})

@@ -138,7 +138,7 @@ OF_THREE = 2.45
 a same share, independently: the root of 1 + 2^2 + 1."""
 
 CALIBRATION_SETTLED = 0.1
-"""Conventional: a step below this part of the standard deviations, root mean square, changes no conclusion."""
+"""Conventional: a step below this part of the standard errors, root mean square, changes no conclusion."""
 
 OPEN = 0.5
 """Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
