@@ -17,8 +17,9 @@ from femfit.effects.words import titled, titles_of
 from femfit.estimate.follow import followed
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import FILTER_WORSE, HARMS, HELPS
-from femfit.identify.decision.campaign import gather, guessed_noises
+from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.diagnose import Diagnosis
+from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall

@@ -19,7 +19,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.add_effects import fit_facts, of_last_run
 from femfit.identify.calibration.fit import Estimate, Redrawn
 from femfit.identify.constants import IN_COMBINATION, OPEN, WITHIN_NOISE
-from femfit.identify.decision.campaign import guessed_noises
+from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.left_out import unseen_error
 from femfit.identify.misfit import ErrorFall, allowed, beyond_noise

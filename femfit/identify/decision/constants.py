@@ -42,6 +42,9 @@ IN_PART = 0.1
 READINGS_OF_A_STOP = 3
 """Assumed: rows for each stop of the stage from which an error of each stop cannot explain just anything."""
 
+CREEP_DEGREE = 3
+"""Assumed: degree in the order of the rows up to which a sensor's zero creeps."""
+
 STILL_THE_NOISE = 0.8
 """Assumed: part of a standard deviation down to which what is named leaves the noise as it was: as well as the noise of
 forty readings is known, and mounts and runs far less."""

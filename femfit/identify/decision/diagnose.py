@@ -13,16 +13,10 @@ from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import describe, smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
 from femfit.identify.constants import ROUNDING
-from femfit.identify.decision.campaign import (
-    Campaign,
-    campaign_remarks,
-    considered_effects,
-    detectable_magnitudes,
-    gather,
-    stage_errors,
-)
+from femfit.identify.decision.campaign import Campaign, considered_effects, detectable_magnitudes, gather
 from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.naming import Decision, decide, look_alikes
+from femfit.identify.decision.remarks import campaign_remarks, creeping_zeros, stage_errors
 from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
@@ -265,6 +259,8 @@ def diagnose_observations(
     remarks = campaign_remarks(campaign)
     if decision.verdict == "unexplained":
         remarks += stage_errors(campaign)
+    if decision.verdict in {"unexplained", "form_insufficient"}:
+        remarks += creeping_zeros(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))
     where = Where("", (), "The model fits.")

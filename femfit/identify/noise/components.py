@@ -9,7 +9,7 @@ References
 F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of an estimated variance.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from operator import itemgetter
@@ -34,7 +34,7 @@ from femfit.identify.constants import (
 from femfit.identify.noise.design import EXACT, ChannelDesign, channel_design
 from femfit.identify.noise.likelihood import Likelihood
 from femfit.identify.noise.whitening import MOST_STOPS, NoiseModel, Whitening, random_effects, stops
-from femfit.identify.observations import Observations
+from femfit.identify.observations import VOLTAGE_BALANCE, Observations
 from femfit.identify.settings import setting_cells
 from femfit.identify.words import finding
 from femfit.tables.measurement import OF_RUNS
@@ -256,3 +256,8 @@ def never_varying(observations: Observations) -> list[str]:
     )
     constant = (spread.max() <= SAME_READING * largest.max()) & (largest.size() - spread.size() >= LEAST_REPEATS)
     return [name for c, name in enumerate(observations.channels) if constant.get(c, False)]
+
+
+def dead_sensors(constant: Iterable[str]) -> Iterator[Finding]:
+    """Of channels that never vary, sensors; a command repeats itself."""
+    return (finding("never-varies", name, name=name) for name in constant if not name.startswith(VOLTAGE_BALANCE))
