@@ -69,9 +69,8 @@ def calibrate(
     names = [file.name for file in data]
     ff.write_model(result.model, model)
     ff.write_model(result.model_as_drawn, runs / _AS_DRAWN)
-    written = f"written: the last sweep in {model.parent} and its model {model}"
     if result.settled:
         write_text(output, heading(result, drawing.name, names) + result.drawing)
-        written = f"written: {output}, its sweep in {model.parent} and its model {model}"
-    after = f"Next: femfit compare {model} {data[0]}"
-    return Outcome(f"{result}\n{written}\n{after}", result.to_dict() | {"drawing": drawing.name, "data": names})
+    written = f"written: {f'{output}, ' * result.settled}its sweep in {model.parent} and its model {model}"
+    text = f"{result}\n{written}\nNext: femfit compare {model} {data[0]}"
+    return Outcome(text, result.to_dict() | {"drawing": drawing.name, "data": names})

@@ -23,7 +23,7 @@ import pandas as pd
 from scipy.interpolate import make_interp_spline
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import ROUNDING, BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import PositionSensor
@@ -45,11 +45,7 @@ FINEST_PART = 4
 """Conventional: the median step is at most so many grid steps; a record of which more is missing is not resampled."""
 
 NEAR_STEPS, WHOLE_STEPS, LEAST_GAPS = 10.0, 0.05, 5
-"""Numerical: gaps between levels of up to so many steps are looked at, are whole to that part of a step, and must be so
-many for a step to be known."""
-
-SAME_READING = 1e-12
-"""Derived: some thousand roundings of a float, over the largest reading."""
+"""Numerical: levels up to so many steps apart are whole steps apart, to this part of one; so many tell a step."""
 
 
 class OnGrid(NamedTuple):
@@ -265,13 +261,11 @@ def converter_step(values: FloatArray) -> float:
     step apart, and hardly of values that repeat. Where settings were repeated, so that values do without a converter,
     give each level once.
     """
-    finite = values[np.isfinite(values)]
-    levels = np.unique(finite)
+    levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
     gaps = np.diff(levels)
-    gaps = gaps[gaps > SAME_READING * float(np.abs(levels).max(initial=0.0))]
-    if not len(gaps):
-        return 0.0
-    near = gaps[gaps < NEAR_STEPS * gaps.min()] / gaps.min()
-    repeats = 2 < len(levels) < 0.7 * len(finite)
+    gaps = gaps[gaps > ROUNDING * np.abs(levels).max(initial=0.0)]
+    step = gaps.min(initial=np.inf)
+    near = gaps[gaps < NEAR_STEPS * step] / step
+    repeats = 2 < len(levels) < 0.7 * counts.sum() and len(gaps) > 0
     known = repeats or np.count_nonzero(near > 1.5) >= LEAST_GAPS
-    return float(gaps.min()) if known and np.all(np.abs(near - np.round(near)) < WHOLE_STEPS) else 0.0
+    return float(step) if known and np.all(np.abs(near - np.round(near)) < WHOLE_STEPS) else 0.0

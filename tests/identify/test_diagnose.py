@@ -97,7 +97,7 @@ def test_a_zero_that_creeps_from_row_to_row_is_said_where_no_effect_is_one(levit
         elapsed = np.arange(len(rows)) / len(rows)
         return readings | {"force_N": readings["force_N"] + 0.01 * (1.0 - np.exp(-2.5 * elapsed))}
 
-    table = campaign(levitation_model, 4, runs=2, mount_m=0.0, change=creeping)
+    table = campaign(levitation_model, 4, runs=2, mount_m=0.0, rho=0.0, change=creeping)
     given = tuple(name for name in table.given if name not in {"order", "run", "mount"})
     diagnosis = diagnose(levitation_model, replace(table, rows=table.rows.assign(run=1.0, mount=1.0), given=given))
     assert diagnosis.verdict in {"unexplained", "form_insufficient"}

@@ -21,7 +21,6 @@ from scipy import stats
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
-from femfit.estimate.record import SAME_READING
 from femfit.identify.constants import (
     CONTRADICTED,
     LEAST_READINGS,
@@ -53,6 +52,9 @@ UNKNOWN_CHANNEL = 1e6
 
 FINEST = 1e-7
 """Numerical: noise of a channel over its largest reading below which products of columns lose it in their rounding."""
+
+SAME_READING = 1e-12
+"""Numerical: some thousand roundings of a float, over the largest reading."""
 
 GUESS = "guess"
 """Source of a noise that smooth patterns of the settings leave, where neither repeats nor a declaration tell it."""
