@@ -66,11 +66,10 @@ def calibrate(
             workers=workers or len(os.sched_getaffinity(0)),
             progress=say,
         )
-    names = [file.name for file in data]
+    facts = {"drawing": drawing.name, "data": [file.name for file in data]}
     ff.write_model(result.model, model)
     ff.write_model(result.model_as_drawn, runs / _AS_DRAWN)
     if result.settled:
-        write_text(output, heading(result, drawing.name, names) + result.drawing)
+        write_text(output, heading(result, drawing.name, [file.name for file in data]) + result.drawing)
     written = f"written: {f'{output}, ' * result.settled}its sweep in {model.parent} and its model {model}"
-    text = f"{result}\n{written}\nNext: femfit compare {model} {data[0]}"
-    return Outcome(text, result.to_dict() | {"drawing": drawing.name, "data": names})
+    return Outcome(f"{result}\n{written}\nNext: femfit compare {model} {data[0]}", result.to_dict() | facts)

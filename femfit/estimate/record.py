@@ -266,6 +266,5 @@ def converter_step(values: FloatArray) -> float:
     gaps = gaps[gaps > ROUNDING * np.abs(levels).max(initial=0.0)]
     step = gaps.min(initial=np.inf)
     near = gaps[gaps < NEAR_STEPS * step] / step
-    repeats = 2 < len(levels) < 0.7 * counts.sum() and len(gaps) > 0
-    known = repeats or np.count_nonzero(near > 1.5) >= LEAST_GAPS
+    known = np.count_nonzero(near > 1.5) >= LEAST_GAPS or (len(gaps) > 0 and 2 < len(levels) < 0.7 * counts.sum())
     return float(step) if known and np.all(np.abs(near - np.round(near)) < WHOLE_STEPS) else 0.0
