@@ -25,14 +25,7 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import converter_step
-from femfit.identify.constants import (
-    LEAST_REPEATS,
-    MOST_DROPPED,
-    MOST_ROWS,
-    SAME_LINE,
-    SAME_SETTING,
-    SHORT,
-)
+from femfit.identify.constants import LEAST_REPEATS, MOST_DROPPED, MOST_ROWS, SAME_LINE, SAME_SETTING, SHORT
 from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel

@@ -11,13 +11,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import FloatArray, first_best
-from femfit.identify.constants import (
-    BEYOND_NOISE,
-    COVARIATE_SHARE,
-    LEAST_READINGS,
-    LEFT_BY_SHARE,
-    SAME_SHARE,
-)
+from femfit.identify.constants import BEYOND_NOISE, COVARIATE_SHARE, LEAST_READINGS, LEFT_BY_SHARE, SAME_SHARE
 from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
 from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.patterns import Patterns, smooth_patterns

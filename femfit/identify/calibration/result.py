@@ -16,7 +16,7 @@ from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
-from femfit.identify.add_effects import fit_facts, of_last_run
+from femfit.identify.before_after import fit_facts, of_last_run
 from femfit.identify.calibration.fit import Estimate, Redrawn
 from femfit.identify.constants import IN_COMBINATION, OPEN, WITHIN_NOISE
 from femfit.identify.decision.remarks import guessed_noises
