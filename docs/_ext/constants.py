@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
-    "What is missing, and what to measure next": PACKAGE / "identify" / "decision" / "constants.py",
-    "The noise, the fit of effects, where a model fails, a drawing's numbers and records": PACKAGE
+    "What is missing, what to measure next, the noise, a drawing's numbers and records": PACKAGE
     / "identify"
     / "constants.py",
     "Which readings beside a model cannot be right": PACKAGE / "identify" / "plausible.py",

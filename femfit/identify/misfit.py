@@ -19,8 +19,7 @@ from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.words import note
-from femfit.identify.constants import LEVEL, WITHIN_NOISE
-from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify.constants import LEVEL, OWN_MISFIT, WITHIN_NOISE
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
 from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.settings import currents_in

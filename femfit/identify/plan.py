@@ -27,9 +27,8 @@ from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
-from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
+from femfit.identify.constants import HEATED_K, NEEDED_DISTANCE, PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.decision.campaign import detectable_magnitudes
-from femfit.identify.decision.constants import HEATED_K, NEEDED_DISTANCE
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit

@@ -23,7 +23,7 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE
+from femfit.identify.constants import COMPARED, NEEDED_DISTANCE
 from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.misfit import finer_sweep

@@ -166,7 +166,7 @@ def task(monkeypatch, cost, rise):
     def at(redrawn, choice, values):
         x = float(values[0])
         sweeps.append(x)
-        facts = {"step": abs(10.0 * x), "fall": x * x, "settled": abs(10.0 * x) <= 0.1, "cost": lambda _: cost(x)}
+        facts = {"step": abs(10.0 * x), "fall": x * x, "cost": lambda _: cost(x)}
         return SimpleNamespace(redrawn=redrawn, choice=choice, values=values, change=-2.5 * values, **facts)
 
     monkeypatch.setattr(calibration, "RISE", rise)
@@ -190,7 +190,6 @@ def test_sweeps_end_where_meshes_differ_by_more_than_a_step_gains(monkeypatch):
     assert len(sweeps) == 4  # as drawn, two in vain, and the best one again
     assert now.step == 10.0 * abs(sweeps[0])
     assert sweeps[-1] == sweeps[0]
-    assert not now.settled
 
 
 def test_turns_that_are_not_whole_are_said():

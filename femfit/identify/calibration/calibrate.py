@@ -29,6 +29,7 @@ from femfit.identify.bench import measurement_of
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibrationResult
+from femfit.identify.constants import CALIBRATION_SETTLED
 from femfit.identify.decision.diagnose import Diagnosis, diagnose, said_of
 from femfit.identify.words import sentence
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
@@ -157,7 +158,7 @@ class _Task:
         for _ in range(MOST_STEPS):
             if good == most or in_vain == MOST_IN_VAIN:
                 break
-            if last is now and now.redrawn.sweeps > 1 and now.settled and now.fall <= RISE:
+            if last is now and now.redrawn.sweeps > 1 and now.step <= CALIBRATION_SETTLED and now.fall <= RISE:
                 break
             self.say(f"Sweeping the drawing anew, step {last.redrawn.sweeps}")
             drawing, values = _moved(self.source, now, share)

@@ -26,7 +26,6 @@ from femfit.fit.build import fit_model
 from femfit.identify.add_effects import in_their_runs, whitening_beside
 from femfit.identify.bench import placed
 from femfit.identify.calibration.numbers import Choice, Drawing
-from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
@@ -121,11 +120,6 @@ class Estimate:
     def step(self) -> float:
         """Length of the change in standard errors, of well determined combinations too, root mean square."""
         return float(np.sqrt(self.change @ np.linalg.pinv(self.error) @ self.change / len(self.change)))
-
-    @property
-    def settled(self) -> bool:
-        """Whether the change is short against the errors of the numbers, whatever it does to the misfit."""
-        return self.step <= SETTLED
 
     def cost(self, like: "Estimate") -> float:
         """Weighted sum of squares that the drawing leaves, by the noise of another estimate, and of its tolerances."""

@@ -18,7 +18,7 @@ from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
 from femfit.identify.before_after import fit_facts, of_last_run
 from femfit.identify.calibration.fit import Estimate, Redrawn
-from femfit.identify.constants import IN_COMBINATION, OPEN, WITHIN_NOISE
+from femfit.identify.constants import CALIBRATION_SETTLED, IN_COMBINATION, OPEN, WITHIN_NOISE
 from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.left_out import unseen_error
@@ -141,7 +141,7 @@ class CalibrationResult(Result):
             verdict=verdict(whitening, facts["lack_of_fit_after"], rms),
             sweeps=now.redrawn.sweeps,
             step=now.step,
-            settled=now.settled,
+            settled=now.step <= CALIBRATION_SETTLED,
             remarks=remarks(now, numbers, undetermined),
             findings=(*observations.findings, *guessed_noises(noise)),
         )

@@ -23,8 +23,17 @@ from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.constants import FINER, LEVEL, POWER
-from femfit.identify.decision.constants import BROAD, FORM, FORM_DEGREE, FORM_ELSEWHERE, SHARE_DEGREE, STILL_THE_NOISE
+from femfit.identify.constants import (
+    BROAD,
+    FINER,
+    FORM,
+    FORM_DEGREE,
+    FORM_ELSEWHERE,
+    LEVEL,
+    POWER,
+    SHARE_DEGREE,
+    STILL_THE_NOISE,
+)
 from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
 from femfit.identify.noise.components import (
     as_readings_show,

@@ -12,17 +12,16 @@ from femfit.core.results import Finding, Plotted
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import describe, smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
-from femfit.identify.constants import ROUNDING
+from femfit.identify.constants import CERTAIN, ROUNDING
 from femfit.identify.decision.campaign import Campaign, considered_effects, detectable_magnitudes, gather
-from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.naming import Decision, decide, look_alikes
 from femfit.identify.decision.remarks import campaign_remarks, creeping_zeros, stage_errors
+from femfit.identify.lack_of_fit import Where, where_it_fails
 from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, fitted_together, plausible
 from femfit.identify.signatures import CHANGES_NOTHING
-from femfit.identify.where import Where, where_it_fails
 from femfit.identify.words import Result, finding, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of

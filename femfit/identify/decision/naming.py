@@ -15,9 +15,21 @@ import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
 from femfit.core.numerics import ranked
-from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
+from femfit.identify.constants import (
+    BEYOND_NOISE,
+    EXPLAINED,
+    IN_CLASS,
+    LEVEL,
+    LEVEL_AFTER,
+    NOTHING_MISSING,
+    NOTICED,
+    OWN_MISFIT,
+    RIVALS,
+    ROUNDING,
+    TIED,
+    WITHIN_NOISE,
+)
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import EXPLAINED, IN_CLASS, NOTHING_MISSING, NOTICED, OWN_MISFIT, RIVALS, TIED
 from femfit.identify.decision.evidence import Linear, odds_of_unknown
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space

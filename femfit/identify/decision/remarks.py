@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from femfit.core.results import Finding
-from femfit.identify.constants import LEVEL
+from femfit.identify.constants import CREEP_DEGREE, LEVEL, READINGS_OF_A_STOP
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import CREEP_DEGREE, READINGS_OF_A_STOP
 from femfit.identify.noise.components import dead_sensors
 from femfit.identify.noise.whitening import NoiseModel, stops
 from femfit.identify.words import finding

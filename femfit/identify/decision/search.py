@@ -12,8 +12,8 @@ import numpy as np
 from scipy import special
 
 from femfit.core.numerics import FloatArray
+from femfit.identify.constants import EXPECTED_EFFECTS, FORM_SPREAD, IN_PART, LIKELIEST, UNKNOWN_CAUSE
 from femfit.identify.decision.campaign import Campaign, EffectBlock
-from femfit.identify.decision.constants import EXPECTED_EFFECTS, FORM_SPREAD, IN_PART, LIKELIEST, UNKNOWN_CAUSE
 from femfit.identify.decision.evidence import SIZES, Linear, mean_of_logs, null, of_sizes, sizes_of, with_unknown_cause
 from femfit.identify.refit import Refit, Start, refit
 
