@@ -53,7 +53,7 @@ FORM_DIRECTIONS = 14
 """Numerical, for the time that it takes: directions of a form's error that are kept, the largest."""
 
 
-VARIANCES, OF_SIGMA = ("sigma", "run", "mount_m", "stop_m"), ("rho", "repeats", "degrees_of_freedom")
+VARIANCES, OF_SIGMA = ("sigma", "run", "mount_m", "stop_m"), ("sigma", "rho", "repeats", "degrees_of_freedom")
 """Of a noise model: what a misfit may look like, and what goes with the readings' own."""
 
 
@@ -113,9 +113,10 @@ class Campaign(WithoutCache):
         less = {name: np.less(vars(now)[name], STILL_THE_NOISE * vars(before)[name]) for name in VARIANCES}
         if not any(map(np.any, less.values())):
             return None
-        less |= dict.fromkeys(OF_SIGMA, less["sigma"]) | {"mount_assumed": less["mount_m"]}
+        other_source = [now.source.get(name) != before.source.get(name) for name in now.channels]
+        less |= dict.fromkeys(OF_SIGMA, less["sigma"] | other_source) | {"mount_assumed": less["mount_m"]}
         taken = {name: np.where(which, vars(now)[name], vars(before)[name])[()] for name, which in less.items()}
-        return self.whitened_by(replace(self.whitening, noise=replace(before, **taken)))
+        return self.whitened_by(replace(self.whitening, noise=replace(before, source=now.source, **taken)))
 
     def whitened_by(self, whitening: Whitening) -> "Campaign":
         """The same readings and effects by another map to independent readings."""
