@@ -12,7 +12,7 @@ _PLACES = {
     # Types
     "Actuator": "femfit.device.parts:Actuator",
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
-    "AddResult": "femfit.identify.add_effects:AddResult",
+    "AddResult": "femfit.identify.before_after:AddResult",
     "BenchTable": "femfit.tables.measurement:BenchTable",
     "CalibrationResult": "femfit.identify.calibration.result:CalibrationResult",
     "CoilIntegral": "femfit.integrate.methods:CoilIntegral",

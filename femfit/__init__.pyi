@@ -17,8 +17,8 @@ from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
 from femfit.heat.find_temperatures import Temperatures as Temperatures
 from femfit.heat.find_temperatures import find_temperatures as find_temperatures
-from femfit.identify.add_effects import AddResult as AddResult
 from femfit.identify.add_effects import add_effects as add_effects
+from femfit.identify.before_after import AddResult as AddResult
 from femfit.identify.calibration.calibrate import calibrate as calibrate
 from femfit.identify.calibration.result import CalibrationResult as CalibrationResult
 from femfit.identify.compare import Comparison as Comparison

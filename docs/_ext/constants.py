@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
-    "What is missing, and what to measure next": PACKAGE / "identify" / "decision" / "constants.py",
-    "The noise, the fit of effects, where a model fails, a drawing's numbers and records": PACKAGE
+    "What is missing, what to measure next, the noise, a drawing's numbers and records": PACKAGE
     / "identify"
     / "constants.py",
     "Which readings beside a model cannot be right": PACKAGE / "identify" / "plausible.py",
@@ -32,7 +31,7 @@ class Constant(NamedTuple):
 def constants_of(path: Path) -> list[Constant]:
     """The numbers that a file assigns at its top, tuples and products of numbers too; of a folder all."""
     if path.is_dir():
-        return [one for file in sorted(path.glob("*.py")) for one in constants_of(file)]
+        return [constant for file in sorted(path.rglob("*.py")) for constant in constants_of(file)]
     body = ast.parse(path.read_text(encoding="utf-8")).body
     found = []
     for statement, following in zip(body, [*body[1:], None], strict=True):
@@ -41,6 +40,12 @@ def constants_of(path: Path) -> list[Constant]:
             text = following.value.value if _is_text(following) else ""
             found.append(Constant(_plain(target), _plain(statement.value), " ".join(text.split())))
     return found
+
+
+def beside_algorithms(room: str) -> dict[str, list[Constant]]:
+    """The constants of a room that stand beside their algorithms, by the file, and bound rounding or time."""
+    files = sorted(set((PACKAGE / room).rglob("*.py")) - set(FILES.values()))
+    return {file.relative_to(PACKAGE).as_posix(): rows for file in files if (rows := constants_of(file))}
 
 
 def _plain(expression: ast.expr) -> str:
@@ -62,13 +67,15 @@ def _is_text(statement: ast.stmt | None) -> bool:
 
 def page() -> str:
     """The whole page."""
-    sections = []
-    for title, path in FILES.items():
-        rows = [f"| `{one.names}` | {one.value} | {one.text} |" for one in constants_of(path)]
-        sections.append(
-            "\n".join([f"## {title}", "", "| constant | value | kind and source |", "|---|---|---|", *rows])
-        )
+    sections = [_section(f"## {title}", constants_of(path)) for title, path in FILES.items()]
+    sections.append(_BESIDE)
+    sections += [_section(f"### `{file}`", rows) for file, rows in beside_algorithms("identify").items()]
     return _HEAD + "\n\n".join(sections) + "\n"
+
+
+def _section(heading: str, constants: list[Constant]) -> str:
+    rows = [f"| `{constant.names}` | {constant.value} | {constant.text} |" for constant in constants]
+    return "\n".join([heading, "", "| constant | value | kind and source |", "|---|---|---|", *rows])
 
 
 _HEAD = """\
@@ -80,3 +87,8 @@ truth; the tables of [the trial](../trial.md) are of seeds that set none. An *as
 with no calibration behind it. A *numerical* one bounds rounding or time.
 
 """
+
+_BESIDE = """\
+## What bounds rounding and time in the identification
+
+These decide nothing. Each stands beside the algorithm that it bounds."""

@@ -43,7 +43,8 @@ def calibrate(
         Bench tables, or records over time, whose runs count together: CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with
         their sidecars .toml beside them where noise is declared.
     output : Path
-        Actuator file for the drawing as the data have it, with the comments and the layout of the old one.
+        Actuator file for the drawing as the data have it, with the comments and the layout of the old one; not written
+        where the numbers do not settle.
     runs : Path
         Directory of the sweeps, in which nothing is solved twice; runs/NAME-calibration by default.
     workers : int
@@ -65,10 +66,10 @@ def calibrate(
             workers=workers or len(os.sched_getaffinity(0)),
             progress=say,
         )
-    names = [file.name for file in data]
-    write_text(output, heading(result, drawing.name, names) + result.drawing)
+    facts = {"drawing": drawing.name, "data": [file.name for file in data]}
     ff.write_model(result.model, model)
     ff.write_model(result.model_as_drawn, runs / _AS_DRAWN)
-    written = f"written: {output}, its sweep in {model.parent} and its model {model}"
-    after = f"Next: femfit compare {model} {data[0]}"
-    return Outcome(f"{result}\n{written}\n{after}", result.to_dict() | {"drawing": drawing.name, "data": names})
+    if result.settled:
+        write_text(output, heading(result, drawing.name, [file.name for file in data]) + result.drawing)
+    written = f"written: {f'{output}, ' * result.settled}its sweep in {model.parent} and its model {model}"
+    return Outcome(f"{result}\n{written}\nNext: femfit compare {model} {data[0]}", result.to_dict() | facts)

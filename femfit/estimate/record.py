@@ -23,7 +23,7 @@ import pandas as pd
 from scipy.interpolate import make_interp_spline
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import ROUNDING, BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import PositionSensor
@@ -44,8 +44,8 @@ MOST_OFF_GRID = 0.05
 FINEST_PART = 4
 """Conventional: the median step is at most so many grid steps; a record of which more is missing is not resampled."""
 
-SAME_STEP = 1e-3
-"""Numerical: steps of a converter are equal to this part of one."""
+NEAR_STEPS, WHOLE_STEPS, LEAST_GAPS = 10.0, 0.05, 5
+"""Numerical: levels up to so many steps apart are whole steps apart, to this part of one; so many tell a step."""
 
 
 class OnGrid(NamedTuple):
@@ -255,11 +255,16 @@ def white_noise(misfit: FloatArray, segment: IntArray, least: int = LEAST_DIFFER
 
 
 def converter_step(values: FloatArray) -> float:
-    """The step of the converter that made these values; zero where they lie on no grid."""
-    levels = np.unique(values[np.isfinite(values)])
-    if not 2 < len(levels) < 0.7 * np.count_nonzero(np.isfinite(values)):
-        return 0.0
-    steps = np.diff(levels)
-    step = float(steps.min())
-    multiple = steps / step
-    return step if np.all(np.abs(multiple - np.round(multiple)) < SAME_STEP * np.maximum(multiple, 1.0)) else 0.0
+    """The step of the converter that made these values; zero where they lie on no grid.
+
+    Levels next to each other are whole steps apart. Chance makes that once in 1e5 of five levels that are more than a
+    step apart, and hardly of values that repeat. Where settings were repeated, so that values do without a converter,
+    give each level once.
+    """
+    levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > ROUNDING * np.abs(levels).max(initial=0.0)]
+    step = gaps.min(initial=np.inf)
+    near = gaps[gaps < NEAR_STEPS * step] / step
+    known = np.count_nonzero(near > 1.5) >= LEAST_GAPS or (len(gaps) > 0 and 2 < len(levels) < 0.7 * counts.sum())
+    return float(step) if known and np.all(np.abs(near - np.round(near)) < WHOLE_STEPS) else 0.0

@@ -46,18 +46,18 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     table = with_currents(model, table)
     inside, findings = _comparable(model, table)
     measured, declared = table.rows[inside].reset_index(drop=True), table.declared_noise
-    covariates, at = _point(model, measured)
-    reading, nominal = readings_by(at, (), table.channels), at.conditions.nominal
+    covariates, point = _point(model, measured)
+    reading, nominal = readings_by(point, (), table.channels), point.conditions.nominal
     channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
     if not channels:
         raise TableError(sentence("refusals", "no_channel", table.source, list(reading)))
     rows = {name: np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels}
-    weighing = weighed_by_magnitude(at, channels, declared)
+    weighing = weighed_by_magnitude(point, channels, declared)
     stacked = Stacking(rows, {name: weight[rows[name]] for name, weight in weighing.weight.items()})
-    slope, curvature, *by_current = stacked(setting_slopes(at, channels)).T
+    slope, curvature, *by_current = stacked(setting_slopes(point, channels)).T
     if nominal.springs is not None and "force_N" in channels:
-        left = measured["force_N"].to_numpy() - reading["force_N"][0]
-        if np.nansum((left + nominal.push_of_springs(at.distance)) ** 2) < np.nansum(left**2):
+        unexplained = measured["force_N"].to_numpy() - reading["force_N"][0]
+        if np.nansum((unexplained + nominal.push_of_springs(point.distance)) ** 2) < np.nansum(unexplained**2):
             findings.append(finding("drawn-spring", "force_N"))  # the sensor may carry the spring
     own_misfit, everywhere = model_tolerance(model), np.ones(len(measured))
     tolerance = {name: own_misfit.get(parts_of(name)[0], 0.0) * everywhere for name in channels}
@@ -70,7 +70,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
         covariates=covariates,
         given=table.given,
-        prediction=_BenchPrediction(at, stacked),
+        prediction=_BenchPrediction(point, stacked),
         distance_slope=slope,
         distance_curvature=curvature,
         nominal=nominal,
@@ -131,14 +131,14 @@ def _point(model: ActuatorModel, rows: pd.DataFrame) -> tuple[pd.DataFrame, Poin
 class _BenchPrediction:
     """What a model predicts of a bench table's readings, as one vector."""
 
-    at: Point  # Of the table's rows
+    point: Point  # Of the table's rows
     stacked: Stacking
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
-        present = self.at.effects
-        at = replace(self.at, effects=(*present, *effects))
+        present = self.point.effects
+        point = replace(self.point, effects=(*present, *effects))
         places = [(len(present) + k, name) for k, name in parameters]
-        return self.stacked(readings_by(at, places, tuple(self.stacked.rows)))
+        return self.stacked(readings_by(point, places, tuple(self.stacked.rows)))
 
 
 def _covariates(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:
@@ -220,6 +220,6 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
 
 def _residuals(model: ActuatorModel, table: BenchTable) -> dict[str, FloatArray]:
     """Readings less what the model predicts, by channel."""
-    _, at = _point(model, table.rows)
-    predicted = readings_by(at, (), table.channels)
+    _, point = _point(model, table.rows)
+    predicted = readings_by(point, (), table.channels)
     return {name: table.rows[name].to_numpy() - predicted[name][0] for name in table.channels if name in predicted}

@@ -11,14 +11,14 @@ from femfit.core.results import Finding, Plotted
 from femfit.estimate.follow import OneFilter, followed
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import WITHIN_NOISE
-from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
+from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import decide, fails_surely
-from femfit.identify.lack_of_fit import LackOfFit
+from femfit.identify.decision.remarks import campaign_remarks
+from femfit.identify.lack_of_fit import LackOfFit, Where, where_it_fails
 from femfit.identify.misfit import allowed, beyond_noise, finer_sweep
 from femfit.identify.noise.components import estimate_noise, noise_by_smoothness
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.where import Where, where_it_fails
 from femfit.identify.words import Result, printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of

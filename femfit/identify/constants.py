@@ -1,9 +1,13 @@
 """The constants of the identification and of the calibration of a drawing, each with its kind and source.
 
-Those of the decision itself are in :mod:`femfit.identify.decision.constants`. *Derived* follows from something else.
-*Conventional* is a usual level. *Calibrated* was set by trials with known truth. *Assumed* is an engineer's judgement
-with no calibration behind it. *Numerical* bounds rounding or time.
+*Derived* follows from something else. *Conventional* is a usual level. *Calibrated* was set by trials with known truth,
+as the text says. *Assumed* is an engineer's judgement with no calibration behind it. *Numerical* bounds rounding or
+time; such ones stand beside their algorithm, and here what several share.
 """
+
+import math
+
+from scipy import stats
 
 # The test of the model, and of what is named
 
@@ -42,24 +46,10 @@ LEAST_READINGS = 6
 LEAST_SPREAD_C = 0.5
 """Assumed: temperatures that vary less (standard deviation) are one temperature."""
 
-SPANNED = 1e-4
-"""Numerical: squared sine below which a pattern lies in the fitted columns."""
-
 # A refit, and an effect that is added
 
 ROUNDING = 1e-3
 """Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
-
-ROUNDED, SEEN_SHARE = 1e-9, 1e-3
-"""Numerical: part of a reading up to which a misfit, or an effect over its plausible range, is rounding, and of what an
-effect does, up to which that by a constant of its shape over its plausible range does not matter: it is not fitted."""
-
-NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
-"""Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
-squares, whose standard deviation is 1 and more, rises by no more than this."""
-
-MOST_EVALUATIONS = 60
-"""Numerical: steps after which a search is ended; nearly all of them need fewer than twenty."""
 
 FILTER_WORSE = 2.0
 """Conventional: factor by which the mean square of a filter's innovations may move away from 1 by an added effect."""
@@ -87,27 +77,8 @@ tenths; and of what readings of a setting share beyond smooth patterns, over the
 OF_SETTINGS = 0.25
 """Assumed: smooth patterns that are taken out before the noise is sought, over the number of settings."""
 
-LEAST_SHARE, LARGEST_SHARE, SHARES = 0.1, 1000.0, 36
-"""Numerical: shares of a setting that are tried, even in their logarithm, beside none."""
-
-ROUNDS = 2
-"""Numerical: rounds in which correlations are sought by the variances, and these by the correlations."""
-
-FIXED = 1e3
-"""Numerical: size of a random effect, over its usual one, or over a reading's, that is as good as fixed."""
-
-MOST_STOPS = 200
-"""Numerical, for the time that it takes: what more stops, mounts or runs differ by is left to readings' scatter."""
-
-MOST_MOUNTS = 48
-"""Numerical, for the time that it takes: of more mounts, or runs, so many say the noise of all (to 10 %)."""
-
 LARGEST_UNSEEN = 64.0
 """Assumed: scatter of mounts, runs or stops, over its likeliest or usual size, that is reckoned with at most."""
-
-VARIANCES_TRIED = 37
-"""Numerical: values over which a variance is averaged, even in its logarithm, from 512 times below the largest
-standard deviation."""
 
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each
@@ -122,46 +93,17 @@ CONTRADICTED = 0.01
 LARGEST_CORRELATION = 0.95
 """Assumed: readings that follow each other more closely are not noise."""
 
-UNKNOWN_CHANNEL = 1e6
-"""Numerical: a channel of unknown noise gets this many times its largest reading, so that it has no weight."""
-
 SAME_SETTING = 1.0 / 400.0
 """Assumed: settings closer than this part of their range were meant to be the same."""
 
 SAME_LINE = 1.0 / 50.0
 """Assumed: settings closer than this part of their range lie on one line, along which a smooth misfit is compared."""
 
-FINEST = 1e-7
-"""Numerical: noise of a channel over its largest reading below which products of columns lose it in their rounding."""
-
-SAME_READING = 1e-12
-"""Derived: some thousand roundings of a float, over the largest reading."""
-
-EXACT = 1e9
-"""Numerical: the weight of a variance that is known."""
-
-CORRELATIONS = 40
-"""Numerical: correlations that are tried, even in artanh(rho), which moves the variance of a slow pattern,
-(1 + rho) / (1 - rho), by 10 % from one to the next."""
-
-SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-5, 1e-6
-"""Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of its scale
-below which a variance is none."""
-
-FLAT = 1e-6
-"""Numerical: curvature of -2 log likelihood in a log variance below which it is flat, and the variance stays."""
-
-SPANNED_SQUARE = 1e-9
-"""Numerical: part of a squared length below which a column of mounts or runs is spanned by others."""
-
 # Readings that are set aside or suspected
 
 MOST_ROWS = 5000
 """Numerical: rows of a bench table up to which a comparison takes seconds and less than a gigabyte; time grows with
 their cube, memory with their square."""
-
-AVERAGED_TO = 1000
-"""Numerical: rows to about which a longer bench table is averaged."""
 
 SHORT = 0.5
 """Assumed: part of the usual length of a stretch below which its few readings, taken on the way, are left out; means of
@@ -198,21 +140,8 @@ OF_THREE = 2.45
 """Derived: misfit of Z_1 - Z_12^2 / Z_2 over that of Z_1 where Z_12^2 is about Z_1 Z_2 and each of the three is off by
 a same share, independently: the root of 1 + 2^2 + 1."""
 
-MOST_STEPS = 8
-"""Numerical: numbers that have not settled after so many sweeps in a row follow no Gauss-Newton step."""
-
-MOST_ROUNDS = 3
-"""Numerical: how often what a calibrated drawing leaves is diagnosed again; each round needs a cause of its own."""
-
 CALIBRATION_SETTLED = 0.1
-"""Conventional: a step below this part of the standard deviations, root mean square, changes no conclusion."""
-
-RISE = 1.0
-"""Numerical: a step after which the weighted sum of squares is more than this larger is taken back and halved; less
-changes no conclusion, and meshes differ."""
-
-HALVINGS = 4
-"""Numerical: a step that draws what cannot be built is halved so often."""
+"""Conventional: a step below this part of the standard errors, root mean square, changes no conclusion."""
 
 OPEN = 0.5
 """Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
@@ -249,9 +178,6 @@ ANYWHERE = 0.25
 
 # The smoothed motion of a record within a window
 
-NODES = 12
-"""Numerical: intervals between the nodes of a window."""
-
 SPAN, SLOPE_SPAN, BEHIND = 1.0 / 6.0, 0.5, 0.8
 """Assumed: part of a window on each side of a node whose samples its polynomial is fitted to; the same where its slope
 is asked for, which noise disturbs more; and behind a node alone."""
@@ -264,9 +190,6 @@ PLAY = 0.05
 
 ON_STOP = 0.05
 """Assumed: part of the range of distances by which a stop may stand elsewhere than drawn and still be that stop."""
-
-SLOWEST = 1e-12
-"""Numerical: decay over a step below which a state, or a pattern of eddy current, only adds up."""
 
 # The noise of samples and windows
 
@@ -286,14 +209,94 @@ command's kinks of the current in a window of 36 samples."""
 TURNS_OF_MISFIT = 5.0
 """Assumed: how often the misfit of a flux linkage turns its sign over the domain."""
 
-SLOPE_STEP = 1e-3
-"""Numerical: step of a difference over the width of a parameter's plausible range."""
-
 # What is left unexplained
 
 HELPS = 9.0
 """Conventional: fall of the weighted error on runs left out from which a remainder is used (three deviations)."""
 
-NEAR_STEPS, WHOLE, LEAST_GAPS = 10.0, 0.05, 5
-"""Numerical: gaps between readings of up to so many steps are looked at, are whole to that part of a step, and must be
-so many for a step to be known."""
+# The decision what is missing, and what to measure next
+
+EXPECTED_EFFECTS = 1.0
+"""Assumed: how many of all known effects a bench has on average before it is looked at, each as likely as any other."""
+
+LIKELIEST = 0.1
+"""Assumed: prior probability of an effect that few others are considered beside, at most."""
+
+UNKNOWN_CAUSE = 0.02
+"""Assumed: prior probability of a smooth misfit that no known effect makes."""
+
+FORM = {"magnetics": 0.1}
+FORM_ELSEWHERE = 0.02
+"""Assumed: standard error of an effect's form, as a part of its size: a magnetic one is known to a tenth."""
+
+FORM_SPREAD = (0.0, 0.3, 1.0, 3.0)
+"""Assumed: factors on it, equally likely; the first is an exact form."""
+
+FORM_DEGREE = 3
+"""Assumed: degree in distance and current of a form's error."""
+
+UNKNOWN_SIZES = (3.0, 10.0, 30.0, 100.0, 300.0)
+"""Assumed: lengths of an unknown misfit's patterns, in standard deviations, equally likely."""
+
+BROAD = (0, 1, 2, 3)
+"""Assumed: degrees up to which an unknown misfit of one channel, or of all, may go alone."""
+
+SHARE_DEGREE = 2
+"""Assumed: degree in distance and current of an unknown misfit that is a share of the prediction."""
+
+IN_PART = 0.1
+"""Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
+
+READINGS_OF_A_STOP = 3
+"""Assumed: rows for each stop of the stage from which an error of each stop cannot explain just anything."""
+
+CREEP_DEGREE = 3
+"""Assumed: degree in the order of the rows up to which a sensor's zero creeps."""
+
+STILL_THE_NOISE = 0.8
+"""Assumed: part of a standard deviation down to which what is named leaves the noise as it was: as well as the noise of
+forty readings is known, and mounts and runs far less."""
+
+NOTHING_MISSING = 0.1
+"""Calibrated: probability of nothing missing down to which nothing is named."""
+
+IN_CLASS = 0.01
+"""Calibrated: probability over that of what is named from which an exchange for it belongs to its class."""
+
+TIED = 1.0 / 3.0
+"""Conventional: probability over that of what is named from which another cause is as likely: odds of up to three are
+not worth more than a bare mention (R. E. Kass and A. E. Raftery, Journal of the American Statistical Association 90
+(1995) 773)."""
+
+OWN_MISFIT = 2.0
+"""Conventional: times a model's misfit to its own table up to which an error is not told from it: two standard
+deviations."""
+
+RIVALS = 2.0
+"""Conventional: times the squared misfit that the best leaves up to which another effect explains as much."""
+
+EXPLAINED = 0.5
+"""Conventional: part of the squared misfit above the noise that effects of another form must explain, fitted to all
+readings, where the search names them."""
+
+CERTAIN = 0.5
+"""Conventional: probability of just what is named below which it is not certain."""
+
+NOTICED = 5.0
+"""Calibrated: logarithm of the odds by which an unknown cause must be preferred for a name to be certain."""
+
+ALMOST_SURELY = float(stats.norm.isf(0.05))
+"""Conventional: what is promised holds in 19 of 20 campaigns."""
+
+HEATED_K = 30.0
+"""Assumed: what a heat gun does to a small part in a minute."""
+
+SHOWN = 3
+"""Conventional: measurements, clauses of what each separates, and undetermined directions that are printed."""
+
+COMPARED = 6
+"""Assumed, for the time that it takes: explanations that are compared pair by pair, the best first."""
+
+NEEDED_DISTANCE = ALMOST_SURELY + math.sqrt(ALMOST_SURELY**2 + 2.0 * math.log(1.0 / IN_CLASS))
+"""Derived: distance, in standard deviations of the noise, from which a diagnosis leaves out the wrong one of two
+explanations, as promised. The weighted sums of squares differ by its square, with a deviation of twice itself."""

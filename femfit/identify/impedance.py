@@ -66,13 +66,13 @@ class Weighing:
     findings: tuple[Finding, ...] = ()
 
 
-def weighed_by_magnitude(at: Point, channels: Collection[str], declared: Mapping[str, float]) -> Weighing:
+def weighed_by_magnitude(point: Point, channels: Collection[str], declared: Mapping[str, float]) -> Weighing:
     """The weights of impedances, by the model's own magnitude; of a channel with a noise in its unit they are 1."""
     names = [name for name in channels if parts_of(name)[0] in SERIES and name not in declared]
-    nominal, frequency, eddy = at.conditions.nominal, np.asarray(at.conditions.frequency_Hz), at.model.eddy
+    nominal, frequency, eddy = point.conditions.nominal, np.asarray(point.conditions.frequency_Hz), point.model.eddy
     if not names or not np.isfinite(frequency).all():
         return Weighing()
-    read = {name: values for name, (values,) in readings_by(at, (), SERIES).items()}
+    read = {name: values for name, (values,) in readings_by(point, (), SERIES).items()}
     w = 2.0 * np.pi * frequency
     magnitude = {
         name: np.hypot(read.get(resistance_column(name), 0.0), w * values)

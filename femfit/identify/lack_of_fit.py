@@ -1,20 +1,31 @@
-"""Lack of fit of a model: whether a residual has structure, in which channel.
+"""Lack of fit of a model: whether a residual has structure, in which channel, and where the model fails.
 
 The residual is tested against smooth patterns over the settings. In whitened units a residual without structure has
 squared length chi-square distributed in any k directions; noise known from nu repeats turns chi-square / k into
 F(k, nu).
+
+Where a model fails is said by the channel, what the misfit changes with, and one plain sentence: how large the misfit
+is, of which sign, and whether it is the same everywhere or at which setting it is the largest.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import BoolArray, FloatArray, first_best
-from femfit.identify.constants import COARSE, SPANNED
-from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.constants import BEYOND_NOISE, COARSE, COVARIATE_SHARE, LEAST_READINGS, LEFT_BY_SHARE, SAME_SHARE
+from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
+from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.patterns import Patterns, smooth_patterns
+from femfit.identify.signatures import ROUNDED
+from femfit.identify.words import sentence
+from femfit.tables.header import parts_of
+
+SPANNED = 1e-4
+"""Numerical: squared sine below which a pattern lies in the fitted columns."""
 
 
 @dataclass(frozen=True)
@@ -80,3 +91,132 @@ def pattern_space(whitening: Whitening) -> PatternSpace:
 def distinct(picked: Iterable[BoolArray]) -> list[BoolArray]:
     """Each choice of patterns once, without empty ones: a single channel is all of them."""
     return list({picks.tobytes(): picks for picks in picked if picks.any()}.values())
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the model fails."""
+
+    channel: str  # The measured channel with the largest misfit over its noise; empty where nothing fails
+    covariates: tuple[str, ...]  # Columns along which the misfit changes, the strongest first
+    sentence: str
+
+
+def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
+    """Find the channel with the largest misfit over its noise, its covariates, and a sentence.
+
+    Where mounts and noise could be what makes that channel the worst, it is the one with the most structure instead.
+
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs. The
+    covariates stand in the order in which they explain it; there are none where the misfit is the same everywhere.
+    """
+    patterns = smooth_patterns(observations)
+    columns, residual = whitening.full(patterns.columns), whitening.full(observations.residual)
+    smooth = structured_misfit(patterns, columns, residual)
+    counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
+    excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
+    clear = _clearly_worst(observations, whitening.noise)
+    worst = first_best((excess / counts).tolist()) if clear is None else clear
+    channel, covariates = observations.channels[worst], _covariates(columns, patterns, worst, residual, smooth)
+    here, read = observations.of(channel), observations.residual
+    if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
+        # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
+        smooth = structured_misfit(patterns, whitening.serial(patterns.columns), whitening.serial(read))
+    return Where(channel, covariates, describe_misfit(observations, channel, covariates, smooth))
+
+
+def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
+    """The channel whose readings are farthest off, over their noise; None where noise and mounts may be why."""
+    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
+    off = observations.residual, observations.distance_slope * noise.mount_m
+    square, mounts = (observations.mean_square(values) / noise.sigma**2 for values in off)
+    worst = first_best(square.tolist())
+    scatter = np.sqrt(2.0 * (1.0 + noise.rho[worst]) / (1.0 - noise.rho[worst]) / count[worst])
+    return worst if square[worst] > 1.0 + mounts[worst] + BEYOND_NOISE * scatter else None
+
+
+def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatArray) -> FloatArray:
+    """The smooth part, in the readings' units, of recorded minus predicted; columns and residual are whitened."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    amplitude = np.linalg.lstsq(columns / size, residual, rcond=1e-8)[0] / size
+    return np.asarray(patterns.columns @ amplitude)
+
+
+def _covariates(
+    columns: FloatArray, patterns: Patterns, channel: int, residual: FloatArray, smooth: FloatArray
+) -> tuple[str, ...]:
+    """Covariates in the order in which each adds most to what the ones before explain with their products.
+
+    The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise, mounts
+    and runs. The first alone follows the noise, the second alone is blind to what re-mounts look like as well.
+    """
+    here = np.flatnonzero(patterns.channel == channel)
+    rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
+    names = sorted(set().union(*(patterns.along[k] for k in here)))
+    chosen: list[str] = []
+
+    def explained(among: list[str]) -> FloatArray:
+        inside = [k for k in here if patterns.along[k] <= frozenset(among)]
+        projection = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
+        return np.array([projection @ projection, max(_excess(columns[:, inside], residual), 0.0)])
+
+    total, reached = np.maximum(explained(names), 1e-300), explained([])
+    while remaining := [name for name in names if name not in chosen]:
+        gains = [np.maximum(explained([*chosen, name]) - reached, 0.0) / total for name in remaining]
+        shares = np.sqrt(np.prod(gains, axis=1)).tolist()
+        best = first_best(shares)
+        if shares[best] < COVARIATE_SHARE:
+            break
+        chosen.append(remaining[best])
+        reached = explained(chosen)
+    # Both clocks mean the same to a reader
+    return tuple(dict.fromkeys("order" if name == "elapsed" else name for name in chosen))
+
+
+def _excess(columns: FloatArray, residual: FloatArray) -> float:
+    """Squared length of the whitened residual along whitened columns, less what noise gives."""
+    basis = orthonormal_basis(columns)
+    along = basis.T @ residual
+    return float(along @ along - basis.shape[1])
+
+
+_FURTHER = ("branch", *TEMPERATURES, "order")
+"""Covariates that are said beside the settings of the largest misfit where it changes with them."""
+
+
+def describe_misfit(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
+    """One sentence on a misfit: ``Measured force is up to 12 mN low, most at 16 mm and 1.4 A``.
+
+    The structured part of recorded minus predicted, of shape (M,), says where it is the largest, and how large. What is
+    the same everywhere the readings themselves say; the structured part lacks what a re-mount could have done.
+    """
+    here = observations.of(channel)
+    # A relative misfit refers to the prediction, of a Hall output without its quiescent voltage
+    quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
+    misfit, base = observations.residual[here], (observations.base - quiescent)[here]
+    square, share = float(misfit @ misfit), float(misfit @ base) / max(float(base @ base), 1e-300)
+    if square <= ROUNDED**2 * float(base @ base):
+        return sentence("where", "nothing", channel)
+    structured = smooth[here] if smooth[here].any() else misfit
+    worst = int(np.argmax(np.abs(structured)))
+    facts: dict[str, Any] = {"channel": channel, "magnitude": observations.magnitude.get(channel)}
+    facts |= {"size": float(structured[worst]), "share": None, "place": None}
+    many = len(misfit) >= LEAST_READINGS  # fewer do not say what it is elsewhere
+    if many and _is_share(misfit, base, share):
+        facts["share"] = share
+    elif many and not covariates and 2.0 * structured.mean() ** 2 > np.mean(structured**2):
+        facts["size"] = float(misfit.mean())
+    else:
+        names = [name for name in observations.settings if observations.column(name).any()]  # no current is no place
+        names += [name for name in _FURTHER if name in covariates]
+        facts["place"] = [(*parts_of(name), float(observations.column(name)[here][worst])) for name in names]
+    return sentence("where", "misfit", facts)
+
+
+def _is_share(misfit: FloatArray, base: FloatArray, share: float) -> bool:
+    """Whether a misfit is next to all of one share of the prediction, large readings and small ones alike."""
+    small = np.abs(base) <= np.median(np.abs(base))
+    in_small = float(misfit[small] @ base[small]) / max(float(base[small] @ base[small]), 1e-300)
+    residual = misfit - share * base
+    is_all = float(residual @ residual) < LEFT_BY_SHARE * float(misfit @ misfit)
+    return is_all and abs(in_small - share) < SAME_SHARE * abs(share)

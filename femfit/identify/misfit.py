@@ -19,8 +19,7 @@ from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.words import note
-from femfit.identify.constants import LEVEL, WITHIN_NOISE
-from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify.constants import LEVEL, OWN_MISFIT, WITHIN_NOISE
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
 from femfit.identify.observations import TEMPERATURES, Observations
 from femfit.identify.settings import currents_in
@@ -117,22 +116,22 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
         ``stop``, how that is known; ``runs``, offsets of runs that are larger than the noise of one reading, and
         whether they were declared.
     """
-    own, beyond = observations.rms(observations.tolerance), beyond_noise(observations, noise, rms)
+    own_misfit, beyond = observations.rms(observations.tolerance), beyond_noise(observations, noise, rms)
     facts = {
         "rms": rms,
         "magnitude": observations.magnitude,
         "beyond": beyond,
-        "apart": [name for name in beyond if rms[name] > OWN_MISFIT * own[name]],
-        "own": own,
-        "granted": [name for name, size in own.items() if size > 0.0],
+        "apart": [name for name in beyond if rms[name] > OWN_MISFIT * own_misfit[name]],
+        "own": own_misfit,
+        "granted": [name for name, size in own_misfit.items() if size > 0.0],
         "place": "mount to mount" if "mount" in observations.given else "run to run",
     }
     if noise is None:
         return facts | {"unknown": (), "mount": "", "stop_m": 0.0, "runs": {}}
     any_distance = noise.mount_m >= np.ptp(observations.column("distance_m"))
     made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
-    known = "declared" if "distance_m" in observations.declared_noise else "estimated"
-    source = "any" if any_distance else "assumed" if noise.mount_assumed else known
+    provenance = "declared" if "distance_m" in observations.declared_noise else "estimated"
+    source = "any" if any_distance else "assumed" if noise.mount_assumed else provenance
     larger = {
         name: float(run) for name, run, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True) if run > sigma
     }
@@ -141,7 +140,7 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
         "mount": source if noise.mount_m > 0.0 else "",
         "mount_m": noise.mount_m,
         "stop_m": noise.stop_m if made.any() else 0.0,
-        "stop": known,
+        "stop": provenance,
         "runs": {name: (run, OF_RUNS + name in observations.declared_noise) for name, run in larger.items()},
     }
 
@@ -224,9 +223,9 @@ def measured_curves(
         spaced = np.geomspace if along == "frequency_Hz" else np.linspace
         axis = spaced(settings[along].min(), settings[along].max(), _POINTS)
         grid = dict(zip((over, along), map(np.ravel, np.meshgrid(levels, axis, indexing="ij")), strict=True))
-        at = _between_readings(model, observations, grid)
+        point = _between_readings(model, observations, grid)
         curves = [
-            readings_by(replace(at, effects=(*model.effects, *effects)), (), (name,)).get(name, np.zeros((1, 0)))
+            readings_by(replace(point, effects=(*model.effects, *effects)), (), (name,)).get(name, np.zeros((1, 0)))
             for effects in ((), after)
         ]
         before, fitted = (values.reshape(-1, _POINTS) for values in curves)

@@ -237,5 +237,5 @@ def model_tolerance(model: ActuatorModel) -> dict[str, float]:
     if misfit is None:
         return {}
     hall = None if sensor is None or misfit.hall_rms_T is None else misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
-    known = {"force_N": misfit.force_rms_N, "flux_linkage_Wb": misfit.flux_linkage_rms_Wb, "hall_V": hall}
-    return {name: size for name, size in known.items() if size is not None}
+    misfits = {"force_N": misfit.force_rms_N, "flux_linkage_Wb": misfit.flux_linkage_rms_Wb, "hall_V": hall}
+    return {name: size for name, size in misfits.items() if size is not None}

@@ -27,9 +27,8 @@ from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import bench_observations
-from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
+from femfit.identify.constants import HEATED_K, NEEDED_DISTANCE, PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.decision.campaign import detectable_magnitudes
-from femfit.identify.decision.constants import HEATED_K, NEEDED_DISTANCE
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit
@@ -108,8 +107,8 @@ def examine_plan(
 def _signals(start: Start) -> list[FloatArray]:
     """Change of the readings by each amplitude that can be seen at the further end of its plausible range."""
     ends = [max((end - p.null for end in p.plausible), key=abs) for p in start.columns.amplitudes]
-    seen = np.linalg.norm(start.whitened * ends, axis=0) > VISIBLE
-    return list((start.columns.columns * ends)[:, seen].T)
+    visible = np.linalg.norm(start.whitened * ends, axis=0) > VISIBLE
+    return list((start.columns.columns * ends)[:, visible].T)
 
 
 def _together(whitening: Whitening, families: Mapping[str, Sequence[Start]]) -> tuple[tuple[str, str], ...]:
@@ -149,21 +148,21 @@ def pair_clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
     return clauses
 
 
-def planned_noise(observations: Observations, known: NoiseModel | None = None) -> NoiseModel:
+def planned_noise(observations: Observations, noise: NoiseModel | None = None) -> NoiseModel:
     """The noise of a plan as declared or estimated, and the priors of mounts and runs that estimates start from.
 
     What is assumed stands for channels of which neither is known; beside an estimate no declaration counts.
     """
-    channels, declared = observations.channels, {} if known else observations.declared_noise
+    channels, declared = observations.channels, {} if noise else observations.declared_noise
     sigma = np.array([declared.get(name, assumed_noise(name, observations.nominal)) for name in channels])
     planned = pd.DataFrame({"sigma": sigma, "rho": 0.0, "run": PRIOR_RUN * sigma}, index=channels)
     planned["repeats"] = planned["degrees_of_freedom"] = np.inf
-    if known:
-        estimated = pd.DataFrame({name: getattr(known, str(name)) for name in planned}, index=known.channels)
-        planned.update(estimated.assign(run=estimated["run"].where(known.run > 0.0, PRIOR_RUN * known.sigma)))
+    if noise:
+        estimated = pd.DataFrame({name: getattr(noise, str(name)) for name in planned}, index=noise.channels)
+        planned.update(estimated.assign(run=estimated["run"].where(noise.run > 0.0, PRIOR_RUN * noise.sigma)))
     columns: dict[str, Any] = {str(name): values.to_numpy() for name, values in planned.items()}
-    if known:
-        return replace(known, channels=channels, mount_m=known.mount_m or PRIOR_MOUNT_M, **columns)
+    if noise:
+        return replace(noise, channels=channels, mount_m=noise.mount_m or PRIOR_MOUNT_M, **columns)
     source = {name: "declared" if name in declared else "assumed" for name in channels}
     return NoiseModel(channels, mount_m=PRIOR_MOUNT_M, source=source, **columns)
 

@@ -19,10 +19,20 @@ from scipy import optimize, stats
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
-from femfit.identify.constants import AS_GOOD, MOST_EVALUATIONS, NEXT_TO_BOUND, SEEN_SHARE
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.signatures import EffectColumns, effect_columns, why_untestable
 from femfit.identify.words import sentence
+
+NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
+"""Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
+squares, whose standard deviation is 1 and more, rises by no more than this."""
+
+SEEN_SHARE = 1e-3
+"""Numerical: part of what an effect does, up to which that by a constant of its shape over its plausible range does not
+matter: it is not fitted."""
+
+MOST_EVALUATIONS = 60
+"""Numerical: steps after which a search is ended; nearly all of them need fewer than twenty."""
 
 
 @dataclass(frozen=True, eq=False)

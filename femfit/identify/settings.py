@@ -24,19 +24,8 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.estimate.constants import NORMAL_MEDIAN
-from femfit.identify.constants import (
-    AVERAGED_TO,
-    LEAST_GAPS,
-    LEAST_REPEATS,
-    MOST_DROPPED,
-    MOST_ROWS,
-    NEAR_STEPS,
-    SAME_LINE,
-    SAME_READING,
-    SAME_SETTING,
-    SHORT,
-    WHOLE,
-)
+from femfit.estimate.record import converter_step
+from femfit.identify.constants import LEAST_REPEATS, MOST_DROPPED, MOST_ROWS, SAME_LINE, SAME_SETTING, SHORT
 from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -44,6 +33,9 @@ from femfit.model.impedance import impedances_by_column
 from femfit.tables.header import parts_of
 from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import BenchTable
+
+AVERAGED_TO = 1000
+"""Numerical: rows to about which a longer bench table is averaged."""
 
 
 def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:
@@ -72,13 +64,13 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     TableError
         If a current is missing, or it is not said to which circuit an impedance belongs.
     """
-    names, rows, given = current_columns(model.current_names), table.rows, table.given
-    if len(names) > 1 and {"current_A", "frequency_Hz"} <= set(given):
+    names, rows, columns = current_columns(model.current_names), table.rows, table.given
+    if len(names) > 1 and {"current_A", "frequency_Hz"} <= set(columns):
         currents = rows.reindex(columns=names)
         currents[currents.isna().all(axis=1) & (rows["current_A"] == 0.0)] = 0.0
         rows = rows.assign(**currents)
-        given = (*given, *(name for name in names if name not in given and currents[name].notna().any()))
-    lacking = [name for name in names if name not in given]
+        columns = (*columns, *(name for name in names if name not in columns and currents[name].notna().any()))
+    lacking = [name for name in names if name not in columns]
     if lacking and (model.circuits or len(names) > 1):
         raise TableError(sentence("refusals", "no_current", model, table, lacking, len(names) > 1))
     if len(names) == 1:
@@ -89,7 +81,7 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
     if foreign:
         raise TableError(sentence("refusals", "foreign_impedance", model, table, circuits, foreign, inductances))
-    return replace(table, rows=rows.assign(current_A=rows[leading_current(model, rows)]), given=given)
+    return replace(table, rows=rows.assign(current_A=rows[leading_current(model, rows)]), given=columns)
 
 
 @once_for_settings
@@ -122,21 +114,6 @@ def _groups_within(values: FloatArray, near: FloatArray, begins: BoolArray) -> I
     return np.cumsum(begins) - begins[0]
 
 
-def quantisation_step(values: FloatArray) -> float:
-    """The step that readings are rounded to: their smallest distance, where nearly equal ones are whole steps apart.
-
-    0 where there is none: five gaps of one to ten steps are whole by chance, to a twentieth, once in 1e5 channels.
-    """
-    gaps = np.diff(np.unique(values))
-    gaps = gaps[gaps > SAME_READING * float(np.abs(values).max(initial=0.0))]
-    if not len(gaps):
-        return 0.0
-    steps = gaps / gaps.min()
-    near = steps[(steps > 1.5) & (steps < NEAR_STEPS)]
-    is_whole = np.abs(near - np.round(near)) < WHOLE
-    return float(gaps.min()) if len(near) >= LEAST_GAPS and is_whole.all() else 0.0
-
-
 def averaged(
     table: BenchTable, currents: Sequence[str], residuals: Callable[[BenchTable], Mapping[str, FloatArray]]
 ) -> BenchTable:
@@ -154,33 +131,33 @@ def averaged(
     number = stretches(table, currents)
     count = np.bincount(number)
     usual = float(np.median(count[number]))
-    kept = count >= SHORT * usual
-    if usual < 2.0 or kept.sum() > MOST_ROWS or np.mean(~kept) > MOST_DROPPED:  # the short ones are settings
+    usable = count >= SHORT * usual
+    if usual < 2.0 or usable.sum() > MOST_ROWS or np.mean(~usable) > MOST_DROPPED:  # the short ones are settings
         return table
-    rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
+    rows = table.rows.groupby(number).mean()[usable].reset_index(drop=True)
     residual = residuals(table)
-    at_means, known = residuals(replace(table, rows=rows)), {}
+    at_means, noise = residuals(replace(table, rows=rows)), {}
     for name, values in residual.items():  # the model's own bend within a stretch is no misfit; halves may be the same
-        mean = pd.Series(values).groupby(number).mean()[kept].to_numpy()
+        mean = pd.Series(values).groupby(number).mean()[usable].to_numpy()
         rows[name] = rows[name] - at_means[name] + mean
-        sigma = noise_of_means(values, number, count * kept)
-        step = quantisation_step(table.rows[name].to_numpy())
+        sigma = noise_of_means(values, number, count * usable)
+        step = converter_step(np.unique(table.rows[name]))
         if np.isfinite(sigma) and max(sigma, step) > 0.0:
-            known[name] = max(sigma, float(step / np.sqrt(12.0 * usual)))
-    told = finding(
+            noise[name] = max(sigma, float(step / np.sqrt(12.0 * usual)))
+    averaging = finding(
         "averaged",
         rows=len(table.rows),
         means=len(rows),
-        readings=int(np.median(count[kept])),
-        left_out=int(count[~kept].sum()),
-        declared=[name for name in known if name in table.declared_noise],
+        readings=int(np.median(count[usable])),
+        left_out=int(count[~usable].sum()),
+        declared=[name for name in noise if name in table.declared_noise],
     )
     return replace(
         table,
         rows=rows,
-        declared_noise={**table.declared_noise, **known},
+        declared_noise={**table.declared_noise, **noise},
         noise_source="samples",
-        findings=(*table.findings, told),
+        findings=(*table.findings, averaging),
     )
 
 
@@ -192,14 +169,14 @@ def stretches(table: BenchTable, currents: Sequence[str]) -> IntArray:
     rows, most = table.rows, -(-len(table.rows) // AVERAGED_TO)
     labels = rows[[name for name in ("run", "mount", "branch", "frequency_Hz") if name in rows]].fillna(0.0).to_numpy()
     settings = [name for name in ("distance_m", *currents, *TEMPERATURES) if name in rows]
-    known = rows[[name for name in settings if rows[name].notna().any()]]
-    values = known.fillna(known.filter(items=TEMPERATURES).ffill().bfill()).to_numpy()
+    read = rows[[name for name in settings if rows[name].notna().any()]]
+    values = read.fillna(read.filter(items=TEMPERATURES).ffill().bfill()).to_numpy()
     near = SAME_LINE * np.nanmax(values, axis=0) - SAME_LINE * np.nanmin(values, axis=0)
     number = _groups_within(values, near, np.append(True, np.any(labels[1:] != labels[:-1], axis=1)))
     count = np.bincount(number)
     place, parts = pd.Series(number).groupby(number).cumcount().to_numpy(), -(-count // most)
-    part = place * parts[number] // count[number]
-    return np.cumsum(np.diff(number, prepend=0) + np.diff(part, prepend=0) != 0)
+    piece = place * parts[number] // count[number]
+    return np.cumsum(np.diff(number, prepend=0) + np.diff(piece, prepend=0) != 0)
 
 
 def noise_of_means(residual: FloatArray, number: IntArray, count: IntArray) -> float:

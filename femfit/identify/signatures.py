@@ -11,10 +11,12 @@ from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.friction import REST
-from femfit.identify.constants import ROUNDED
 from femfit.identify.observations import Observations
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import CHANNELS
+
+ROUNDED = 1e-9
+"""Numerical: part of a reading up to which a misfit, or an effect over its plausible range, is rounding."""
 
 CHANGES_NOTHING = "it changes no reading at these settings"
 """Why an effect cannot be tested that would be seen at other settings."""
@@ -41,7 +43,7 @@ def _without_part(nominal: Nominal) -> dict[str, str]:
         ("stop", not any(map(math.isfinite, nominal.stops_m)), "the drawing has no stop"),
         ("no spring", nominal.springs is not None, "the drawing has a spring, whose own errors are looked at"),
     )
-    return {part: "" for part, _, _ in faults} | {part: why for part, fault, why in faults if fault}
+    return {component: "" for component, _, _ in faults} | {component: why for component, fault, why in faults if fault}
 
 
 @dataclass(frozen=True, eq=False)

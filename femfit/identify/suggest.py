@@ -23,7 +23,7 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
-from femfit.identify.decision.constants import COMPARED, NEEDED_DISTANCE
+from femfit.identify.constants import COMPARED, NEEDED_DISTANCE
 from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.misfit import finer_sweep
@@ -65,7 +65,7 @@ class Advice(Result):
     suggestions: tuple[Suggestion, ...] = ()
     never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows is sure to separate
     # Per effect the measurement that isolates it, the most separating first: for records, to which no readings can be
-    # added on trial, and where one name alone is left and is not certain
+    # added on trial, where one name alone is left and is not certain, and of what nothing is sure to separate
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
     further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
@@ -109,24 +109,32 @@ def suggest(
     if not isinstance(diagnosis, Diagnosis | None):
         raise TableError(sentence("refusals", "no_diagnosis", type(diagnosis).__name__))
     say, model, measured = progress or (lambda _: None), model_of(model), measurement_of(data)
-    found = diagnosed(model, measured, progress=say) if diagnosis is None else diagnosis
-    nominal, named = found.observations.nominal, [effect.name for effect in found.missing]
-    every = tuple(fit for fit in found.explanations if not set(named) < set(fit.names))  # what adds to it alone is not
+    diagnosis = diagnosed(model, measured, progress=say) if diagnosis is None else diagnosis
+    nominal, sets = diagnosis.observations.nominal, [set(fit.names) for fit in diagnosis.explanations]
+    # What only adds to an explanation would take the place of another one
+    every = tuple(fit for fit in diagnosis.explanations if not any(names < set(fit.names) for names in sets))
     names = tuple(" + ".join(fit.names) for fit in every)
-    guesses = tuple(str(finding) for finding in found.findings if finding.code == "guessed-noise")
+    guesses = tuple(str(finding) for finding in diagnosis.findings if finding.code == "guessed-noise")
     advice = Advice(names, remarks=guesses, titles=titles_of(nominal.drawn))
-    if found.campaign is None or len(every) < 2:
-        unsure = [] if found.confident and not found.excluded else [named]
-        note = sentence("advice", "nothing", found, found.allowed, finer_sweep(found.model))
+    if diagnosis.campaign is None or len(every) < 2:
+        unsure = [] if diagnosis.confident and not diagnosis.excluded else [[each.name for each in diagnosis.missing]]
+        note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
         return replace(advice, isolating=_isolating(unsure, nominal), note=note)
     if not isinstance(measured, BenchTable) or nominal.circuits:
         return replace(advice, isolating=_isolating([fit.names for fit in every], nominal))
     say("Trying measurements")
-    compared = suggest_measurements(model, plausible_table(model, measured), found.campaign.noise, every[:COMPARED])
+    compared = suggest_measurements(model, plausible_table(model, measured), diagnosis.campaign.noise, every[:COMPARED])
     apart = {pair[:2] for suggestion in compared for pair in suggestion.separates}
     never = tuple(pair for pair in combinations(names[:COMPARED], 2) if pair not in apart)
-    further = max(0, len(every) - COMPARED)
-    return replace(advice, explanations=names[:COMPARED], suggestions=tuple(compared), never=never, further=further)
+    together = [fit.names for fit, name in zip(every, names, strict=True) if any(name in pair for pair in never)]
+    return replace(
+        advice,
+        explanations=names[:COMPARED],
+        suggestions=tuple(compared),
+        never=never,
+        isolating=_isolating(together, nominal),
+        further=max(0, len(every) - COMPARED),
+    )
 
 
 def _isolating(explanations: Sequence[Sequence[str]], nominal: Nominal) -> tuple[tuple[str, str], ...]:

@@ -15,7 +15,6 @@ from femfit.core.text import amount_in, probability, rounded, weighed_amount
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of
 from femfit.identify import constants
-from femfit.identify.decision import constants as decision_constants
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
@@ -37,7 +36,7 @@ _WORDS = Words(
     listed=_listed,
     signed="{:+.3g}".format,
     channel=CHANNEL_WORDS.__getitem__,
-    names=constants_of(constants) | constants_of(decision_constants),
+    names=constants_of(constants),
 )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from femfit import __version__
 from femfit.effects.catalogue import device_effects
 from femfit.effects.words import smallest_visible, titled, titles_of
-from femfit.identify.add_effects import AddResult
+from femfit.identify.before_after import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnose import Diagnosis, said_of

@@ -10,7 +10,7 @@ from femfit.device.parts import Actuator
 from femfit.estimate.observe import Observation
 from femfit.fit.build import swept_rows
 from femfit.fit.result import FitResult
-from femfit.identify.add_effects import AddResult
+from femfit.identify.before_after import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.decision.diagnose import Diagnosis
 from femfit.model.actuator_model import ActuatorModel

@@ -12,7 +12,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import remembered
 from femfit.core.text import axis_scale
 from femfit.effects.effect import AddedEffect
-from femfit.identify.add_effects import AddResult
+from femfit.identify.before_after import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.misfit import MeasuredCurves, measured_curves

@@ -11,7 +11,7 @@ from femfit.core.files import PAGE, path_of, require_outputs
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
 from femfit.heat.find_temperatures import temperatures_at_supply
-from femfit.identify.add_effects import AddResult
+from femfit.identify.before_after import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.decision.diagnose import Diagnosis
 from femfit.model.actuator_model import ActuatorModel

@@ -153,8 +153,8 @@ def counts(outcomes: Sequence[Outcome]) -> list[Count]:
 
 def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:
     """How often each single hidden error that the readings can show stood among the names."""
-    found = [(outcome.hidden[0], outcome.found[0]) for outcome in outcomes if "One error hidden" in _groups(outcome)]
-    hits = {name: [hit for hidden, hit in found if hidden == name] for name in sorted(dict(found))}
+    single = [(outcome.hidden[0], outcome.found[0]) for outcome in outcomes if "One error hidden" in _groups(outcome)]
+    hits = {name: [hit for hidden, hit in single if hidden == name] for name in sorted(dict(single))}
     return {name: Share(sum(each), len(each)) for name, each in hits.items()}
 
 

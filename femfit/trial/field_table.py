@@ -57,11 +57,11 @@ class FieldTable:
         coordinate = _coordinate(self.distances)
         first, last = map(coordinate, self.distances)
         x = (2.0 * coordinate(distance) - first - last) / (last - first)
-        known = self.currents if len(self.currents) > 3 else ()
-        outside = known and current.size and not known[0] <= current.min() <= current.max() <= known[-1]
+        solved = self.currents if len(self.currents) > 3 else ()
+        outside = solved and current.size and not solved[0] <= current.min() <= current.max() <= solved[-1]
         if outside or np.abs(x).max(initial=0.0) > _EDGE:
             low, high = 1e3 * np.array(self.distances)
-            reach = f" and {known[0]:.3g} to {known[-1]:.3g} A" if known else ""
+            reach = f" and {solved[0]:.3g} to {solved[-1]:.3g} A" if solved else ""
             raise DomainError(f"A virtual bench must stay where it was solved, {low:.3g} to {high:.3g} mm{reach}.")
         in_distance = chebvander(x, self.coefficients.shape[1] - 1)
         in_current = CubicSpline(self.currents, np.eye(len(self.currents)))(current)
@@ -204,7 +204,7 @@ class HiddenError:
     limit: Callable[[Device], float]  # Takes the device; the largest size that is still believable
     channels: tuple[str, ...]  # Those that show it, of which a campaign records at least one
     needs: str = ""  # What the drawing must have; empty for nothing
-    setting: Callable[[Device, float, Conditions], Conditions] = lambda *given: given[-1]
+    setting: Callable[[Device, float, Conditions], Conditions] = lambda *arguments: arguments[-1]
     fields: Callable[[Device, float, Conditions], FloatArray | float] = lambda *_: 0.0
     reading: Callable[[Device, float, Conditions, Readings], Readings] = lambda *_: {}
     names: tuple[str, ...] | None = None  # Of the diagnosis that are right; None: what it is called here

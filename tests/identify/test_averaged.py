@@ -8,8 +8,8 @@ import pytest
 import femfit as ff
 from femfit.core.errors import TableError
 from femfit.identify.bench import placed
-from femfit.identify.constants import AVERAGED_TO, MOST_ROWS
-from femfit.identify.settings import noise_of_means, stretches
+from femfit.identify.constants import MOST_ROWS
+from femfit.identify.settings import AVERAGED_TO, noise_of_means, stretches
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, hidden, settings
 from support.campaign import campaign as few

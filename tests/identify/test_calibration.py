@@ -156,28 +156,40 @@ def test_a_step_that_draws_what_cannot_be_built_is_halved(place):
     assert "r_mm = [0, 1.75]" in changed.text
 
 
-def test_a_step_that_makes_the_misfit_larger_is_taken_back_and_halved(monkeypatch):
-    """Steps 2.5 times as long as they should be, as of a slope that is far too small: whole ones diverge."""
-    swept = lambda drawing, sweeps: SimpleNamespace(drawing=drawing, sweeps=sweeps)  # noqa: E731
+def task(monkeypatch, cost, rise):
+    """A calibration whose fields are replaced by a cost of one number, about steps to -1.5 of it, and its sweeps."""
+    sweeps = []
+
+    def swept(drawing, sweeps):
+        return SimpleNamespace(drawing=drawing, sweeps=sweeps)
 
     def at(redrawn, choice, values):
         x = float(values[0])
-        return SimpleNamespace(
-            redrawn=redrawn,
-            choice=choice,
-            values=values,
-            change=-2.5 * values,
-            step=abs(10.0 * x),
-            cost=lambda _: x * x,
-        )
+        sweeps.append(x)
+        facts = {"step": abs(10.0 * x), "fall": x * x, "cost": lambda _: cost(x)}
+        return SimpleNamespace(redrawn=redrawn, choice=choice, values=values, change=-2.5 * values, **facts)
 
-    monkeypatch.setattr(calibration, "RISE", 0.0)
+    monkeypatch.setattr(calibration, "RISE", rise)
     monkeypatch.setattr(calibration, "estimate", at)
     monkeypatch.setattr(calibration, "_moved", lambda _, now, part: ("drawing", now.change * (part - 0.4)))
-    start = at(SimpleNamespace(drawing="drawing", sweeps=1), None, np.array([1.0]))
-    now = calibration._Task(None, None, swept, str).settled(start)
+    start = at(swept("drawing", 1), None, np.array([1.0]))
+    return calibration._Task(None, None, swept, str).settled(start), sweeps
+
+
+def test_a_step_that_makes_the_misfit_larger_is_taken_back_and_halved(monkeypatch):
+    """Steps 2.5 times as long as they should be, as of a slope that is far too small: whole ones diverge."""
+    now, _ = task(monkeypatch, lambda x: x * x, rise=0.0)
     assert now.step <= 0.1
     assert now.cost(now) <= 1e-4
+
+
+def test_sweeps_end_where_meshes_differ_by_more_than_a_step_gains(monkeypatch):
+    """The field solved anew is off by another ten each time, whatever the step."""
+    scatter = iter(range(0, 1000, 10))
+    now, sweeps = task(monkeypatch, lambda _: float(next(scatter)), rise=1.0)
+    assert len(sweeps) == 4  # as drawn, two in vain, and the best one again
+    assert now.step == 10.0 * abs(sweeps[0])
+    assert sweeps[-1] == sweeps[0]
 
 
 def test_turns_that_are_not_whole_are_said():
@@ -185,7 +197,7 @@ def test_turns_that_are_not_whole_are_said():
     one = CalibratedNumber.of(facts, 98.7, 0.7, 0.6)
     now = SimpleNamespace(choice=Choice((facts,)), covariance=np.array([[0.36]]))
     (remark,) = remarks(now, (one,), ())
-    assert all(number in remark for number in (one.key, "98.7", "99", "0.50"))
+    assert all(text in remark for text in (facts.title, "98.7", "99", "0.50"))
     assert not list(remarks(now, (replace(one, value=99.0),), ()))
 
 

@@ -12,12 +12,13 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.bench import bench_observations, placed
 from femfit.identify.compare import compare
-from femfit.identify.decision.campaign import campaign_remarks, gather
+from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.decision.remarks import campaign_remarks
+from femfit.identify.lack_of_fit import describe_misfit, where_it_fails
 from femfit.identify.misfit import measured_curves
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.where import describe_misfit, where_it_fails
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ValidityBox

@@ -92,6 +92,20 @@ def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(
     assert named.plausible
 
 
+def test_a_zero_that_creeps_from_row_to_row_is_said_where_no_effect_is_one(levitation_model):
+    def creeping(readings, rows):
+        elapsed = np.arange(len(rows)) / len(rows)
+        return readings | {"force_N": readings["force_N"] + 0.01 * (1.0 - np.exp(-2.5 * elapsed))}
+
+    table = campaign(levitation_model, 4, runs=2, mount_m=0.0, rho=0.0, change=creeping)
+    given = tuple(name for name in table.given if name not in {"order", "run", "mount"})
+    diagnosis = diagnose(levitation_model, replace(table, rows=table.rows.assign(run=1.0, mount=1.0), given=given))
+    assert diagnosis.verdict in {"unexplained", "form_insufficient"}
+    (remark,) = [one for one in diagnosis.findings if one.code == "creeping-zero"]
+    assert remark.column == "force_N"
+    assert remark.size == pytest.approx(0.01 * (1.0 - np.exp(-2.5)), rel=0.2)
+
+
 def test_the_noise_model_recovers_what_made_the_data(levitation_model):
     table = campaign(levitation_model, 8, rho=0.6, mount_m=40e-6, runs=6, **LARGE)
     noise = estimate_noise(bench_observations(levitation_model, table))

@@ -8,6 +8,7 @@ import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
 from femfit.core.errors import TableError
+from femfit.estimate.record import converter_step
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
@@ -15,7 +16,6 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.design import ChannelDesign, rho_of, share_of
 from femfit.identify.noise.likelihood import Contrasts, Likelihood
 from femfit.identify.noise.whitening import Chain, Whitening, setting_errors
-from femfit.identify.settings import quantisation_step
 from support.campaign import NOISE, campaign, ripple
 
 
@@ -352,7 +352,7 @@ def test_readings_that_were_not_rounded_have_no_step():
     settings = np.repeat(rng.normal(size=40), 5)  # settings that repeat exactly are no converter's steps
     even = np.tile(2.75 * np.linspace(0.0, 1.4, 8), 12)  # nor are readings in step with settings evenly apart
     for values in (rng.normal(size=1000), settings, even, np.ones(30), np.zeros(0), np.array([1.0, 2.0])):
-        assert quantisation_step(values) == 0.0
+        assert converter_step(np.unique(values)) == 0.0
 
 
 def test_a_converter_coarser_than_the_noise_bounds_it(levitation_model):

@@ -10,7 +10,8 @@ import pytest
 
 import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.identify.add_effects import add_effects, run_facts, suspicious_values
+from femfit.identify.add_effects import add_effects
+from femfit.identify.before_after import run_facts, suspicious_values
 from femfit.identify.remainder import COENERGY, NAME, given, likeliest_root
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.carried import Carried, FieldTerm, bounded_basis

@@ -2,8 +2,9 @@
 
 At each step the drawing is swept with its signatures and fitted. The numbers, within the priors of their tolerances,
 and the effects beside them are fitted by these slopes to all readings, and the drawing is written with what they say.
-It ends where the step is small against the standard errors, so that no slope is left in the result: what is written is
-what was swept. What the calibrated drawing leaves is diagnosed again: a cause that was hidden behind a large one shows.
+It ends where a further step would be short against the standard errors and lower the misfit no more, so that no slope
+is left in the result: what is written is what was swept. What the calibrated drawing leaves is diagnosed again: a cause
+that was hidden behind a large one shows.
 
 References
 ----------
@@ -28,11 +29,26 @@ from femfit.identify.bench import measurement_of
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibrationResult
-from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
-from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
+from femfit.identify.constants import CALIBRATION_SETTLED
 from femfit.identify.decision.diagnose import Diagnosis, diagnose, said_of
 from femfit.identify.words import sentence
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
+
+MOST_STEPS = 8
+"""Numerical: numbers that have not settled after so many sweeps in a row follow no Gauss-Newton step."""
+
+MOST_ROUNDS = 3
+"""Numerical: how often what a calibrated drawing leaves is diagnosed again; each round needs a cause of its own."""
+
+RISE = 1.0
+"""Numerical: a step after which the weighted sum of squares is more than this larger is taken back and halved; less
+changes no conclusion, and meshes differ."""
+
+MOST_IN_VAIN = 2
+"""Numerical: sweeps in a row that lower the weighted sum of squares by no more than that: what is left is of meshes."""
+
+HALVINGS = 4
+"""Numerical: a step that draws what cannot be built is halved so often."""
 
 Data = Measurement | str | Path
 
@@ -134,15 +150,22 @@ class _Task:
     say: Callable[[str], None]
 
     def settled(self, now: Estimate, most: int = MOST_STEPS) -> Estimate:
-        """The drawing swept anew until a step is small against the errors; once at least."""
-        share, good, last = 1.0, 0, now
+        """The drawing swept anew, once at least, until a step is short and lowers the misfit no more.
+
+        Fields that are solved on other meshes differ: two sweeps in a row without a lower misfit end it as well.
+        """
+        share, good, in_vain, last = 1.0, 0, 0, now
         for _ in range(MOST_STEPS):
-            if good == most or (last is now and now.redrawn.sweeps > 1 and now.step <= SETTLED):
+            if good == most or in_vain == MOST_IN_VAIN:
+                break
+            if last is now and now.redrawn.sweeps > 1 and now.step <= CALIBRATION_SETTLED and now.fall <= RISE:
                 break
             self.say(f"Sweeping the drawing anew, step {last.redrawn.sweeps}")
             drawing, values = _moved(self.source, now, share)
             last = estimate(self.swept(drawing, sweeps=last.redrawn.sweeps + 1), now.choice, values)
-            if last.cost(last) <= now.cost(last) + RISE:
+            gain = now.cost(last) - last.cost(last)
+            in_vain = 0 if gain > RISE else in_vain + 1
+            if gain >= -RISE:
                 now, share, good = last, min(1.0, 2.0 * share), good + 1
             else:
                 share *= 0.5

@@ -112,9 +112,14 @@ class Estimate:
         return np.asarray(np.linalg.pinv(self.covariance / size, hermitian=True) / size)
 
     @property
+    def fall(self) -> float:
+        """By how much the change should lower the weighted sum of squares."""
+        return float(self.change @ self.information @ self.change)
+
+    @property
     def step(self) -> float:
-        """Length of the change in standard deviations, of well determined combinations too, root mean square."""
-        return float(np.sqrt(self.change @ self.information @ self.change / len(self.change)))
+        """Length of the change in standard errors, of well determined combinations too, root mean square."""
+        return float(np.sqrt(self.change @ np.linalg.pinv(self.error) @ self.change / len(self.change)))
 
     def cost(self, like: "Estimate") -> float:
         """Weighted sum of squares that the drawing leaves, by the noise of another estimate, and of its tolerances."""

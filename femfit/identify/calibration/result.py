@@ -16,10 +16,10 @@ from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
-from femfit.identify.add_effects import fit_facts, of_last_run
+from femfit.identify.before_after import fit_facts, of_last_run
 from femfit.identify.calibration.fit import Estimate, Redrawn
 from femfit.identify.constants import CALIBRATION_SETTLED, IN_COMBINATION, OPEN, WITHIN_NOISE
-from femfit.identify.decision.campaign import guessed_noises
+from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.left_out import unseen_error
 from femfit.identify.misfit import ErrorFall, allowed, beyond_noise
@@ -42,18 +42,13 @@ class CalibratedNumber:
     sd_as_drawn: float  # The same, were these exactly as drawn
     tolerance: float  # Standard deviation before the data
     unit: str  # Of all five; empty of a pure number, and of the factor of a curve
-    label: str = ""  # What a machinist calls it
+    label: str  # What texts call it
 
     @classmethod
     def of(cls, facts: NumberFacts, value: float, sd: float, sd_as_drawn: float) -> Self:
         """The number of a drawing."""
         unit = "" if facts.kind.startswith("curve_") else unit_of(facts.key.partition("[")[0])
-        return cls(facts.key, facts.also, facts.value, value, sd, sd_as_drawn, facts.deviation, unit, facts.label)
-
-    @property
-    def name(self) -> str:
-        """What texts call it."""
-        return self.label or self.key
+        return cls(facts.key, facts.also, facts.value, value, sd, sd_as_drawn, facts.deviation, unit, facts.title)
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -62,7 +57,7 @@ class CalibratedNumber:
         places = max(0, 1 - math.floor(math.log10(self.sd))) if self.sd > 0.0 else 6
         value = f"{self.value:.{places}f} ± {self.sd:.{places}f}"
         numbers = (f"{self.drawn:g}", value, f"± {rounded(self.sd_as_drawn, 2)}", rounded(self.tolerance, 2))
-        return (self.name, *(f"{text} {self.unit}".rstrip() for text in numbers))
+        return (self.label, *(f"{text} {self.unit}".rstrip() for text in numbers))
 
 
 @dataclass(frozen=True)
@@ -87,7 +82,7 @@ class CalibrationResult(Result):
     """
 
     data = (
-        *("verdict", "beyond_noise", "sweeps", "settled", "remarks", "numbers", "covariance", "undetermined"),
+        *("verdict", "beyond_noise", "sweeps", "step", "settled", "remarks", "numbers", "covariance", "undetermined"),
         *("lack_of_fit", "findings", "error_on_runs_left_out=unseen", "error_on_readings_fitted=fitted"),
     )
 
@@ -108,14 +103,15 @@ class CalibrationResult(Result):
     beyond_noise: Mapping[str, float]
     verdict: str  # What is left
     sweeps: int
-    settled: bool  # Whether the last step was small against the errors
+    step: float  # That was not taken any more, in standard errors, root mean square
+    settled: bool  # Whether it is short against these
     remarks: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
 
     @classmethod
     def of(cls, first: Redrawn, now: Estimate) -> Self:
         """What an estimate says beside the drawing as it was."""
-        whitening, fit, settled = now.redrawn.whitening, now.fit, now.step <= CALIBRATION_SETTLED
+        whitening, fit = now.redrawn.whitening, now.fit
         observations, noise = whitening.observations, whitening.noise
         facts = fit_facts(whitening, (), now.beside, fit.jacobian[:, ~fit.active])
         before = first.whitening.observations.rms(first.whitening.observations.residual)
@@ -144,7 +140,8 @@ class CalibrationResult(Result):
             beyond_noise=beyond_noise(observations, noise, rms),
             verdict=verdict(whitening, facts["lack_of_fit_after"], rms),
             sweeps=now.redrawn.sweeps,
-            settled=settled,
+            step=now.step,
+            settled=now.step <= CALIBRATION_SETTLED,
             remarks=remarks(now, numbers, undetermined),
             findings=(*observations.findings, *guessed_noises(noise)),
         )
@@ -165,10 +162,8 @@ class CalibrationResult(Result):
 
 def heading(result: CalibrationResult, drawing: str, data: Sequence[str]) -> str:
     """The comment above a calibrated drawing: what it was made from, and which numbers are not as drawn."""
-    keys = [f"{number.label} [{number.key}]" if number.label else number.key for number in result.numbers]
-    texts = [number.texts for number in result.numbers]
-    rows = [f"#   {key} = {value} (drawn {drawn})" for key, (_, drawn, value, *_) in zip(keys, texts, strict=True)]
-    rows += [] if result.settled else ["#   Not settled: do not trust these numbers."]
+    texts = [(number.key, *number.texts) for number in result.numbers]
+    rows = [f"#   {label} [{key}] = {value} (drawn {drawn})" for key, label, drawn, value, *_ in texts]
     end = "\r\n" if "\r\n" in result.drawing else "\n"
     lines = [f"# Calibrated by femfit from {drawing} and {', '.join(data)}:", *rows, "", ""]
     return end.join(lines).replace("±", "+-")

@@ -8,12 +8,11 @@ References
 J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988), chapter 12: noncentral chi-square.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -24,25 +23,38 @@ from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.constants import FINER, LEVEL, POWER
-from femfit.identify.decision.constants import (
+from femfit.identify.constants import (
     BROAD,
+    FINER,
     FORM,
     FORM_DEGREE,
-    FORM_DIRECTIONS,
     FORM_ELSEWHERE,
-    READINGS_OF_A_STOP,
+    LEVEL,
+    POWER,
     SHARE_DEGREE,
     STILL_THE_NOISE,
 )
 from femfit.identify.lack_of_fit import PatternSpace, distinct, pattern_space
-from femfit.identify.noise.components import as_readings_show, beside_effects, estimate_noise, never_varying
-from femfit.identify.noise.whitening import NoiseModel, Whitening, stops
-from femfit.identify.observations import VOLTAGE_BALANCE, Observations, WithoutCache
+from femfit.identify.noise.components import (
+    as_readings_show,
+    beside_effects,
+    dead_sensors,
+    estimate_noise,
+    never_varying,
+)
+from femfit.identify.noise.whitening import NoiseModel, Whitening
+from femfit.identify.observations import Observations, WithoutCache
 from femfit.identify.patterns import products, scaled_to_one
 from femfit.identify.refit import Refit, Start
 from femfit.identify.signatures import testable_columns
 from femfit.identify.words import finding
+
+FORM_DIRECTIONS = 14
+"""Numerical, for the time that it takes: directions of a form's error that are kept, the largest."""
+
+
+VARIANCES, OF_SIGMA = ("sigma", "run", "mount_m", "stop_m"), ("sigma", "rho", "repeats", "degrees_of_freedom")
+"""Of a noise model: what a misfit may look like, and what goes with the readings' own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +105,18 @@ class Campaign(WithoutCache):
         return self.whitening.noise
 
     def beside(self, effects: Sequence[AddedEffect]) -> "Campaign | None":
-        """The campaign with the noise of what effects leave; None where that is next to the same."""
-        whitening = beside_effects(self.whitening, effects)
-        now, before = (np.r_[n.sigma, n.run, n.mount_m, n.stop_m] for n in (whitening.noise, self.noise))
-        return None if np.all(now >= STILL_THE_NOISE * before) else self.whitened_by(whitening)
+        """The campaign with what of the noise effects take away; None where all of it is next to the same.
+
+        What stays keeps its size, so that it is the noise that every command states.
+        """
+        now, before = beside_effects(self.whitening, effects).noise, self.noise
+        less = {name: np.less(vars(now)[name], STILL_THE_NOISE * vars(before)[name]) for name in VARIANCES}
+        if not any(map(np.any, less.values())):
+            return None
+        other_source = [now.source.get(name) != before.source.get(name) for name in now.channels]
+        less |= dict.fromkeys(OF_SIGMA, less["sigma"] | other_source) | {"mount_assumed": less["mount_m"]}
+        taken = {name: np.where(which, vars(now)[name], vars(before)[name])[()] for name, which in less.items()}
+        return self.whitened_by(replace(self.whitening, noise=replace(before, source=now.source, **taken)))
 
     def whitened_by(self, whitening: Whitening) -> "Campaign":
         """The same readings and effects by another map to independent readings."""
@@ -229,53 +249,11 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     observations = as_readings_show(observations)
     noise = estimate_noise(observations)
     if noise is None:
-        return next(_dead(never_varying(observations)), finding("no-noise"))
+        return next(dead_sensors(never_varying(observations)), finding("no-noise"))
     whitening = Whitening.granting(observations, noise)
     columns, untestable = testable_columns(observations, effects)
     campaign = Campaign(whitening, Start.at_null(columns, whitening), untestable)
     return campaign if campaign.patterns.groups else finding("too-few-readings")
-
-
-def _dead(constant: Iterable[str]) -> Iterator[Finding]:
-    """Of channels that never vary, sensors; a command repeats itself."""
-    return (finding("never-varies", name, name=name) for name in constant if not name.startswith(VOLTAGE_BALANCE))
-
-
-def campaign_remarks(campaign: Campaign) -> list[Finding]:
-    """Say which channels cannot be tested, which never vary, and where the noise was guessed or repeats replaced it."""
-    tested = set(campaign.patterns.patterns.channel.tolist())
-    observations, noise = campaign.observations, campaign.noise
-    few, replaced = list[Finding](), list[Finding]()
-    for c, name in enumerate(observations.channels):
-        if c not in tested:
-            few.append(finding("too-few-readings", name, name=name, readings=int(observations.of(name).sum())))
-        if name in observations.declared_noise and noise.source[name] == "repeats":
-            facts: dict[str, Any] = {"declared": observations.declared_noise[name], "source": observations.noise_source}
-            facts |= {"sigma": float(noise.sigma[c]), "repeats": round(noise.repeats[c])}
-            replaced.append(finding("declared-noise", name, name=name, **facts))
-    return [*few, *_dead(noise.never_varying), *replaced, *guessed_noises(noise)]
-
-
-def stage_errors(campaign: Campaign) -> list[Finding]:
-    """Say that errors of the stage would explain a misfit, where stops have some rows each and no error is known.
-
-    Whatever shifts the stops may have is taken out of the misfit; what several currents show beside it is tested.
-    """
-    observations, whitening = campaign.observations, campaign.whitening
-    number = stops(observations)
-    if campaign.noise.stop_m or READINGS_OF_A_STOP * (number.max() + 1) > len(observations.covariates):
-        return []
-    shifts = whitening.full((number[:, None] == np.unique(number)) * observations.distance_slope[:, None])
-    if campaign.patterns.test(whitening.residual, shifts).p_value <= LEVEL:
-        return []
-    size = float(np.sqrt(np.mean(np.linalg.lstsq(shifts, whitening.residual)[0] ** 2)))
-    return [finding("stage-errors", "distance_m", size, error=size)]
-
-
-def guessed_noises(noise: NoiseModel) -> list[Finding]:
-    """Say that the noise is a guess, where nothing tells it."""
-    sizes = {name: noise.floor[name] for name, source in noise.source.items() if source == "guess"}
-    return [finding("guessed-noise", sizes=sizes)] if sizes else []
 
 
 def detectable_magnitudes(effects: Sequence[Start]) -> dict[str, dict[str, float]]:

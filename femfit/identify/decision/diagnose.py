@@ -12,23 +12,16 @@ from femfit.core.results import Finding, Plotted
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import describe, smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
-from femfit.identify.constants import ROUNDING
-from femfit.identify.decision.campaign import (
-    Campaign,
-    campaign_remarks,
-    considered_effects,
-    detectable_magnitudes,
-    gather,
-    stage_errors,
-)
-from femfit.identify.decision.constants import CERTAIN
+from femfit.identify.constants import CERTAIN, ROUNDING
+from femfit.identify.decision.campaign import Campaign, considered_effects, detectable_magnitudes, gather
 from femfit.identify.decision.naming import Decision, decide, look_alikes
+from femfit.identify.decision.remarks import campaign_remarks, creeping_zeros, stage_errors
+from femfit.identify.lack_of_fit import Where, where_it_fails
 from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, fitted_together, plausible
 from femfit.identify.signatures import CHANGES_NOTHING
-from femfit.identify.where import Where, where_it_fails
 from femfit.identify.words import Result, finding, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -152,7 +145,7 @@ class Diagnosis(Plotted, Result, Decision):
     @property
     def explanations(self) -> tuple[Refit, ...]:
         """What was named, then each other explanation that the data leave."""
-        return tuple(explanation.fit for explanation in self.left if explanation.fit)
+        return tuple(explanation.fit for explanation in self.remaining if explanation.fit)
 
     @property
     def noise(self) -> NoiseModel | None:
@@ -265,6 +258,8 @@ def diagnose_observations(
     remarks = campaign_remarks(campaign)
     if decision.verdict == "unexplained":
         remarks += stage_errors(campaign)
+    if decision.verdict in {"unexplained", "form_insufficient"}:
+        remarks += creeping_zeros(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))
     where = Where("", (), "The model fits.")
@@ -322,12 +317,12 @@ def _ranking(
 def _named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
     """What is named, each effect with its class and the sizes of those that are as likely."""
     by_name = {added.effect.name: added for added in fit.effects}
-    exchanged = {frozenset(each.names): each.fit for each in decision.left if each.fit}
+    exchanged = {frozenset(each.names): each.fit for each in decision.remaining if each.fit}
     nominal, result = campaign.observations.nominal, []
     for members, tie in zip(decision.classes, decision.ties, strict=True):
         added, beside = by_name[members[0]], set(fit.names) - {members[0]}
         refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        others = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
+        exchanges = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
         named = NamedEffect(
             name=members[0],
             members=members,
@@ -336,7 +331,7 @@ def _named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: f
             parameters=dict(added.parameters),
             ci95=dict(added.ci95),
             words=tuple(describe(added, nominal)),
-            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in others),
+            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in exchanges),
             plausible=plausible(added),
             runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
         )

@@ -19,9 +19,12 @@ import numpy as np
 from scipy import linalg
 
 from femfit.core.numerics import FloatArray, IntArray, root_beside_one
-from femfit.identify.constants import ROUNDING
+from femfit.identify.constants import FORM_SPREAD, ROUNDING, UNKNOWN_SIZES
 from femfit.identify.decision.campaign import Block, Campaign
-from femfit.identify.decision.constants import FORM_SPREAD, SIZES, UNKNOWN_SIZES
+
+SIZES = 9
+"""Numerical: how many sizes of an effect are tried, in equal steps of their logarithm, from where it would just be seen
+(a length of one standard deviation) to half of its plausible range."""
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,21 @@ import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
 from femfit.core.numerics import ranked
-from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
+from femfit.identify.constants import (
+    BEYOND_NOISE,
+    EXPLAINED,
+    IN_CLASS,
+    LEVEL,
+    LEVEL_AFTER,
+    NOTHING_MISSING,
+    NOTICED,
+    OWN_MISFIT,
+    RIVALS,
+    ROUNDING,
+    TIED,
+    WITHIN_NOISE,
+)
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import EXPLAINED, IN_CLASS, NOTHING_MISSING, NOTICED, OWN_MISFIT, RIVALS, TIED
 from femfit.identify.decision.evidence import Linear, odds_of_unknown
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
@@ -52,7 +64,7 @@ class Decision:
     # The same of what is of a usual size and as likely, by odds of up to three; the simplest first
     ties: tuple[tuple[str, ...], ...] = ()
     # All that these data leave, what was named first: as probable as the members of a class
-    left: tuple[Explanation, ...] = ()
+    remaining: tuple[Explanation, ...] = ()
 
     @property
     def p_value(self) -> float:
@@ -87,10 +99,10 @@ def decide(campaign: Campaign) -> Decision:
     decision = Decision(verdict, probability, test, posterior=posterior)
     if _KINDS[verdict][0]:
         decision = _named(campaign, decision)
-    own = _as_its_own(campaign)
-    if own and decision.verdict in {"unexplained", "form_insufficient"}:
+    as_its_own = _as_its_own(campaign)
+    if as_its_own and decision.verdict in {"unexplained", "form_insufficient"}:
         return Decision("nothing_missing", probability, test, own_misfit=True, posterior=posterior)
-    if own and decision.verdict == "nothing_missing":  # is it more than noise that the own misfit explains?
+    if as_its_own and decision.verdict == "nothing_missing":  # is it more than noise that the own misfit explains?
         alone = replace(campaign.whitening, misfit=None)
         return replace(decision, own_misfit=pattern_space(alone).test(alone.residual).p_value <= LEVEL)
     return decision
@@ -125,7 +137,7 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
         chosen=chosen,
         classes=tuple((name, *_exchanged(name, near)) for name in chosen.names),
         ties=tuple((name, *_exchanged(name, tie)) for name in chosen.names),
-        left=tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
+        remaining=tuple(each for names in near if (each := posterior.explanations[names]).fit is not None),
     )
 
 
@@ -195,7 +207,7 @@ def look_alikes(campaign: Campaign, decision: Decision) -> tuple[str, ...]:
     if chosen is None or chosen.fit is None or chosen.linear is None:
         return ()
     rivals = [name for members in decision.classes for name in members[1:]]
-    rivals += [n for each in decision.left if not set(chosen.names) <= set(each.names) for n in each.names]
+    rivals += [n for each in decision.remaining if not set(chosen.names) <= set(each.names) for n in each.names]
     examples = ranked(list(_noticed(campaign, chosen.fit, chosen.linear).items()), lambda pair: -pair[1], NUMERIC)
     rivals += [name for name, odds in examples if odds < NOTICED]
     return tuple(name for name in dict.fromkeys(rivals) if name not in chosen.names)
@@ -208,11 +220,11 @@ def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]
     for added in fit.effects:
         change = together - observations.predict([effect for effect in fit.effects if effect is not added])
         lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
-    others = [block for name, blocks in campaign.variants.items() if name not in fit.names for block in blocks]
-    names = [block.start.name for block in others for _ in block.amplitudes.T]
+    blocks = [block for name, variants in campaign.variants.items() if name not in fit.names for block in variants]
+    names = [block.start.name for block in blocks for _ in block.amplitudes.T]
     names += [f"a constant error of the {CHANNEL_WORDS.get(name, name)}" for name in observations.channels]
     constants = (observations.channel[:, None] == np.arange(len(observations.channels))).astype(np.float64)
-    columns = np.concatenate([*(block.amplitudes for block in others), campaign.whitening.full(constants)], axis=1)
+    columns = np.concatenate([*(block.amplitudes for block in blocks), campaign.whitening.full(constants)], axis=1)
     size = np.linalg.norm(columns, axis=0)
     columns = columns / np.maximum(size, 1e-300)
     # Of an effect the whole of its plausible range

@@ -12,22 +12,25 @@ import numpy as np
 from scipy import special
 
 from femfit.core.numerics import FloatArray
+from femfit.identify.constants import EXPECTED_EFFECTS, FORM_SPREAD, IN_PART, LIKELIEST, UNKNOWN_CAUSE
 from femfit.identify.decision.campaign import Campaign, EffectBlock
-from femfit.identify.decision.constants import (
-    EXPECTED_EFFECTS,
-    FORM_SPREAD,
-    IN_PART,
-    IN_VAIN,
-    LIKELIEST,
-    LOOKED_AT,
-    MOST_EFFECTS,
-    MOST_REFITS,
-    PAIRED,
-    SIZES,
-    UNKNOWN_CAUSE,
-)
-from femfit.identify.decision.evidence import Linear, mean_of_logs, null, of_sizes, sizes_of, with_unknown_cause
+from femfit.identify.decision.evidence import SIZES, Linear, mean_of_logs, null, of_sizes, sizes_of, with_unknown_cause
 from femfit.identify.refit import Refit, Start, refit
+
+LOOKED_AT = 0.002
+"""Numerical: an explanation is refitted where it may have this part of the probability: a fifth of a class's end."""
+
+IN_VAIN = 3
+"""Numerical: refits in a row that bring nothing after which no further effect is looked for beside an unknown cause."""
+
+MOST_REFITS = 45
+"""Numerical, for the time that it takes: explanations that are refitted; all others stand at first order."""
+
+MOST_EFFECTS = 5
+"""Numerical, for the time that it takes: effects of a set that is looked at; a refit of eight took half a minute."""
+
+PAIRED = 12
+"""Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
 
 Names = frozenset[str]
 """The effects of an explanation."""
@@ -97,19 +100,19 @@ def _bounded(linear: Linear, effect: Start, gram: FloatArray, along: FloatArray)
 
     What would leave its bounds is left out: a friction does not push.
     """
-    (low, high), own = effect.columns.bounds, slice(effect.count)
+    (low, high), effects = effect.columns.bounds, slice(effect.count)
     moving = np.ones(len(along), dtype=bool)
-    while moving[own].any():
-        amplitudes = gram[own, own][np.ix_(moving[own], moving[own])]
+    while moving[effects].any():
+        amplitudes = gram[effects, effects][np.ix_(moving[effects], moving[effects])]
         sizes = sizes_of(float(np.sqrt(max(np.linalg.eigvalsh(amplitudes)[-1], 0.0))))
         logs, means = linear.with_more(gram[np.ix_(moving, moving)], along[moving], sizes)
         amplitude = np.zeros(len(along))
         amplitude[moving] = means[int(np.argmax(logs))]
-        size = amplitude[own] * effect.half_ranges
+        size = amplitude[effects] * effect.half_ranges
         wrong = ((size < low) & (low == 0.0)) | ((size > high) & (high == 0.0))
         if not wrong.any():
             return mean_of_logs(logs), replace(effect, amplitude=np.clip(size, low, high))
-        moving[own] &= ~wrong
+        moving[effects] &= ~wrong
     return -np.inf, effect
 
 
@@ -193,17 +196,17 @@ class Search:
 
     def _go_on(self, explanation: Explanation, linear: Linear) -> list[Explanation]:
         """Take up a refitted explanation, and what has one effect more."""
-        further, names = with_one_more(self.campaign, explanation, linear), frozenset(explanation.names)
+        extended, names = with_one_more(self.campaign, explanation, linear), frozenset(explanation.names)
         self.explanations[names] = explanation
-        self.promised[names] = {frozenset(each.names): each.log_evidence for each in further}
-        for each in further:
+        self.promised[names] = {frozenset(each.names): each.log_evidence for each in extended}
+        for each in extended:
             self._propose(each)
-        return further
+        return extended
 
     def _propose(self, explanation: Explanation) -> None:
         """Take up a set of effects that is new, or begins better than before."""
-        known = self.explanations.setdefault(frozenset(explanation.names), explanation)
-        if known.linear is None and known.log_evidence < explanation.log_evidence:
+        earlier = self.explanations.setdefault(frozenset(explanation.names), explanation)
+        if earlier.linear is None and earlier.log_evidence < explanation.log_evidence:
             self.explanations[frozenset(explanation.names)] = explanation
 
     def log_posterior(self) -> dict[tuple[Names, bool], float]:

@@ -9,7 +9,7 @@ References
 F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of an estimated variance.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from operator import itemgetter
@@ -23,28 +23,38 @@ from femfit.core.results import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import (
     CONTRADICTED,
-    EXACT,
-    FINEST,
-    FIXED,
     LEAST_READINGS,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
-    MOST_MOUNTS,
-    MOST_STOPS,
     PRIOR_MOUNT_M,
     PRIOR_RUN,
     PRIOR_WEIGHT,
-    ROUNDS,
-    SAME_READING,
-    UNKNOWN_CHANNEL,
 )
-from femfit.identify.noise.design import ChannelDesign, channel_design
+from femfit.identify.noise.design import EXACT, ChannelDesign, channel_design
 from femfit.identify.noise.likelihood import Likelihood
-from femfit.identify.noise.whitening import NoiseModel, Whitening, random_effects, stops
-from femfit.identify.observations import Observations
+from femfit.identify.noise.whitening import MOST_STOPS, NoiseModel, Whitening, random_effects, stops
+from femfit.identify.observations import VOLTAGE_BALANCE, Observations
 from femfit.identify.settings import setting_cells
 from femfit.identify.words import finding
 from femfit.tables.measurement import OF_RUNS
+
+ROUNDS = 2
+"""Numerical: rounds in which correlations are sought by the variances, and these by the correlations."""
+
+FIXED = 1e3
+"""Numerical: size of a random effect, over its usual one, or over a reading's, that is as good as fixed."""
+
+MOST_MOUNTS = 48
+"""Numerical, for the time that it takes: of more mounts, or runs, so many say the noise of all (to 10 %)."""
+
+UNKNOWN_CHANNEL = 1e6
+"""Numerical: a channel of unknown noise gets this many times its largest reading, so that it has no weight."""
+
+FINEST = 1e-7
+"""Numerical: noise of a channel over its largest reading below which products of columns lose it in their rounding."""
+
+SAME_READING = 1e-12
+"""Numerical: some thousand roundings of a float, over the largest reading."""
 
 GUESS = "guess"
 """Source of a noise that smooth patterns of the settings leave, where neither repeats nor a declaration tell it."""
@@ -140,12 +150,12 @@ def _likelihood(observations: Observations, designs: Sequence[ChannelDesign], sc
     of_distance = PRIOR_WEIGHT * ("distance_m" in declared)
     of_runs = [EXACT * (OF_RUNS + name in declared) for name in observations.channels]
     weight = np.array([of_distance, *of_runs, of_distance, *(design.counts_like for design in designs)])
-    known = [design.declared**2 if design.counts_like else design.variance for design in designs]
+    variances = [design.declared**2 if design.counts_like else design.variance for design in designs]
     return Likelihood(
         [design.contrasts(*design.place) for design in designs],
         effects.group,
         effects.second,
-        scale=np.append(scales**2, known),
+        scale=np.append(scales**2, variances),
         weight=weight,
         from_zero=(weight == 0.0) & (np.arange(len(weight)) < len(scales)),
     )
@@ -167,18 +177,18 @@ def _known(observations: Observations, c: int, constant: bool) -> ChannelDesign 
     if not np.isfinite(declared):
         return None if constant else _undeclared(design, least)
     declared, repeats = max(declared, least), 0 if constant else design.repeats
-    design = replace(design, sigma=declared, kept={})
-    told = replace(design, declared=declared, counts_like=EXACT, source=source, repeats=0)  # which nothing moves
+    design = replace(design, sigma=declared, cache={})
+    as_declared = replace(design, declared=declared, counts_like=EXACT, source=source, repeats=0)  # which nothing moves
     if not repeats or design.contrasts(0, 0).free < LEAST_REPEATS:  # mounts may have all that repeats differ by
-        return told
+        return as_declared
     alone = replace(design, source="repeats")
     shown = alone.likeliest(FIXED / np.maximum(np.linalg.norm(design.random, axis=0), 1e-300)).variance
     ratio = shown / declared**2
     if 2.0 * min(stats.f.sf(ratio, repeats, counts_like), stats.f.cdf(ratio, repeats, counts_like)) < CONTRADICTED:
         return alone
     if counts_like == EXACT:
-        return told
-    return replace(told, counts_like=counts_like, source=f"{source} and repeats", repeats=repeats)
+        return as_declared
+    return replace(as_declared, counts_like=counts_like, source=f"{source} and repeats", repeats=repeats)
 
 
 def _undeclared(design: ChannelDesign, least: float) -> ChannelDesign | None:
@@ -190,7 +200,7 @@ def _undeclared(design: ChannelDesign, least: float) -> ChannelDesign | None:
         # Without what the declared errors of the settings make; but not less is left than the standard error of a
         # variance from so many readings: below it nothing can be told apart
         variance = max(design.variance - float(design.made.mean()), design.variance * np.sqrt(2.0 / free), least**2)
-        design = replace(design, sigma=float(np.sqrt(variance)), kept={})
+        design = replace(design, sigma=float(np.sqrt(variance)), cache={})
     varies = design.contrasts(0, 0).square > SAME_READING * float(np.sum(design.residual**2))
     return replace(design, source="repeats" if design.repeats else GUESS) if varies else None
 
@@ -248,3 +258,8 @@ def never_varying(observations: Observations) -> list[str]:
     )
     constant = (spread.max() <= SAME_READING * largest.max()) & (largest.size() - spread.size() >= LEAST_REPEATS)
     return [name for c, name in enumerate(observations.channels) if constant.get(c, False)]
+
+
+def dead_sensors(constant: Iterable[str]) -> Iterator[Finding]:
+    """Of channels that never vary, sensors; a command repeats itself."""
+    return (finding("never-varies", name, name=name) for name in constant if not name.startswith(VOLTAGE_BALANCE))

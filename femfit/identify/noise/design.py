@@ -22,24 +22,26 @@ from scipy.linalg import solve_triangular
 from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import FloatArray, IntArray, root_beside_one
-from femfit.identify.constants import (
-    CORRELATIONS,
-    EXACT,
-    LARGEST_CORRELATION,
-    LARGEST_SHARE,
-    LEAST_REPEATS,
-    LEAST_SHARE,
-    OF_SETTINGS,
-    PRIOR_MEMORY,
-    PRIOR_SHARE,
-    SHARES,
-    SPANNED_SQUARE,
-)
+from femfit.estimate.record import converter_step
+from femfit.identify.constants import LARGEST_CORRELATION, LEAST_REPEATS, OF_SETTINGS, PRIOR_MEMORY, PRIOR_SHARE
 from femfit.identify.noise.likelihood import Contrasts
 from femfit.identify.noise.whitening import Chain, chain_of, orthonormal_basis, random_effects
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import smooth_patterns
-from femfit.identify.settings import quantisation_step, setting_cells
+from femfit.identify.settings import setting_cells
+
+LEAST_SHARE, LARGEST_SHARE, SHARES = 0.1, 1000.0, 36
+"""Numerical: shares of a setting that are tried, even in their logarithm, beside none."""
+
+EXACT = 1e9
+"""Numerical: the weight of a variance that is known."""
+
+CORRELATIONS = 40
+"""Numerical: correlations that are tried, even in artanh(rho), which moves the variance of a slow pattern,
+(1 + rho) / (1 - rho), by 10 % from one to the next."""
+
+SPANNED_SQUARE = 1e-9
+"""Numerical: part of a squared length below which a column of mounts or runs is spanned by others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,7 @@ class ChannelDesign:
     counts_like: float = 0.0  # So many readings
     source: str = ""
     place: tuple[int, int] = (0, 0)  # Numbers of the correlation and of the setting's share
-    kept: dict[tuple[int, int], Contrasts] = field(default_factory=dict)
+    cache: dict[tuple[int, int], Contrasts] = field(default_factory=dict)
 
     @property
     def _weight(self) -> FloatArray:
@@ -69,8 +71,11 @@ class ChannelDesign:
     @property
     def variance(self) -> float:
         """Of a reading, random effects taken for fixed."""
-        contrasts, known = self.contrasts(*self.place), self.counts_like * self.declared**2 if self.counts_like else 0.0
-        return (known + contrasts.square) / (self.counts_like + max(contrasts.free, 1.0))
+        contrasts, declared_square = (
+            self.contrasts(*self.place),
+            self.counts_like * self.declared**2 if self.counts_like else 0.0,
+        )
+        return (declared_square + contrasts.square) / (self.counts_like + max(contrasts.free, 1.0))
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -143,9 +148,9 @@ class ChannelDesign:
 
     def contrasts(self, memory: int, share: int) -> Contrasts:
         """What the readings say of the variances at these numbers of the correlation and of the setting's share."""
-        if (memory, share) not in self.kept:
-            self.kept[memory, share] = self._contrasts(rho_of(memory), share_of(share))
-        return self.kept[memory, share]
+        if (memory, share) not in self.cache:
+            self.cache[memory, share] = self._contrasts(rho_of(memory), share_of(share))
+        return self.cache[memory, share]
 
     @cached_property
     def _columns(self) -> tuple[FloatArray, FloatArray, int]:
@@ -224,6 +229,6 @@ def channel_design(observations: Observations, c: int) -> ChannelDesign:
         # Those of stops of the stage have columns, if any
         made=np.sum(observations.setting_columns[here, int(stops_repeat) :] ** 2, axis=1),
         residual=observations.residual[here],
-        resolution=quantisation_step(observations.value[here]) / np.sqrt(12.0),
+        resolution=converter_step(np.unique(observations.value[here])) / np.sqrt(12.0),
         repeats=repeats if repeats >= LEAST_REPEATS else 0,
     )

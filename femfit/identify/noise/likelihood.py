@@ -27,15 +27,18 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, root_beside_one
-from femfit.identify.constants import (
-    FLAT,
-    LARGEST_STEP,
-    LARGEST_UNSEEN,
-    NO_VARIANCE,
-    SEARCH_STEPS,
-    SETTLED_STEP,
-    VARIANCES_TRIED,
-)
+from femfit.identify.constants import LARGEST_UNSEEN
+
+VARIANCES_TRIED = 37
+"""Numerical: values over which a variance is averaged, even in its logarithm, from 512 times below the largest
+standard deviation."""
+
+SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-5, 1e-6
+"""Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of its scale
+below which a variance is none."""
+
+FLAT = 1e-6
+"""Numerical: curvature of -2 log likelihood in a log variance below which it is flat, and the variance stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +147,8 @@ class Likelihood:
         _, _, square, free = self._products
         _, vector, inverse, log_det = self._solved(x)
         of_channels = x[len(x) - len(self.channels) :]
-        own = free @ of_channels + square @ np.exp(-of_channels)
-        return float(own + log_det - vector @ inverse @ vector + self._prior(x)[0])
+        of_readings = free @ of_channels + square @ np.exp(-of_channels)
+        return float(of_readings + log_det - vector @ inverse @ vector + self._prior(x)[0])
 
     def __call__(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slope and expected curvature of the cost at log variances x."""
@@ -159,9 +162,9 @@ class Likelihood:
         inner, outer = total @ beyond, vector - total @ mean
         spread = gram @ inverse  # of each channel
         trace = np.trace(spread, axis1=1, axis2=2)
-        left = square - 2.0 * along @ mean + np.einsum("i,cij,j->c", mean, gram, mean)
+        remaining = square - 2.0 * along @ mean + np.einsum("i,cij,j->c", mean, gram, mean)
         of_effects = change * (np.diag(inner) - outer**2)
-        of_channels = free * precision - precision**2 * (trace + left)
+        of_channels = free * precision - precision**2 * (trace + remaining)
         _, prior_slope, prior_curvature = self._prior(x)
         slope = np.concatenate([in_group.T @ of_effects, of_channels]) * variance + prior_slope
         effects = in_group.T @ (np.outer(change, change) * inner**2) @ in_group

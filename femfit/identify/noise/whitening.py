@@ -19,10 +19,13 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import MOST_STOPS, SAME_SETTING
+from femfit.identify.constants import SAME_SETTING
 from femfit.identify.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.patterns import own_misfit_columns
 from femfit.identify.settings import levels, setting_cells
+
+MOST_STOPS = 200
+"""Numerical, for the time that it takes: what more stops, mounts or runs differ by is left to readings' scatter."""
 
 
 @dataclass(frozen=True, eq=False)

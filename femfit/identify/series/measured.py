@@ -43,7 +43,7 @@ def propagated(
     mean: sparse.csr_array,
     noise: Mapping[str, SensorNoise],
     weights: Mapping[str, sparse.csr_array],
-    further: FloatArray | float = 0.0,
+    variance: FloatArray | float = 0.0,
 ) -> FloatArray:
     """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N), by name.
 
@@ -51,17 +51,17 @@ def propagated(
     the weights ``mean``, is the same in all samples up to a few jumps; noise of the size of a step makes it white
     (dither), motion over several averages it. To these come errors of the variance ``further``, of shape (n,).
     """
-    total = np.zeros(mean.shape[0]) + further
-    for name, own in weights.items():
+    total = np.zeros(mean.shape[0]) + variance
+    for name, sensor_weights in weights.items():
         sensor = noise[name]
-        total += sensor.white**2 * np.asarray(own.power(2).sum(axis=1)).ravel()
+        total += sensor.white**2 * np.asarray(sensor_weights.power(2).sum(axis=1)).ravel()
         if sensor.step:
             values = np.nan_to_num(sensor.values)
             dither = max((sensor.white / sensor.step) ** 2 - 1.0 / 12.0, 0.0)
             spread = (mean @ values**2 - (mean @ values) ** 2) / sensor.step**2 - dither
             moved = 1.0 + 28.0 * np.maximum(spread, 0.0)  # 28: a ramp over k steps has a spread of k^2 / 28
             same = sensor.step**2 / 12.0 * np.exp(-4.0 * np.pi**2 * dither) / moved
-            total += same * _largest_partial_sum(own) ** 2
+            total += same * _largest_partial_sum(sensor_weights) ** 2
     return np.asarray(np.sqrt(total))
 
 
@@ -84,7 +84,7 @@ class Measured:
     sigma: FloatArray
     weights: Weights
     findings: tuple[Finding, ...] = ()
-    further: FloatArray | float = 0.0  # What the model's side has beside these weights, whatever the effects
+    beside: FloatArray | float = 0.0  # What the model's side has beside these weights, whatever the effects
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +203,8 @@ def _force_balance(record: Recorded, view: View) -> Measured:
         dry += max(0.0, float(fitted[0] - DECISIVE * np.sqrt(spread[0, 0])))
     valid = weights.valid & (slides | (dry <= sigma))
     unsure = int((weights.valid & ~valid).sum())
-    told = (finding("stands", force=dry, windows=unsure, size=float(unsure)),) if unsure else ()
-    return Measured(FORCE_BALANCE, measured, sigma, replace(weights, valid=valid), told)
+    findings = (finding("stands", force=dry, windows=unsure, size=float(unsure)),) if unsure else ()
+    return Measured(FORCE_BALANCE, measured, sigma, replace(weights, valid=valid), findings)
 
 
 def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> Measured:
@@ -215,7 +215,7 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     by_sensor = record.by_setting(weights.slope, slopes.motional_constant[:, k], slopes.inductance[:, k])
     by_sensor[samples.currents[k]] = by_sensor[samples.currents[k]] + circuit.resistance_ohm * weights.mean
     resistive, step = circuit.resistance_ohm * currents[:, k], np.diff(samples["time_s"])
-    linked = record.motion.under(()).seen.flux_linkage[:, k] + circuit.inductance_H * currents[:, k]
+    linked = record.motion.under(()).state.flux_linkage[:, k] + circuit.inductance_H * currents[:, k]
     induced = np.divide(np.diff(linked), step, out=np.zeros_like(step), where=step > 0.0)
     taken = np.append(0.5 * (resistive[1:] + resistive[:-1]) + induced, 0.0)
     volts, variance = between_samples(samples, k, held, record.nominal.sample_time_s, taken)
@@ -226,4 +226,4 @@ def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> M
     usual = np.median(step) if len(step) else 0.0
     rate = np.linalg.pinv(np.median(slopes.inductance, axis=0))[k] * base.resistances_ohm
     settling = circuit.resistance_ohm * usual**2 / 12.0 * (currents @ rate)
-    return Measured(name, driven @ volts, sigma, weights, further=weights.slope @ settling)
+    return Measured(name, driven @ volts, sigma, weights, beside=weights.slope @ settling)

@@ -34,7 +34,6 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import changed_by, circuit_of, recorded, true_setting, with_further_force
-from femfit.identify.constants import SLOWEST
 from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
@@ -42,6 +41,9 @@ from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.magnetics import MagneticState
 from femfit.model.readings import Point, at_rest, hall_seen
 from femfit.model.with_effects import eddy_with_sources
+
+SLOWEST = 1e-12
+"""Numerical: decay over a step below which a state, or a pattern of eddy current, only adds up."""
 
 FORCE_BALANCE = "force_balance_N"
 
@@ -63,9 +65,9 @@ class Excited:
 
     distance: FloatArray
     currents: FloatArray  # (N, circuits)
-    at: Conditions
+    conditions: Conditions
     force: FloatArray
-    seen: MagneticState  # Of the currents that act, eddy currents beside them
+    state: MagneticState  # Of the currents that act, eddy currents beside them
     induced_T: FloatArray  # What eddy currents add to the field at the Hall element
 
 
@@ -116,19 +118,19 @@ class Motion(WithoutCache):
             constant = at_rest(Point(base, d, i, conditions, ())).motional_constant[:, 0]
             states = [states_along(added, self, d, first, constant) for added in remembering]
             conditions = replace(conditions, memory=dict(ChainMap(*states)))
-        seen, eddy = at_rest(Point(base, d, i, conditions, effects)), eddy_with_sources(base, effects)
+        state, eddy = at_rest(Point(base, d, i, conditions, effects)), eddy_with_sources(base, effects)
         pull, induced_T = np.zeros_like(d), np.zeros_like(d)
         if eddy is not None:
             same = eddy is base.eddy and d is self.distance_m
             forms = self._forms if same else eddy.forms(d, 0, 1)
-            along = Induced.along(eddy, forms, self.time_s, self.first, seen)
-            seen = at_rest(Point(base, d, along.acting(i), conditions, effects))
-            pull, induced_T = along.pull(seen.flux_linkage), (along.forms.hall * along.currents).sum(axis=1)
+            along = Induced.along(eddy, forms, self.time_s, self.first, state)
+            state = at_rest(Point(base, d, along.acting(i), conditions, effects))
+            pull, induced_T = along.pull(state.flux_linkage), (along.forms.hall * along.currents).sum(axis=1)
         if i.shape[1] == 1:
             velocity = np.asarray(conditions.velocity_m_s)
-            conditions = replace(conditions, motional_V=seen.motional_constant[:, 0] * velocity)
-        force = with_further_force(effects, seen.force + pull, d, first, conditions)
-        return Excited(d, i, conditions, force, seen, induced_T)
+            conditions = replace(conditions, motional_V=state.motional_constant[:, 0] * velocity)
+        force = with_further_force(effects, state.force + pull, d, first, conditions)
+        return Excited(d, i, conditions, force, state, induced_T)
 
 
 def model_side(motion: Motion, weights: Mapping[str, Weights], effects: Sequence[AddedEffect]) -> dict[str, FloatArray]:
@@ -141,13 +143,13 @@ def model_side(motion: Motion, weights: Mapping[str, Weights], effects: Sequence
     circuits = {name: k for k, name in enumerate(voltage_balances(motion.base))}
     readings = model_readings(motion, {*weights} - {FORCE_BALANCE, *circuits}, effects)
     result = {}
-    for name, own in weights.items():
+    for name, channel_weights in weights.items():
         if name == FORCE_BALANCE:
-            result[name] = _force_side(motion, own, effects)
+            result[name] = _force_side(motion, channel_weights, effects)
         elif name in circuits:
-            result[name] = _voltage_side(motion, own, circuits[name], effects)
+            result[name] = _voltage_side(motion, channel_weights, circuits[name], effects)
         else:
-            result[name] = own.mean @ readings[name]
+            result[name] = channel_weights.mean @ readings[name]
     return result
 
 
@@ -168,28 +170,30 @@ def _force_side(motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 def _voltage_side(motion: Motion, weights: Weights, k: int, effects: Sequence[AddedEffect]) -> FloatArray:
     """Of the circuit with the place k."""
     excited, circuit, commanded = motion.under(effects), motion.base.circuits[k], motion.voltages_V[:, k]
-    current, own = excited.currents[:, k], [added for added in effects if added.effect.of in ("", circuit.name)]
-    ohms, applied = circuit_of(own, np.full_like(current, circuit.resistance_ohm), commanded, current, excited.at)
+    current, within = excited.currents[:, k], [added for added in effects if added.effect.of in ("", circuit.name)]
+    ohms, applied = circuit_of(
+        within, np.full_like(current, circuit.resistance_ohm), commanded, current, excited.conditions
+    )
     drop = ohms * current + commanded - applied  # with what the driver loses of its command
-    linked = excited.seen.flux_linkage[:, k] + circuit.inductance_H * current
+    linked = excited.state.flux_linkage[:, k] + circuit.inductance_H * current
     return np.asarray(weights.mean @ drop + weights.slope @ linked)
 
 
 def model_readings(motion: Motion, names: set[str], effects: Sequence[AddedEffect]) -> dict[str, FloatArray]:
     """What sensors read of a motion, each of shape (N,)."""
-    base, at, readings = motion.base, motion.conditions, dict[str, FloatArray]()
+    base, conditions, readings = motion.base, motion.conditions, dict[str, FloatArray]()
     d, i = motion.true_setting(effects)
     if names - {REST}:
         excited = motion.under(effects)
-        at, readings["force_N"] = excited.at, excited.force
+        conditions, readings["force_N"] = excited.conditions, excited.force
         if base.sensor is not None:
-            field = excited.induced_T + hall_seen(excited.seen, Point(base, d, i, at, effects))
+            field = excited.induced_T + hall_seen(excited.state, Point(base, d, i, conditions, effects))
             readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if REST in names:
         near, far = base.require_motion().ends
         stop = np.where(np.abs(motion.distance_m - near) < np.abs(motion.distance_m - far), near, far)
         readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (d - motion.distance_m)
-    return recorded(effects, readings, d, _first(i), at)
+    return recorded(effects, readings, d, _first(i), conditions)
 
 
 def _first(currents: FloatArray) -> FloatArray:

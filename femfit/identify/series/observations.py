@@ -25,14 +25,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import with_distance
-from femfit.identify.constants import (
-    LEAST_REPEATS,
-    LEAST_VARIANCE,
-    MEDIAN_CHANCE,
-    RESTLESS,
-    SLOPE_STEP,
-    TURNS_OF_MISFIT,
-)
+from femfit.identify.constants import LEAST_REPEATS, LEAST_VARIANCE, MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
 from femfit.identify.patterns import smooth_patterns
@@ -46,6 +39,9 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import TimeSeries
+
+SLOPE_STEP = 1e-3
+"""Numerical: step of a difference over the width of a parameter's plausible range."""
 
 
 def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:
@@ -64,11 +60,11 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     record = recorded(base, samples, nominal, series.declared_noise)
     views = [view(base, samples, windows, nominal) for view in (balance_view, sensor_view)]
     every = [*measure_balances(record, views[0])], [*measure_sensors(record, views[1].windows)]
-    told = tuple(finding for of_view in every for channel in of_view for finding in channel.findings)
+    findings = tuple(finding for of_view in every for channel in of_view for finding in channel.findings)
     measured = [{each.name: each for each in of_view if each.weights.valid.any()} for of_view in every]
     channels = measured[0] | measured[1]
     if not channels:
-        raise TableError(sentence("refusals", "no_balance", replace(series, findings=(*series.findings, *told))))
+        raise TableError(sentence("refusals", "no_balance", replace(series, findings=(*series.findings, *findings))))
     rows = {name: np.flatnonzero(channel.weights.valid) for name, channel in channels.items()}
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
     sigma = {name: channel.sigma[rows[name]] for name, channel in channels.items()}
@@ -76,8 +72,8 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     stacked = Stacking(rows, {name: u / sigma[name] for name, u in usual.items() if np.isfinite(u)})
     nodes = [(view.motion, dict.fromkeys(of_view, view.weights)) for view, of_view in zip(views, measured, strict=True)]
     weights = {name: channel.weights for name, channel in channels.items()}
-    further = {name: np.zeros_like(channel.value) + channel.further for name, channel in channels.items()}
-    prediction = _SeriesPrediction(model, [(record.motion, weights)], nodes, stacked(further), stacked)
+    offsets = {name: np.zeros_like(channel.value) + channel.beside for name, channel in channels.items()}
+    prediction = _SeriesPrediction(model, [(record.motion, weights)], nodes, stacked(offsets), stacked)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
     below = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
     step, offset = 1e-3 * nominal.travel_m, effect_by_name("distance_offset")
@@ -102,7 +98,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
         tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[stacked.channel],
         setting_columns=np.zeros((len(stacked.channel), 2)),
         weight=np.ones(len(stacked.channel)),
-        findings=(*series.findings, *told, *samples.findings),
+        findings=(*series.findings, *findings, *samples.findings),
         present=tuple(added.effect.name for added in model.effects),
         noise_source="samples",
     )
@@ -119,7 +115,7 @@ class _SeriesPrediction(WithoutCache):
     model: ActuatorModel
     samples: Sequence[tuple[Motion, Mapping[str, Weights]]]
     nodes: Sequence[tuple[Motion, Mapping[str, Weights]]]
-    further: FloatArray  # Beside these, whatever the effects; shape (M,)
+    beside: FloatArray  # Beside these, whatever the effects; shape (M,)
     stacked: Stacking  # Of the windows that count, by the factor that gives them one noise
 
     def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
@@ -131,9 +127,9 @@ class _SeriesPrediction(WithoutCache):
             ends = min(here + SLOPE_STEP * p.width, p.upper), max(here - SLOPE_STEP * p.width, p.lower)
             ahead, behind = (
                 self._predicted(
-                    (*effects[:k], replace(added, parameters={**added.parameters, name: at}), *effects[k + 1 :])
+                    (*effects[:k], replace(added, parameters={**added.parameters, name: value}), *effects[k + 1 :])
                 )
-                for at in ends
+                for value in ends
             )
             values.append((ahead - behind) / (ends[0] - ends[1]))
         return np.stack(values, axis=1)
@@ -143,7 +139,7 @@ class _SeriesPrediction(WithoutCache):
         eddy = tuple(added for added in together if added.effect.eddy is not None)
         slow = tuple(added for added in together if added.effect.eddy is None)
         exact = self._side(self.samples, eddy) if eddy else self._without[0]
-        return self.further + exact + self.change(slow)
+        return self.beside + exact + self.change(slow)
 
     def change(self, effects: Sequence[AddedEffect]) -> FloatArray:
         """What effects change, shape (M,)."""

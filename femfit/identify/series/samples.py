@@ -66,8 +66,8 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     missing = [name for name in needed if name not in series.given]
     if missing:
         volts = any(reading_of(model, name).column == "position_V" for name in sensors_of(model))
-        further = POSITION_IN_VOLTS if volts and "distance_m" in missing else ""
-        raise TableError(sentence("refusals", "no_path", needed, series.source, missing, further))
+        remedy = POSITION_IN_VOLTS if volts and "distance_m" in missing else ""
+        raise TableError(sentence("refusals", "no_path", needed, series.source, missing, remedy))
     rows = series.rows.assign(**{name: np.nan for name in commands if name not in series.rows})
     if not model.has_winding:
         rows["current_A"] = 0.0

@@ -19,12 +19,15 @@ from scipy import sparse
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.identify.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN
+from femfit.identify.constants import BEHIND, MIDDLE, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.observations import TEMPERATURES, circumstances
 from femfit.identify.series.motion import Motion
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, local_polynomials, window_weights
 from femfit.model.actuator_model import ActuatorModel
+
+NODES = 12
+"""Numerical: intervals between the nodes of a window."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +48,10 @@ def balance_view(base: ActuatorModel, samples: Samples, windows: Windows, nomina
     time, row = _nodes(windows)
     level, _ = _smoothed(samples, windows, time, behind=SPAN, ahead=SPAN, degree=3)
     _, slope = _smoothed(samples, windows, time, behind=SLOPE_SPAN, ahead=SLOPE_SPAN, degree=3)
-    own = replace(windows, segment=np.arange(len(windows.centre_s)))
-    weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
-    whole = window_weights(windows, samples["time_s"], samples["segment"], samples["usable"])
-    covariates = _covariates(samples, windows, whole.mean, whole.slope, nominal)
+    each_alone = replace(windows, segment=np.arange(len(windows.centre_s)))
+    weights = window_weights(each_alone, time, row, np.ones(len(time), dtype=bool))
+    window_means = window_weights(windows, samples["time_s"], samples["segment"], samples["usable"])
+    covariates = _covariates(samples, windows, window_means.mean, window_means.slope, nominal)
     return View(windows, covariates, _motion(base, samples, windows, covariates, level, slope, nominal), weights)
 
 
