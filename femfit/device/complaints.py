@@ -124,22 +124,6 @@ def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
     return read
 
 
-def json_schema(record: Any = FileEntry) -> dict[str, Any]:
-    """A table as JSON Schema has it, for editors that complete keys and say what each wants; so that of a file."""
-    properties = {}
-    for name, key in keys_of(record).items():
-        ways = [json_schema(each) for each in key.records if not each.any_keys]
-        ways += [] if ways else [json_schema(key.form) if key.form else adapter(key).json_schema()]
-        # Of a circuit's currents there is a table by their names, too
-        ways += [{**json_schema(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
-        form = ways[0] if len(ways) == 1 else {"anyOf": ways}
-        usual = {} if key.usual is None else {"default": key.usual}
-        properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
-        properties[name] = {**properties[name], "description": key.remedy, **usual}
-    needed = [name for name, key in keys_of(record).items() if key.required]
-    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
-
-
 @cache
 def adapter(key: Key) -> TypeAdapter[Any]:
     """What checks a key's value, as the file has it, and describes it as JSON Schema."""

@@ -61,19 +61,12 @@ class PartTable:
 
 def part_tables(data: Mapping[str, Any]) -> Iterator[PartTable]:
     """Each region, the fixed ones first, and each winding."""
-    regions = {(body, "regions"): table_at(data, body, "regions") for body in (fixed_key(data), "moving")}
+    regions = {(body, "regions"): table_at(data, body, "regions") for body in ("fixed", "moving")}
     for place, tables in regions.items():
         yield from (PartTable((*place, name), table, name) for name, table in tables.items())
-    if isinstance(data.get("coil"), dict):
-        yield PartTable(("coil",), data["coil"], "coil", winding=True)
     for name, table in table_at(data, "coils").items():
         shared = any(name in tables for tables in regions.values())
         yield PartTable(("coils", name), table, f"{'coil ' * shared}{name}", winding=True)
-
-
-def fixed_key(data: Mapping[str, Any]) -> str:
-    """Which table has the fixed regions: ``fixed``, or ``electromagnet`` as in schema 1."""
-    return "fixed" if "fixed" in data else "electromagnet"
 
 
 def materials_used(data: Mapping[str, Any]) -> set[str]:
@@ -210,7 +203,7 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
         if part.winding and drawn.polygon.bounds[0] <= 0:
             complain(problems, "winding_on_axis", path)
         if not part.winding and part.moves and part.place[-1] in {each.place[-1] for each in parts if not each.moves}:
-            complain(problems, "region_twice", path, body=fixed_key(data))
+            complain(problems, "region_twice", path, body="fixed")
         parts.append(part)
     return Drawing(tuple(parts), len(parts) == len(tables))
 

@@ -106,7 +106,6 @@ class Key:
     like: str = ""  # Key of a list with as many values
     stepped: type | None = None  # Record of a table that may stand for a list, as { start, stop, step }
     form: type | None = None  # Record of a table whose values are read by a reader of its own
-    older: bool = False  # Of schema 1: read, and no longer described
     any_name: bool = False  # Whether the tables may be named as one likes: no column or file is named after them
     limits: Mapping[str, Any] = field(default_factory=dict)  # On each number or text, as pydantic calls them
     # From here on by the field, as :func:`keys_of` fills it in

@@ -24,6 +24,7 @@ from femfit.device.complaints import Place, complain, joined, read_part, read_ta
 from femfit.device.drawing import part_tables
 from femfit.device.keys import UNITS, Given, Key, decimal_sum, keys_of, scaled, unit_of
 from femfit.device.materials import LIBRARY
+from femfit.device.schema_1 import DrawnTables, in_file
 from femfit.device.tolerances import nearest, numbers_of, with_value
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
@@ -81,9 +82,9 @@ class ParameterDesign:
     points: Points  # One a variant, one value a parameter, in the file's units or a material's name
     places: Mapping[str, Place]  # Of what a parameter can set, by key path
 
-    def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
+    def variant(self, data: DrawnTables, point: tuple[Value, ...]) -> DrawnTables:
         """The file of a variant, without ``[sweep.parameters]``."""
-        tables = deepcopy(dict(data))
+        tables = deepcopy(data)
         tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in ("current_A", "distance_mm")}
         for parameter, value in zip(self.parameters, point, strict=True):
             for key in parameter.keys:
@@ -104,7 +105,7 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     if entry is None or not entry.parameters:
         return None
     materials = [(*part.place, "material") for part in part_tables(data) if not part.winding]
-    count, places = len(problems), numbers_of(data) | {joined("", *place): place for place in materials}
+    count, places = len(problems), numbers_of(data) | {joined("", *in_file(data, place)): place for place in materials}
     known = tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
     read = [_parameter(name, table, places, known, problems) for name, table in _flat(entry.parameters).items()]
     parameters = tuple(parameter for parameter in read if parameter is not None)

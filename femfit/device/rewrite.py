@@ -20,6 +20,7 @@ from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import Value, read_design
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
+from femfit.device.schema_1 import in_file
 from femfit.device.tolerances import numbers_of, value_at, with_value
 
 _DIGITS = 9
@@ -51,7 +52,11 @@ def rewritten(
         elif key.unit:
             for path in key.paths:
                 before = value_at(drawn, locations[path])
-                with_value(tables, locations[path], decimal_sum(decimal_sum(before, -1.0, key.value), 1.0, value))
+                with_value(
+                    tables,
+                    in_file(drawn, locations[path]),
+                    decimal_sum(decimal_sum(before, -1.0, key.value), 1.0, value),
+                )
         else:
             location = locations[key.key]
             before = value_at(drawn, location)
@@ -59,7 +64,7 @@ def rewritten(
                 before = LIBRARY[str(location[1])].table.get(str(location[-1]), key.value)
             if not math.isclose(abs(before), abs(key.value)):  # of a warm magnet the file has the remanence at 20 degC
                 value = float(f"{abs(before) * value / abs(key.value):.{_DIGITS}g}")  # noqa: PLW2901
-            with_value(tables, location, math.copysign(value, before))
+            with_value(tables, in_file(drawn, location), math.copysign(value, before))
     return tomlkit.dumps(tables)
 
 

@@ -15,6 +15,7 @@ from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.keys import keys_of
 from femfit.device.materials import LIBRARY
 from femfit.device.schema import ToleranceEntry
+from femfit.device.schema_1 import as_in_file, in_file
 from femfit.device.thermal import ThermalMaterial
 
 _ISO_2768_M = ((3.0, 0.1), (6.0, 0.1), (30.0, 0.2), (120.0, 0.3), (400.0, 0.5), (1000.0, 0.8), (2000.0, 1.2))
@@ -82,7 +83,7 @@ def numbers_of(data: Mapping[str, Any]) -> dict[str, Place]:
         if place[0] not in NOT_OF_THE_DEVICE and isinstance(table, dict):
             for name, key in keys_of(record).items():
                 locations += [(*place, name)] if key.is_number else _in_list(table.get(name), (*place, name))
-    return {joined("", *location): location for location in locations}
+    return {joined("", *in_file(data, location)): location for location in locations}
 
 
 def _in_list(value: object, place: Place) -> Iterator[Place]:
@@ -127,7 +128,9 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
     # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
     curves = {joined("materials", name, key) for name in materials_used(data) for key in ("B_T", "H_A_per_m")}
-    contours = {face.key for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
+    contours = (
+        {as_in_file(data, face.key) for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
+    )
     numbers, tolerances = numbers_of(data), {}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
         if not key or key not in {*numbers, *curves, *contours}:
