@@ -123,6 +123,7 @@ class Sensor(Record):
     """What all other sensors share; noise, range and resolution are in the unit of the reading."""
 
     UNIT = "V"  # As keys of the file end
+    COLUMN = ""  # Of records; a current is named after its circuit
     beside = tuple[Any, ...]((_Range,))
 
     name: str
@@ -171,6 +172,7 @@ class _Drawn(Record):
 class PositionSensor(Sensor):
     """The distance as a laser, an optical gate or an LVDT reads it: interpolated between points of a characteristic."""
 
+    COLUMN = "position_V"  # A reading in metres is a distance
     beside = (_Drawn, _Range)
 
     distances_m: tuple[float, ...] = key(
@@ -189,7 +191,7 @@ class PositionSensor(Sensor):
         like="distance_mm",
         usual=None,
     )
-    unit: str = "V"  # V, or m where the reading is the distance itself
+    unit: str = limited(default="V", metadata={"always": True})  # V, or m where the reading is the distance itself
     kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", required=True)
 
     @classmethod
@@ -216,6 +218,7 @@ class PositionSensor(Sensor):
 class PickupCoil(Sensor):
     """A winding without current: the voltage that its flux linkage induces, in V."""
 
+    COLUMN = "pickup_V"
     beside = (OutlineEntry, _Range)
 
     vertices_m: tuple[tuple[float, float], ...] = ()
@@ -227,7 +230,7 @@ class PickupCoil(Sensor):
 class AccelerationSensor(Sensor):
     """The moving part's acceleration along growing distance, in m/s^2."""
 
-    UNIT = "m_per_s2"
+    UNIT, COLUMN = "m_per_s2", "acceleration_m_s2"
 
     # Whether it reads d'' - g, as accelerometers of silicon do: a body at rest that hangs reads 9.8 towards the magnet
     reads_gravity: bool = key("true for one that reads gravity too at rest, as MEMS accelerometers do", False)
@@ -239,7 +242,7 @@ class AccelerationSensor(Sensor):
 class ForceSensor(Sensor):
     """The magnetic force on the moving part, positive towards smaller distance, in N."""
 
-    UNIT = "N"
+    UNIT, COLUMN = "N", "force_N"
 
     kind: Literal["force"] = key('"force" for a load cell that holds the body', "force", required=True)
 

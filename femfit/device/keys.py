@@ -106,6 +106,9 @@ class Key:
     like: str = ""  # Key of a list with as many values
     stepped: type | None = None  # Record of a table that may stand for a list, as { start, stop, step }
     form: type | None = None  # Record of a table whose values are read by a reader of its own
+    of_device: bool = (
+        True  # No table that says how a device is solved, heated or used, of which no number is a drawn one
+    )
     any_name: bool = False  # Whether the tables may be named as one likes: no column or file is named after them
     limits: Mapping[str, Any] = field(default_factory=dict)  # On each number or text, as pydantic calls them
     # From here on by the field, as :func:`keys_of` fills it in
@@ -178,10 +181,11 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
 keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)
 
 
+@cache
 def kind_of(record: Any) -> str:
-    """The ``kind`` by which a table says which record it is; empty where it has none."""
-    kind = keys_of(record).get("kind")
-    return "" if kind is None else str(get_args(kind.hint)[0])
+    """The ``kind`` by which a table or a model file says which record it is; empty where it has none."""
+    names = get_args(get_type_hints(record).get("kind"))
+    return str(names[0]) if len(names) == 1 else ""
 
 
 def in_si(record: Any, given: Given, complain: Callable[..., None], **more: Any) -> Any:

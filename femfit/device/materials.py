@@ -27,7 +27,7 @@ from femfit.core.errors import ActuatorFileError
 from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.complaints import meant_by, read_table
 from femfit.device.keys import converted, keys_of
-from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
+from femfit.device.parts import CURVE_KEYS, LinearMaterial, Material, NonlinearMaterial
 
 TAIL = 0.2
 """Length, relative to the last B, over which dH/dB rises to nu_0. The polarisation still gained there is at most a
@@ -79,7 +79,6 @@ def _slopes(b: FloatArray, h: FloatArray) -> FloatArray:
     return slopes
 
 
-HEADER = ("B_T", "H_A_per_m")
 MIN_POINTS, MAX_POINTS = 3, 1000
 MAX_FLUX_DENSITY = 5.0
 """In T; beyond what any magnet reaches, so that a larger value is one in kG, G or mT."""
@@ -111,9 +110,11 @@ def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
         return None, [f"must name a readable text file; {file} is not: {error}."]
     rows = [(n, row) for n, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
     names = [name.strip() for name in rows[0][1]] if rows else []
-    if not set(HEADER) <= set(names):
-        return None, [f"must have the columns {','.join(HEADER)}; {file.name} begins with {','.join(names)[:60]!r}."]
-    columns, values, problems = [names.index(name) for name in HEADER], list[list[float]](), list[str]()
+    if not set(CURVE_KEYS) <= set(names):
+        return None, [
+            f"must have the columns {','.join(CURVE_KEYS)}; {file.name} begins with {','.join(names)[:60]!r}."
+        ]
+    columns, values, problems = [names.index(name) for name in CURVE_KEYS], list[list[float]](), list[str]()
     for number, row in rows[1:]:
         try:
             values.append([float(row[column]) for column in columns])
@@ -158,7 +159,7 @@ def curve_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
     if (b[0], h[0]) != (0.0, 0.0):
         return [f"must start at B = 0, H = 0; it starts at {b[0]:g}, {h[0]:g}. Give the initial or mean curve from 0."]
     problems = []
-    for name, values in zip(HEADER, (b, h), strict=True):
+    for name, values in zip(CURVE_KEYS, (b, h), strict=True):
         places = [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
         if places:
             problems.append(f"must have strictly ascending {name}; it has {'; '.join(places[:3])}. Correct the table.")
@@ -210,7 +211,7 @@ def _library() -> dict[str, LibraryMaterial]:
         table = tables.get(own.pop("like", ""), {}) | own
         reference, curve = table.pop("reference"), table.pop("bh_curve", None)
         points, wrong = (None, []) if curve is None else read_bh_csv(Path(__file__).parent / curve)
-        table |= {} if points is None else dict(zip(("B_T", "H_A_per_m"), map(list, points), strict=True))
+        table |= {} if points is None else dict(zip(CURVE_KEYS, map(list, points), strict=True))
         problems += wrong
         library[name] = LibraryMaterial(read_table(meant_by(table, KINDS), table, name, problems, name=name), reference)
     if problems:

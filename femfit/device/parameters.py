@@ -85,7 +85,8 @@ class ParameterDesign:
     def variant(self, data: DrawnTables, point: tuple[Value, ...]) -> DrawnTables:
         """The file of a variant, without ``[sweep.parameters]``."""
         tables = deepcopy(data)
-        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in ("current_A", "distance_mm")}
+        axes = keys_of(schema.SweepEntry)
+        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if axes[key].stepped}
         for parameter, value in zip(self.parameters, point, strict=True):
             for key in parameter.keys:
                 number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)

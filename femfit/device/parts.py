@@ -17,7 +17,7 @@ from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEF
 from femfit.core.results import Plotted
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import AnySensor, Circuit, HallElement
-from femfit.device.keys import Given, Record, in_si, key
+from femfit.device.keys import Given, Record, in_si, key, keys_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.thermal import STILL_AIR, UNKNOWN, Surroundings, ThermalMaterial
 
@@ -112,7 +112,7 @@ class NonlinearMaterial(Conductor, kw_only=False):
     @classmethod
     def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
         """The points of its one curve, none where a file has them, and what is said of its heat."""
-        missing = {"B_T", "H_A_per_m"} - given.stated
+        missing = {*CURVE_KEYS} - given.stated
         for name in sorted(missing) if given.bh_curve is None else ():
             complain("curve_missing", name=name)
         if given.bh_curve is not None and len(missing) < 2:
@@ -132,6 +132,9 @@ class NonlinearMaterial(Conductor, kw_only=False):
 
 
 Material = LinearMaterial | NonlinearMaterial
+
+CURVE_KEYS = tuple(name for name, declared in keys_of(NonlinearMaterial).items() if declared.kind.startswith("curve_"))
+"""Of a magnetisation curve's points, in a drawing as in a table."""
 
 AIR = LinearMaterial("air")
 

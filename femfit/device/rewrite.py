@@ -19,7 +19,7 @@ from femfit.device.keys import decimal_sum
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import Value, read_design
-from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
+from femfit.device.parts import CURVE_KEYS, Actuator, NonlinearMaterial, SweepAxes
 from femfit.device.schema_1 import in_file
 from femfit.device.tolerances import numbers_of, value_at, with_value
 
@@ -72,9 +72,9 @@ def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Act
     """One list of a magnetisation curve times a factor, both lists written where the file has neither."""
     used = (region.material for region in actuator.regions)
     curves = [material for material in used if isinstance(material, NonlinearMaterial)]
-    by_path = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in ("B_T", "H_A_per_m")}
+    by_path = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in CURVE_KEYS}
     curve, key = by_path[path]
-    points = {"B_T": curve.flux_density_T, "H_A_per_m": curve.field_A_per_m}
+    points = dict(zip(CURVE_KEYS, (curve.flux_density_T, curve.field_A_per_m), strict=True))
     points[key] = tuple(float(f"{factor * x:.{_DIGITS}g}") for x in points[key])
     materials = tables.setdefault("materials", {})
     if curve.name not in materials:

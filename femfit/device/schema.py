@@ -7,10 +7,10 @@ Those that are parts of the device as they stand are read straight into their re
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from femfit.device.electrics import TURNS, AnySensor, Drive
-from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key
+from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key, kind_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.thermal import Surroundings
@@ -142,7 +142,7 @@ class SomeSensor(Record):
 
     any_keys = True
 
-    kind: Literal["hall", "current", "position", "pickup_coil", "acceleration", "force"] = key("one of them")
+    kind: Literal[*map(kind_of, get_args(AnySensor))] = key("one of them")  # type: ignore[valid-type]
 
 
 class SweepEntry(Record):
@@ -261,9 +261,9 @@ class FileEntry(Record):
     sensors: tuple[AnySensor | SomeSensor, ...] = key("each sensor as a table [sensors.NAME] with its kind", ())
     supply: SupplyEntry | None = key("the driver as a table [supply]", None)
     sweep: Mapping[str, Any] = key("the grid as a table [sweep] with current_A and distance_mm", form=SweepEntry)
-    solver: SolverEntry | None = key("[solver] tolerance, or leave it out", None)
-    thermal: Surroundings | None = key("what temperatures depend on as a table [thermal]", None)
-    reference: ReferenceEntry | None = key("[reference] distance_mm, or leave it out", None)
+    solver: SolverEntry | None = key("[solver] tolerance, or leave it out", None, of_device=False)
+    thermal: Surroundings | None = key("what temperatures depend on as a table [thermal]", None, of_device=False)
+    reference: ReferenceEntry | None = key("[reference] distance_mm, or leave it out", None, of_device=False)
     tolerances: Mapping[str, Any] = key(
         "standard deviations of this file's numbers by their key paths as [tolerances]",
         None,

@@ -30,7 +30,7 @@ from femfit.device.rewrite import variants_from_toml
 from femfit.model.json_file import model_from_dict, model_to_dict
 
 ROOT = Path(__file__).parents[2]
-SECONDS, MODEL_EACH = 20, 5
+SECONDS, MODEL_EACH = 20, 20
 FOLDERS = ("geometry", "femfit/device/examples", "docs/reference", "tests/device/drawings", "tests/support/drawings")
 DRAWINGS = [path for folder in FOLDERS for path in sorted((ROOT / folder).glob("*.toml"))]
 MODELS = sorted((ROOT / "tests/golden/inputs/models").glob("*.json"))
@@ -105,7 +105,12 @@ def stopped(*_):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=2000, help="mutants, every fifth one a model file")
+    parser.add_argument(
+        "--count",
+        type=int,
+        default=2000,
+        help="mutants, every twentieth one a model file, which takes as long as twenty drawings",
+    )
     parser.add_argument("--seed", type=int, default=1, help="of the first mutant; each has the next one")
     parser.add_argument("--drawings", action="store_true", help="leave the model files out")
     parser.add_argument("--messages", type=Path, help="a file for the message of each mutant")
