@@ -5,7 +5,7 @@ Each variant of a parameter sweep is a file of its own, checked as such.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,11 @@ import tomlkit
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import joined
+from femfit.device.complaints import MistakeError, joined, table_at
+from femfit.device.drawing import materials_used
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import decimal_sum
-from femfit.device.load import actuator_from_tables, parse, read_text
+from femfit.device.load import actuator_from_tables, parse, read_text, remarks
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import Value, read_design
 from femfit.device.parts import CURVE_KEYS, Actuator, NonlinearMaterial, SweepAxes
@@ -107,6 +108,15 @@ class VariantSweep:
     # Names of the parameters in the table, each ending in its SI unit; empty without parameters
     columns: tuple[str, ...]
     variants: tuple[Variant, ...]  # In the order of the design; the actuator alone without parameters
+    unused: tuple[str, ...] = ()  # Materials of the file that no region has in any variant
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was left out of the drawing's materials, and which ones are of no use."""
+        return (
+            *remarks(self.actuator),
+            *(str(MistakeError("unused", joined("materials", name))) for name in self.unused),
+        )
 
 
 def read_variants(path: str | Path) -> VariantSweep:
@@ -126,8 +136,10 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
     data = parse(text, source)
     actuator = actuator_from_tables(data, source, directory)
     design = read_design(data, [])
+    swept = {value for point in design.points for value in point} if design else set()
+    unused = tuple(name for name in table_at(data, "materials") if name not in {*materials_used(data), *swept})
     if design is None:
-        return only(actuator)
+        return replace(only(actuator), unused=unused)
     variants = []
     for point in design.points:
         values = tuple(parameter.in_si(value) for parameter, value in zip(design.parameters, point, strict=True))
@@ -140,7 +152,7 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
         raise ActuatorFileError(
             source, [f"sweep.parameters must leave a variant that can be built; the first one: {variants[0].problem}"]
         )
-    return VariantSweep(actuator, tuple(parameter.column for parameter in design.parameters), tuple(variants))
+    return VariantSweep(actuator, tuple(parameter.column for parameter in design.parameters), tuple(variants), unused)
 
 
 def only(actuator: Actuator) -> VariantSweep:

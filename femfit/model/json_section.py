@@ -82,7 +82,7 @@ def member_at(data: Any, path: str) -> Any:
 
 
 @cache
-def _keys(kind: Any) -> frozenset[str]:
+def _keys(kind: Any) -> frozenset[str | None]:
     """What may stand in an object."""
     flat = (_keys(member.facts.get("form", member.hint)) for member in _members(kind) if member.facts.get("flat"))
     return frozenset().union(*flat, (member.key for member in _members(kind) if not member.facts.get("flat"))) - {None}
@@ -216,7 +216,7 @@ def written(value: Any, *, tagged: bool = False) -> Any:
 
 
 def _written_members(record: Any, tagged: bool) -> Iterator[tuple[str, Any]]:
-    kind = type(record)
+    kind: Any = type(record)
     for name, key, _, usual, limits in _members(kind):
         value = getattr(record, name)
         spared = limits.get("omit", isinstance(record, Record | Circuit) and name != "kind" and "always" not in limits)

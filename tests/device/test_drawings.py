@@ -67,7 +67,7 @@ def outcome(case, path):
         return {"error": type(error).__name__, "at": at}, "\n".join(error.problems)
     built = [{key: looked_up(one.actuator, key) for key in paths} if one.actuator else None for one in swept.variants]
     result = {"columns": swept.columns, "rows": [one.values for one in swept.variants], "values": built}
-    return result, "\n".join(one.problem for one in swept.variants)
+    return result, "\n".join([*swept.remarks, *(one.problem for one in swept.variants)])
 
 
 @pytest.mark.parametrize(("path", "name"), cases(DRAWINGS))
