@@ -15,7 +15,7 @@ from shapely.affinity import translate
 from femfit.device.complaints import complain, joined, read_part, refuse_name, table_at
 from femfit.device.electrics import unit_vector
 from femfit.device.keys import Given, OutlineEntry
-from femfit.device.materials import LIBRARY, curve_problems, read_bh_csv, without_flat_end
+from femfit.device.materials import LIBRARY, Points, check_curve, read_bh_csv, without_flat_end
 from femfit.device.outlines import MIN_AREA, DrawnOutline, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, LinearMaterial, Material, NonlinearMaterial
 from femfit.device.schema import RegionEntry
@@ -214,17 +214,17 @@ def _material(material: Material, table: Any, directory: Path, problems: list[st
         return material
     path, source = joined("materials", material.name), table.get("bh_curve")
     steel = material if source is None else getattr(LIBRARY.get(source), "material", None)
-    points, wrong, remark = None, list[str](), ""
+    path, count, remark = f"{path}{'.bh_curve' * (source is not None)}", len(problems), ""
     if isinstance(steel, NonlinearMaterial):
-        points = steel.flux_density_T, steel.field_A_per_m
+        points: Points | None = (steel.flux_density_T, steel.field_A_per_m)
     else:
-        points, wrong = read_bh_csv(directory / source)
-    if points is not None:
-        if len(points[0]) == len(points[1]):
-            points, remark = without_flat_end(*points)
-        wrong = curve_problems(*points)
-    problems += [f"{path}{'.bh_curve' * (source is not None)} {problem}" for problem in wrong]
-    if points is None or wrong:
+        points = read_bh_csv(directory / source, path, problems)
+    if points is None:
+        return None
+    if len(points[0]) == len(points[1]):
+        points, remark = without_flat_end(*points)
+    check_curve(*points, path, problems)
+    if len(problems) > count:
         return None
     return replace(material, flux_density_T=points[0], field_A_per_m=points[1], remark=remark)
 
