@@ -20,13 +20,12 @@ import numpy as np
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import Place, joined
+from femfit.device.complaints import in_file, joined
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.keys import converted, decimal_sum, keys_of
+from femfit.device.keys import Place, converted, decimal_sum, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.device.read_device import hall_places
-from femfit.device.schema_1 import as_in_file
 from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances, value_at, with_value
 
 STEP = {"mm": 1e-3}
@@ -155,8 +154,8 @@ def numbers_from_toml(
     numbers = []
     suspects = _faces(data, moved), _materials(actuator), _hall_place(data, moved), _turns(actuator)
     for today, changed in chain(*suspects):
-        key, *also = (as_in_file(data, path) for path in (today.key, *today.also))
-        facts = replace(today, key=key, also=tuple(also), stands_for=as_in_file(data, today.stands_for))
+        key, *also = (in_file(data, path) for path in (today.key, *today.also))
+        facts = replace(today, key=key, also=tuple(also), stands_for=in_file(data, today.stands_for))
         declared = [tolerances[key] for key in (facts.key, *facts.also) if key in tolerances]
         if declared:
             facts = replace(facts, tolerance=declared[0] / facts.per(facts.value), declared=True)

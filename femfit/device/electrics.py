@@ -18,6 +18,8 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import amount_range
 from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, OutlineEntry, Record, converted, key, scaled
 
+DIODE: dict[str, Any] = {"says": "the forward voltage of the freewheel diode of a one-sided driver", "default": None}
+DIODE |= {"ge": 0, "le": 100}
 NOISE: dict[str, Any] = {"ge": 0.0, "le": 1e6}
 TURNS: dict[str, Any] = {"ge": 1.0, "le": 1e7, "kind": "turns"}
 DELAY: dict[str, Any] = {"says": "how late a reading is in ms", "default": 0.0, "ge": 0.0, "le": 1e6}
@@ -36,7 +38,7 @@ class Drive(Record, kw_only=False):
         '"voltage" for a bridge or a switch, "current" for a current amplifier', "voltage", file="drive"
     )
     # With that of a Zener diode in series; None for a bridge
-    diode_V: float | None = key("the forward voltage of the freewheel diode of a one-sided driver", None, ge=0, le=100)
+    diode_V: float | None = key(**DIODE)
     # Without limits it follows every command, without a bandwidth as fast as its voltage allows
     current_min_A: float | None = key("the lowest current of a current amplifier", None, **ELECTRICAL)
     current_max_A: float | None = key("the highest current of a current amplifier", None, **ELECTRICAL)

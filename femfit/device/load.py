@@ -12,14 +12,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import MistakeError, complain, read_table, read_tables
+from femfit.device.complaints import MistakeError, adapter, complain, in_file, read_table, read_tables, translated
 from femfit.device.drawing import Drawing, read_drawing
-from femfit.device.keys import converted, scaled
+from femfit.device.keys import converted, keys_of, scaled
 from femfit.device.parameters import read_design
-from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
+from femfit.device.parts import AIR, Actuator, MovingPart, Region, SweepAxes, is_iron
 from femfit.device.read_device import Reading, hall_places, read_axes, read_circuits, read_mechanics, read_sensors
-from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
-from femfit.device.schema_1 import DrawnTables, as_in_file, translated
+from femfit.device.schema import NAME_PATTERN, OLDER, SCHEMA_VERSION, DrawnTables, FileEntry, SolverEntry
 from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
 
@@ -40,10 +39,10 @@ def parse(text: str, source: str) -> DrawnTables:
     """The tables of TOML text, by today's names."""
     try:
         data = tomllib.loads(text)
-    except RecursionError as error:
-        raise ActuatorFileError(source, ["must be TOML; its brackets are nested too deeply."]) from error
-    except ValueError as error:  # TOMLDecodeError, or a number with too many digits
-        raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, or a number with too many digits
+        nested = isinstance(error, RecursionError)
+        reason = "its brackets are nested too deeply" if nested else f"{error}. Correct that place first"
+        raise ActuatorFileError(source, [f"must be TOML; {reason}."]) from error
     version = data.get("schema")
     if isinstance(version, int) and version > SCHEMA_VERSION:
         raise ActuatorFileError(source, [str(MistakeError("later_schema", version=version, most=SCHEMA_VERSION))])
@@ -105,7 +104,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     reached = [distance for distance in distances if distance > 0.0] if data.is_schema_1 else distances
     drawn.check(reached, hall_places(data), problems, reference_face=data.is_schema_1)
     if problems or header is None or mechanics is None:
-        raise ActuatorFileError(source, [as_in_file(data, problem) for problem in problems])
+        raise ActuatorFileError(source, [in_file(data, problem) for problem in problems])
     return Actuator(
         name=header.name,
         description=header.description,
@@ -140,6 +139,34 @@ def starter_text(name: str, title: str | None = None) -> str:
     return text if not re.match(NAME_PATTERN, title or "") else text.replace(f'name = "{name}"', f'name = "{title}"', 1)
 
 
+def json_schema() -> dict[str, Any]:
+    """That of a file, under its older names, too."""
+    schema = _of_table(FileEntry)
+    for older, today in OLDER.items():
+        (*above, name), described, holder = older.split("."), schema, schema
+        for key in today.split("."):
+            described = described.get("properties", {}).get(key) or described["additionalProperties"]
+        for key in above:
+            holder = holder["properties"][key]
+        holder["properties"][name] = described
+    return schema
+
+
+def _of_table(record: Any) -> dict[str, Any]:
+    properties = {}
+    for name, key in keys_of(record).items():
+        ways = [_of_table(each) for each in key.records if not each.any_keys]
+        ways += [] if ways else [_of_table(key.form) if key.form else adapter(key).json_schema()]
+        # Of a circuit's currents there is a table by their names, too
+        ways += [{**_of_table(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
+        form = ways[0] if len(ways) == 1 else {"anyOf": ways}
+        usual = {} if key.usual is None else {"default": key.usual}
+        properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
+        properties[name] = {**properties[name], "description": key.remedy, **usual}
+    needed = [name for name, key in keys_of(record).items() if key.required]
+    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
+
+
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
     """The manifest's ``actuator`` entry: circuits, motion, sensors, and what kind of actuator it is."""
     record, supplied, kind = json_ready(asdict(actuator)), {}, {}
@@ -158,12 +185,6 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "coils": [{"name": coil.name, "turns": coil.turns, "moves": coil.moves} for coil in actuator.coils],
         "kind": {**kind, "coil": bool(actuator.coils), "saturates": actuator.saturates},
     }
-
-
-def remarks(actuator: Actuator) -> list[str]:
-    """What was left out of a drawing's materials."""
-    curves = [region.material for region in actuator.regions if isinstance(region.material, NonlinearMaterial)]
-    return sorted({f"Material {curve.name}: {curve.remark}." for curve in curves if curve.remark})
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:

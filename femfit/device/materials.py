@@ -103,11 +103,9 @@ def read_bh_csv(file: Path, path: str, problems: list[str]) -> Points | None:
     """
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        complain(problems, "curve_absent", path, file=file)
-        return None
     except (OSError, UnicodeDecodeError) as error:
-        complain(problems, "curve_unreadable", path, file=file, error=error)
+        code = "curve_absent" if isinstance(error, FileNotFoundError) else "curve_unreadable"
+        complain(problems, code, path, file=file, error=error)
         return None
     rows = [(n, row) for n, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
     names = [name.strip() for name in rows[0][1]] if rows else []
@@ -158,24 +156,21 @@ def check_curve(b: Sequence[float], h: Sequence[float], path: str, problems: lis
         complain(problems, "curve_numbers", path)
     elif points[0] != (0.0, 0.0):
         complain(problems, "curve_start", path, b=b[0], h=h[0])
-    elif falls := {
-        name: [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
-        for name, values in zip(CURVE_KEYS, (b, h), strict=True)
-        if any(right <= left for left, right in pairwise(values))
-    }:
-        for name, places in falls.items():
-            complain(problems, "curve_falls", path, name=name, places="; ".join(places[:3]))
+    elif any(right <= left for values in (b, h) for left, right in pairwise(values)):
+        for name, values in zip(CURVE_KEYS, (b, h), strict=True):
+            falls = [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
+            if falls:
+                complain(problems, "curve_falls", path, name=name, places="; ".join(falls[:3]))
     else:
         if b[-1] > MAX_FLUX_DENSITY:
             complain(problems, "curve_tesla", path, most=MAX_FLUX_DENSITY, last=b[-1])
         steepest = max(right / field for right, field in points[1:]) / MU_0
         if steepest > MAX_RELATIVE_PERMEABILITY:
             complain(problems, "curve_steep", path, steepest=steepest)
-        for (b0, h0), (b1, h1) in pairwise(points):
-            slope = (b1 - b0) / (h1 - h0) / MU_0
-            if slope < 1.0 - SLOPE_TOLERANCE:
-                complain(problems, "curve_flat", path, start=b0, end=b1, slope=slope)
-                break
+        rises = ((b0, b1, (b1 - b0) / (h1 - h0) / MU_0) for (b0, h0), (b1, h1) in pairwise(points))
+        start, end, slope = next((rise for rise in rises if rise[2] < 1.0 - SLOPE_TOLERANCE), (0.0, 0.0, 1.0))
+        if start < end:
+            complain(problems, "curve_flat", path, start=start, end=end, slope=slope)
 
 
 KINDS = (LinearMaterial, NonlinearMaterial)

@@ -14,8 +14,7 @@ from femfit.device.keys import Given, OutlineEntry, converted, keys_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import flattened, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, Coil, smallest_winding_area, wire_resistance
-from femfit.device.schema import CircuitEntry, CoilEntry, RangeEntry, SupplyEntry, SweepEntry
-from femfit.device.schema_1 import DrawnTables
+from femfit.device.schema import CircuitEntry, CoilEntry, DrawnTables, RangeEntry, SupplyEntry, SweepEntry
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
@@ -147,12 +146,10 @@ def read_mechanics(file: Reading) -> Mechanics | None:
 
 def hall_places(data: Mapping[str, Any]) -> dict[str, Given]:
     """Place in the drawing of each Hall element whose place is right, by its path, whatever else of it is wrong."""
-    places = {}
-    for name, table in table_at(data, "sensors").items():
-        element = read_part(HallElement, table, "r_mm", "z_mm")
-        if element is not None and table.get("kind") == "hall":
-            places[joined("sensors", name)] = element
-    return places
+    tables = {joined("sensors", name): table for name, table in table_at(data, "sensors").items()}
+    halls = {path: table for path, table in tables.items() if isinstance(table, dict) and table.get("kind") == "hall"}
+    places = {path: read_part(HallElement, table, "r_mm", "z_mm") for path, table in halls.items()}
+    return {path: place for path, place in places.items() if place is not None}
 
 
 def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:

@@ -13,15 +13,14 @@ import tomlkit
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import MistakeError, joined, table_at
+from femfit.device.complaints import MistakeError, joined, place_in_file, table_at
 from femfit.device.drawing import materials_used
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import decimal_sum
-from femfit.device.load import actuator_from_tables, parse, read_text, remarks
+from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import Value, read_design
 from femfit.device.parts import CURVE_KEYS, Actuator, NonlinearMaterial, SweepAxes
-from femfit.device.schema_1 import in_file
 from femfit.device.tolerances import numbers_of, value_at, with_value
 
 _DIGITS = 9
@@ -51,13 +50,9 @@ def rewritten(
         if key.kind.startswith("curve_"):
             _scale_curve(tables, key.key, value, actuator_from_tables(drawn, source, directory))
         elif key.unit:
-            for path in key.paths:
-                before = value_at(drawn, locations[path])
-                with_value(
-                    tables,
-                    in_file(drawn, locations[path]),
-                    decimal_sum(decimal_sum(before, -1.0, key.value), 1.0, value),
-                )
+            for location in map(locations.__getitem__, key.paths):
+                offset = decimal_sum(value_at(drawn, location), -1.0, key.value)
+                with_value(tables, place_in_file(drawn, location), decimal_sum(offset, 1.0, value))
         else:
             location = locations[key.key]
             before = value_at(drawn, location)
@@ -65,7 +60,7 @@ def rewritten(
                 before = LIBRARY[str(location[1])].table.get(str(location[-1]), key.value)
             if not math.isclose(abs(before), abs(key.value)):  # of a warm magnet the file has the remanence at 20 degC
                 value = float(f"{abs(before) * value / abs(key.value):.{_DIGITS}g}")  # noqa: PLW2901
-            with_value(tables, in_file(drawn, location), math.copysign(value, before))
+            with_value(tables, place_in_file(drawn, location), math.copysign(value, before))
     return tomlkit.dumps(tables)
 
 
@@ -77,17 +72,15 @@ def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Act
     curve, key = by_path[path]
     points = dict(zip(CURVE_KEYS, (curve.flux_density_T, curve.field_A_per_m), strict=True))
     points[key] = tuple(float(f"{factor * x:.{_DIGITS}g}") for x in points[key])
-    materials = tables.setdefault("materials", {})
-    if curve.name not in materials:
-        materials[curve.name] = LIBRARY[curve.name].table
-    table = materials[curve.name]
-    table.pop("bh_curve", None)
+    lists = table_at(tables, "materials", curve.name)
     for column, values in points.items():
-        if column not in table:
-            table[column] = list(values)
+        place = "materials", curve.name, column
+        if column not in lists:
+            with_value(tables, place, list(values))
         elif column == key:
-            for place, value in enumerate(values):
-                table[column][place] = value
+            for k, value in enumerate(values):
+                with_value(tables, (*place, k), value)
+    tables["materials"][curve.name].pop("bh_curve", None)
 
 
 @dataclass(frozen=True)
@@ -113,10 +106,10 @@ class VariantSweep:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What was left out of the drawing's materials, and which ones are of no use."""
-        return (
-            *remarks(self.actuator),
-            *(str(MistakeError("unused", joined("materials", name))) for name in self.unused),
-        )
+        used = [region.material for region in self.actuator.regions if isinstance(region.material, NonlinearMaterial)]
+        curves = {f"Material {curve.name}: {curve.remark}." for curve in used if curve.remark}
+        unused = (str(MistakeError("unused", joined("materials", name))) for name in self.unused)
+        return (*sorted(curves), *unused)
 
 
 def read_variants(path: str | Path) -> VariantSweep:

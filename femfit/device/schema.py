@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
-from femfit.device.electrics import TURNS, AnySensor, Drive
+from femfit.device.electrics import DIODE, TURNS, AnySensor, Drive
 from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key, kind_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
@@ -134,7 +134,7 @@ class SupplyEntry(Record):
     sample_time_s: float | None = key(
         "the controller's period in ms, or leave it out to have it from L/R", None, ge=1e-6, le=1e6
     )
-    diode_V: float | None = key("the forward voltage of the freewheel diode of a one-sided driver", None, ge=0, le=100)
+    diode_V: float | None = key(**DIODE)
 
 
 class SomeSensor(Record):
@@ -270,3 +270,15 @@ class FileEntry(Record):
         usual={},
         form=ToleranceEntry,
     )
+
+
+OLDER = {"electromagnet": "fixed", "coil": "coils.coil", "hall": "sensors.hall", "moving.mass_g": "mechanics.mass_g"}
+"""Today's key path of each older one."""
+
+
+class DrawnTables(dict[str, Any]):
+    """The tables of a file by today's names."""
+
+    is_schema_1: bool
+    older: dict[str, str]  # Key paths that the file has, by today's where these are others
+    problems: tuple[str, ...]  # What is wrong with its names

@@ -9,14 +9,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.device.complaints import Place, complain, joined, read_table, table_at, tables_of
+from femfit.device.complaints import complain, in_file, joined, read_table, table_at, tables_of
 from femfit.device.drawing import materials_used
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.keys import keys_of
+from femfit.device.keys import Place, keys_of
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import CURVE_KEYS, LinearMaterial
 from femfit.device.schema import ToleranceEntry
-from femfit.device.schema_1 import as_in_file, in_file
 from femfit.device.thermal import ThermalMaterial
 
 _ISO_2768_M = ((3.0, 0.1), (6.0, 0.1), (30.0, 0.2), (120.0, 0.3), (400.0, 0.5), (1000.0, 0.8), (2000.0, 1.2))
@@ -85,7 +84,7 @@ def numbers_of(data: Mapping[str, Any]) -> dict[str, Place]:
         if isinstance(table, dict):
             for name, key in keys_of(record).items():
                 locations += [(*place, name)] if key.is_number else _in_list(table.get(name), (*place, name))
-    return {joined("", *in_file(data, location)): location for location in locations}
+    return {in_file(data, joined("", *location)): location for location in locations}
 
 
 def _in_list(value: object, place: Place) -> Iterator[Place]:
@@ -106,8 +105,8 @@ def value_at(data: Mapping[str, Any], location: Place) -> Any:
     return place
 
 
-def with_value(data: dict[str, Any], location: Place, value: float | str) -> None:
-    """Set a number of a file, or the name of a material, in place."""
+def with_value(data: dict[str, Any], location: Place, value: float | str | list[float]) -> None:
+    """Set a number of a file, a list of them, or the name of a material, in place."""
     first, name = location[:2]
     if first == "materials" and name not in table_at(data, "materials"):
         data.setdefault("materials", {})[name] = LIBRARY[str(name)].table
@@ -131,7 +130,7 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
     curves = {joined("materials", name, key) for name in materials_used(data) for key in CURVE_KEYS}
     contours = (
-        {as_in_file(data, face.key) for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
+        {in_file(data, face.key) for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
     )
     numbers, tolerances = numbers_of(data), {}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
