@@ -102,7 +102,8 @@ def given_by(record: Any, table: object, path: str, problems: list[str]) -> Give
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
         given.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        refuse_name(problems, "unknown", joined(path, name), str(name), keys)
+        older = (each.rpartition(".")[2] for each in OLDER if each.rpartition(".")[0] == path)
+        refuse_name(problems, "unknown", joined(path, name), str(name), [*keys, *older])
     return given
 
 
@@ -219,20 +220,20 @@ def translated(data: Tables) -> DrawnTables:
     """The tables of a file by today's names; again they are the same."""
     if isinstance(data, DrawnTables):
         return data
-    tables, problems, version = DrawnTables(data), list[str](), data.get("schema")
-    tables.older, tables.is_schema_1 = {}, version == 1 and not isinstance(version, bool)
+    tables, version = DrawnTables(data), data.get("schema")
+    tables.older, tables.problems, tables.is_schema_1 = {}, [], version == 1 and not isinstance(version, bool)
     for older, today in OLDER.items():
         *above, name = older.split(".")
         holder = table_at(data, *above)
         if name in holder:
-            tables.older[today] = older
             tables |= {each: {key: value for key, value in holder.items() if key != name} for each in above}
-            if not _added(tables, today, holder[name]):
-                complain(problems, "twice", today, older=older)
+            if _added(tables, today, holder[name]):
+                tables.older[today] = older
+            else:
+                complain(tables.problems, "twice", today, older=older)
     if "mechanics" not in tables:
-        complain(problems, "no_mass", "moving" if tables.is_schema_1 else "mechanics")
-    tables.problems = tuple(problems)
-    for older in tables.older.values():
+        complain(tables.problems, "no_mass", "moving" if tables.is_schema_1 else "mechanics")
+    for older in OLDER:
         tables.pop(older, None)
     return tables
 
@@ -242,8 +243,7 @@ def _added(tables: DrawnTables, path: str, value: Any) -> bool:
     table, *inner = path.split(".")
     if table in tables and (not inner or inner[0] in table_at(tables, table)):
         return False
-    if table == "sensors" and isinstance(value, dict):
-        value = {"kind": "hall", **value}
+    value = {"kind": "hall", **value} if table == "sensors" and isinstance(value, dict) else value
     beside = tables.get(table, {})
     if not inner or isinstance(beside, dict):  # what is no table is refused as such
         tables[table] = {inner[0]: value, **beside} if inner else value

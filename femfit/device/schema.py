@@ -281,4 +281,4 @@ class DrawnTables(dict[str, Any]):
 
     is_schema_1: bool
     older: dict[str, str]  # Key paths that the file has, by today's where these are others
-    problems: tuple[str, ...]  # What is wrong with its names
+    problems: list[str]  # What is wrong with its names
