@@ -76,6 +76,12 @@ def pickup_flux(model: "ActuatorModel", sensor: PickupSensor, state: SX) -> SX:
     return magnets * sensor.flux.expression(state[0], state[2 : 2 + len(model.circuits)] * scales)
 
 
+def characteristic(sensor: PositionSensor, distance: Expression) -> Expression:
+    """Reading at distances in m, continued with the slope of the last piece, so that an estimate is led back."""
+    start, first, slope = piece_of(sensor, distance)
+    return first + slope * (distance - start)
+
+
 def piece_of(sensor: PositionSensor, distance: Expression) -> tuple[Expression, Expression, Expression]:
     """Where the piece of a characteristic begins, its first reading there, and its slope."""
     at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
@@ -116,13 +122,6 @@ def _current(sensor: CurrentSensor, equations: "Equations", state: SX, _voltage:
     return sensor.gain * _setting(equations, state, at)[1][current_index(equations.model, sensor) - 2] + sensor.offset
 
 
-def _position(sensor: PositionSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
-    """Continued with the slope of the last piece, so that an estimate is led back."""
-    distance, _ = _setting(equations, state, at)
-    start, first, slope = piece_of(sensor, distance)
-    return first + slope * (distance - start)
-
-
 def _hall(_sensor: HallSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
     """The output that belongs to the distance and the current of the reading."""
     model, (distance, _, currents, _) = equations.model, equations.parts(state)
@@ -159,7 +158,7 @@ def _acceleration(sensor: AccelerationSensor, equations: "Equations", state: SX,
 READINGS: dict[type, Callable[..., SX]] = {
     HallSensor: _hall,
     CurrentSensor: _current,
-    PositionSensor: _position,
+    PositionSensor: lambda sensor, equations, state, _, at: characteristic(sensor, _setting(equations, state, at)[0]),
     PickupSensor: _pickup,
     AccelerationSensor: _acceleration,
     ForceSensor: _force,
