@@ -84,12 +84,12 @@ def characteristic(sensor: PositionSensor, distance: Expression) -> Expression:
 
 def piece_of(sensor: PositionSensor, distance: Expression) -> tuple[Expression, Expression, Expression]:
     """Where the piece of a characteristic begins, its first reading there, and its slope."""
-    at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
-    pieces = np.stack([at[:-1], read[:-1], np.diff(read) / np.diff(at)], axis=1)
+    distances, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
+    pieces = np.stack([distances[:-1], read[:-1], np.diff(read) / np.diff(distances)], axis=1)
     if isinstance(distance, SX):
-        start, first, slope = ca.vertsplit(row_of(pieces, [at[1:-1]], [distance]))
+        start, first, slope = ca.vertsplit(row_of(pieces, [distances[1:-1]], [distance]))
     else:
-        start, first, slope = np.moveaxis(pieces[at[1:-1].searchsorted(distance, "right")], -1, 0)
+        start, first, slope = np.moveaxis(pieces[distances[1:-1].searchsorted(distance, "right")], -1, 0)
     return start, first, slope
 
 

@@ -73,23 +73,23 @@ def sensors_of(model: ActuatorModel) -> dict[str, AnySensor]:
 
 def sensor_named(model: ActuatorModel, name: str) -> AnySensor:
     """One sensor, or :class:`MissingPartError` with what there is."""
-    known = sensors_of(model)
-    if name not in known:
-        has = f"it has {', '.join(known)}" if known else "it has none"
+    sensors = sensors_of(model)
+    if name not in sensors:
+        has = f"it has {', '.join(sensors)}" if sensors else "it has none"
         raise MissingPartError(
             f"Model {model.name!r} must have a sensor named {name!r}; {has}. Name one of them, or add [sensors.{name}] "
             "to the actuator file and fit again."
         )
-    return known[name]
+    return sensors[name]
 
 
 def names_or_kinds(model: ActuatorModel, sensors: Sequence[str]) -> tuple[str, ...]:
     """Names of sensors as given; for one that no sensor bears, those of all sensors of that kind, as ``current``."""
-    known, found = sensors_of(model), []
+    by_name, names = sensors_of(model), []
     for name in sensors:
-        of_kind = [one for one, sensor in known.items() if getattr(sensor, "kind", HALL) == name]
-        found += [name] if name in known or not of_kind else of_kind
-    return tuple(dict.fromkeys(found))
+        of_kind = [label for label, sensor in by_name.items() if getattr(sensor, "kind", HALL) == name]
+        names += [name] if name in by_name or not of_kind else of_kind
+    return tuple(dict.fromkeys(names))
 
 
 def reading_of(model: ActuatorModel, name: str) -> Reading:
@@ -102,7 +102,7 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
     high = np.inf if sensor.maximum is None else sensor.maximum
     _, unit, _ = quantity = _quantity(model, sensor)
     column: str | None = "distance_m" if unit == "m" else sensor.COLUMN or None
-    if [_quantity(model, one) for one in model.other_sensors].count(quantity) > 1:
+    if [_quantity(model, each) for each in model.other_sensors].count(quantity) > 1:
         column = None  # which several sensors would share
     elif isinstance(sensor, CurrentSensor):
         column = circuit_currents(model.circuit_names)[current_index(model, sensor) - 2]
@@ -146,7 +146,7 @@ def predict_sensor(
         holding = model.resistances_ohm * model.currents_of(state)
         voltage = holding[..., 0] if len(model.circuits) == 1 else holding
     equations, key = model.equations, ("reading", sensor)
-    read = equations.function(key, lambda x, u, _, at, *__: reading_expression(equations, sensor, x, u, at))
+    read = equations.function(key, lambda x, u, _, time, *__: reading_expression(equations, sensor, x, u, time))
     return evaluated(model, read, state, voltage, time=time)[..., 0]
 
 
@@ -160,19 +160,19 @@ SAMPLES_OF_A_STROKE = 100.0
 def sample_weights(sensor: AnySensor, step_s: float) -> FloatArray:
     """c_0, c_1, .. of a sensor that is sampled with a step in s; the last is not zero."""
     delay = sensor.delay_s / step_s
-    whole = floor(delay + WHOLE)
-    part = max(0.0, delay - whole)
-    part = 0.0 if part < WHOLE else part
-    weights = np.zeros(whole + 2)
-    weights[whole], weights[whole + 1] = 1.0 - part, part
-    weights = weights[: whole + 1] if part == 0.0 else weights
+    samples = floor(delay + WHOLE)
+    fraction = max(0.0, delay - samples)
+    fraction = 0.0 if fraction < WHOLE else fraction
+    weights = np.zeros(samples + 2)
+    weights[samples], weights[samples + 1] = 1.0 - fraction, fraction
+    weights = weights[: samples + 1] if fraction == 0.0 else weights
     return np.convolve(weights, [1.0 / step_s, -1.0 / step_s]) if isinstance(sensor, PickupSensor) else weights
 
 
 def sampled_value(
     model: ActuatorModel, sensor: AnySensor, state: FloatArray, time: FloatArray | float = 0.0
 ) -> FloatArray:
-    """The g of the module's head, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
+    """What samples are made of, g, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
     if not isinstance(sensor, PickupSensor):
         return predict_sensor(model, sensor, state, time)
     flux = model.equations.function(("flux", sensor), lambda x, *_: pickup_flux(model, sensor, x))
