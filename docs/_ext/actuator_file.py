@@ -25,7 +25,7 @@ TABLES: tuple[tuple[str, str, Any], ...] = (
     ),
     ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", parts.NonlinearMaterial),
     ("[fixed.regions.NAME]", "A part that stands still.", schema.RegionEntry),
-    ("[coils.NAME]", "A winding.", schema.WindingEntry),
+    ("[coils.NAME]", "A winding.", schema.CoilEntry),
     (
         "[circuits.NAME]",
         "Coils in series and what feeds them. Without it each coil has its own, fed by `[supply]`.",
@@ -83,7 +83,6 @@ def _section(name: str, text: str, record: Any, examples: dict[str, Any]) -> str
         f"| `{name}` | {_unit(name)} | {_cell(key.remedy)} | {_range(key)} | "
         f"{'**required**' if key.required else _default(key.usual)} | {_example(name, examples)} |\n"
         for name, key in sorted(keys_of(record).items(), key=lambda item: item[0] != "kind")
-        if not key.older
     )
     title = f"`{name}`" if name else "The top of the file"
     heading = f"\n## {title}\n\n" if record is not parts.NonlinearMaterial else "\n"

@@ -16,6 +16,7 @@ from femfit.core.files import MODEL, PAGE
 from femfit.core.processes import process_pool
 
 if TYPE_CHECKING:
+    from femfit.device.rewrite import VariantSweep
     from femfit.simulation.summary import ClosedLoopStudy
 
 Result = TypeVar("Result")
@@ -58,7 +59,6 @@ def run(
         Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
         stay without it.
     """
-    from femfit.device.load import remarks
     from femfit.field.sweep_rows import failed_points, summarise
     from femfit.heat.find_temperatures import temperatures_at_supply
     from femfit.model.several_magnetics import NETWORK
@@ -68,12 +68,13 @@ def run(
     from femfit.simulation.open_loop import motion_at_supply
     from femfit.targets.estimator import export_estimator
 
-    parts = _single_actuator(actuator)
+    drawing = _single_actuator(actuator)
+    parts = drawing.actuator
     assert output is not None  # noqa: S101 - the default of Writes
     model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
     seconds: dict[str, float] = {}
     step = partial(_step, seconds)
-    for remark in remarks(parts):
+    for remark in drawing.remarks:
         print(remark)
     with step("sweep") as say:
         processes = workers or len(os.sched_getaffinity(0))
@@ -136,7 +137,7 @@ def _step(seconds: dict[str, float], name: str) -> Iterator[Callable[..., None]]
         print(f"{name:<26}{seconds[name]:5.1f} s  {lines[0]}", *lines[1:], sep="\n", flush=True)
 
 
-def _single_actuator(path: Path) -> ff.Actuator:
+def _single_actuator(path: Path) -> "VariantSweep":
     from femfit.core.errors import ActuatorFileError
     from femfit.device.rewrite import read_variants
 
@@ -147,7 +148,7 @@ def _single_actuator(path: Path) -> ff.Actuator:
             "Give femfit sweep and then femfit fit with --where, or leave the parameters out."
         )
         raise ActuatorFileError(str(path), [problem])
-    return sweep.actuator
+    return sweep
 
 
 def _fit(table: ff.SweepTable, law: str, file: Path) -> ff.FitResult:

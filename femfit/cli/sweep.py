@@ -36,7 +36,6 @@ def sweep(
     """
     from time import perf_counter
 
-    from femfit.device.load import remarks
     from femfit.device.rewrite import read_variants
     from femfit.field.sweep_rows import failed_points, summarise, variants_without_a_point
     from femfit.tables.eddy_table import IMPEDANCES as IMPEDANCE
@@ -53,7 +52,7 @@ def sweep(
             progress=progress,
         )
     summary = summarise(table) | {"seconds": perf_counter() - start, "directory": str(output)}
-    facts = (output, variants, table, summary, remarks(variants.actuator))
+    facts = (output, variants, table, summary, variants.remarks)
     lines = said("sweep", "lines", *facts, failed_points(table), IMPEDANCE)
     lost, error = variants_without_a_point(table), None
     if summary["failed"] == summary["rows"]:

@@ -2,6 +2,8 @@
 
 A sentence says the key path, what was given, what is needed and what to do. Those on a key by itself follow from what
 is declared of it; those between keys stand in ``complaints.toml``, whose texts have the fields of :meth:`str.format`.
+
+Older files, those of schema 1 among them, are translated first.
 """
 
 import difflib
@@ -18,8 +20,8 @@ from typing import Annotated, Any, get_args, get_origin
 from pydantic import AllowInfNan, Field, PlainValidator, Strict, TypeAdapter, ValidationError, WithJsonSchema
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from femfit.device.keys import Given, Key, in_si, keys_of, kind_of
-from femfit.device.schema import MAX_NAME, NAME_PATTERN, FileEntry
+from femfit.device.keys import Given, Key, Place, in_si, keys_of, kind_of
+from femfit.device.schema import MAX_NAME, NAME_PATTERN, OLDER, DrawnTables, FileEntry
 
 MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinite
 
@@ -100,7 +102,8 @@ def given_by(record: Any, table: object, path: str, problems: list[str]) -> Give
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
         given.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        refuse_name(problems, "unknown", joined(path, name), str(name), keys)
+        older = (each.rpartition(".")[2] for each in OLDER if each.rpartition(".")[0] == path)
+        refuse_name(problems, "unknown", joined(path, name), str(name), [*keys, *older])
     return given
 
 
@@ -122,22 +125,6 @@ def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
     elif fall and not all(before > after for before, after in steps):
         complain(problems, "turns", path, given=shortened(read))
     return read
-
-
-def json_schema(record: Any = FileEntry) -> dict[str, Any]:
-    """A table as JSON Schema has it, for editors that complete keys and say what each wants; so that of a file."""
-    properties = {}
-    for name, key in keys_of(record).items():
-        ways = [json_schema(each) for each in key.records if not each.any_keys]
-        ways += [] if ways else [json_schema(key.form) if key.form else adapter(key).json_schema()]
-        # Of a circuit's currents there is a table by their names, too
-        ways += [{**json_schema(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
-        form = ways[0] if len(ways) == 1 else {"anyOf": ways}
-        usual = {} if key.usual is None else {"default": key.usual}
-        properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
-        properties[name] = {**properties[name], "description": key.remedy, **usual}
-    needed = [name for name, key in keys_of(record).items() if key.required]
-    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
 
 
 @cache
@@ -191,9 +178,6 @@ def _sentence(key: Key, error: ErrorDetails, where: str) -> str:
     return f"{where} {need}; it is {shortened(error['input'])}.{near} {key.remedy}"
 
 
-Place = tuple[str | int, ...]
-
-
 def tables_of(data: Tables, record: Any = FileEntry, place: Place = ()) -> Iterator[tuple[Place, Any, Any, Key]]:
     """Place, record, content and key of each table within one of a record, whatever is wrong with it."""
     for name, key in keys_of(record).items():
@@ -230,6 +214,56 @@ def read_tables(data: Tables, problems: list[str]) -> dict[str, Any]:
             named = {"name": name} if "name" in record.__dataclass_fields__ and "name" not in keys_of(record) else {}
             read[path] = read_table(record, table, path, problems, **named)
     return {path: record for path, record in read.items() if record is not None}
+
+
+def translated(data: Tables) -> DrawnTables:
+    """The tables of a file by today's names; again they are the same."""
+    if isinstance(data, DrawnTables):
+        return data
+    tables, version = DrawnTables(data), data.get("schema")
+    tables.older, tables.problems, tables.is_schema_1 = {}, [], version == 1 and not isinstance(version, bool)
+    for older, today in OLDER.items():
+        *above, name = older.split(".")
+        holder = table_at(data, *above)
+        if name in holder:
+            tables |= {each: {key: value for key, value in holder.items() if key != name} for each in above}
+            if _added(tables, today, holder[name]):
+                tables.older[today] = older
+            else:
+                complain(tables.problems, "twice", today, older=older)
+    if "mechanics" not in tables:
+        complain(tables.problems, "no_mass", "moving" if tables.is_schema_1 else "mechanics")
+    for older in OLDER:
+        tables.pop(older, None)
+    return tables
+
+
+def _added(tables: DrawnTables, path: str, value: Any) -> bool:
+    """Whether a path of one or two names was free for a value, which stands there first in its table."""
+    table, *inner = path.split(".")
+    if table in tables and (not inner or inner[0] in table_at(tables, table)):
+        return False
+    value = {"kind": "hall", **value} if table == "sensors" and isinstance(value, dict) else value
+    beside = tables.get(table, {})
+    if not inner or isinstance(beside, dict):  # what is no table is refused as such
+        tables[table] = {inner[0]: value, **beside} if inner else value
+    return True
+
+
+def place_in_file(data: Tables, place: Place) -> Place:
+    """Where the file has what stands at a place of its tables."""
+    for today, older in translated(data).older.items():
+        names = tuple(today.split("."))
+        if place[: len(names)] == names:
+            return (*older.split("."), *place[len(names) :])
+    return place
+
+
+def in_file(data: Tables, text: str) -> str:
+    """A key path, or a sentence with some, with the names that the file has."""
+    older = translated(data).older
+    paths = "|".join(map(re.escape, older))
+    return re.sub(rf"(?<![\w.])({paths})(?![\w-])", lambda path: older[path[0]], text) if older else text
 
 
 def table_at(data: Tables, *keys: str) -> dict[str, Any]:

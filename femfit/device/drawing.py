@@ -15,7 +15,7 @@ from shapely.affinity import translate
 from femfit.device.complaints import complain, joined, read_part, refuse_name, table_at
 from femfit.device.electrics import unit_vector
 from femfit.device.keys import Given, OutlineEntry
-from femfit.device.materials import LIBRARY, curve_problems, read_bh_csv, without_flat_end
+from femfit.device.materials import LIBRARY, Points, check_curve, read_bh_csv, without_flat_end
 from femfit.device.outlines import MIN_AREA, DrawnOutline, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, LinearMaterial, Material, NonlinearMaterial
 from femfit.device.schema import RegionEntry
@@ -61,19 +61,12 @@ class PartTable:
 
 def part_tables(data: Mapping[str, Any]) -> Iterator[PartTable]:
     """Each region, the fixed ones first, and each winding."""
-    regions = {(body, "regions"): table_at(data, body, "regions") for body in (fixed_key(data), "moving")}
+    regions = {(body, "regions"): table_at(data, body, "regions") for body in ("fixed", "moving")}
     for place, tables in regions.items():
         yield from (PartTable((*place, name), table, name) for name, table in tables.items())
-    if isinstance(data.get("coil"), dict):
-        yield PartTable(("coil",), data["coil"], "coil", winding=True)
     for name, table in table_at(data, "coils").items():
         shared = any(name in tables for tables in regions.values())
         yield PartTable(("coils", name), table, f"{'coil ' * shared}{name}", winding=True)
-
-
-def fixed_key(data: Mapping[str, Any]) -> str:
-    """Which table has the fixed regions: ``fixed``, or ``electromagnet`` as in schema 1."""
-    return "fixed" if "fixed" in data else "electromagnet"
 
 
 def materials_used(data: Mapping[str, Any]) -> set[str]:
@@ -210,7 +203,7 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
         if part.winding and drawn.polygon.bounds[0] <= 0:
             complain(problems, "winding_on_axis", path)
         if not part.winding and part.moves and part.place[-1] in {each.place[-1] for each in parts if not each.moves}:
-            complain(problems, "region_twice", path, body=fixed_key(data))
+            complain(problems, "region_twice", path, body="fixed")
         parts.append(part)
     return Drawing(tuple(parts), len(parts) == len(tables))
 
@@ -221,17 +214,17 @@ def _material(material: Material, table: Any, directory: Path, problems: list[st
         return material
     path, source = joined("materials", material.name), table.get("bh_curve")
     steel = material if source is None else getattr(LIBRARY.get(source), "material", None)
-    points, wrong, remark = None, list[str](), ""
+    path, count, remark = f"{path}{'.bh_curve' * (source is not None)}", len(problems), ""
     if isinstance(steel, NonlinearMaterial):
-        points = steel.flux_density_T, steel.field_A_per_m
+        points: Points | None = (steel.flux_density_T, steel.field_A_per_m)
     else:
-        points, wrong = read_bh_csv(directory / source)
-    if points is not None:
-        if len(points[0]) == len(points[1]):
-            points, remark = without_flat_end(*points)
-        wrong = curve_problems(*points)
-    problems += [f"{path}{'.bh_curve' * (source is not None)} {problem}" for problem in wrong]
-    if points is None or wrong:
+        points = read_bh_csv(directory / source, path, problems)
+    if points is None:
+        return None
+    if len(points[0]) == len(points[1]):
+        points, remark = without_flat_end(*points)
+    check_curve(*points, path, problems)
+    if len(problems) > count:
         return None
     return replace(material, flux_density_T=points[0], field_A_per_m=points[1], remark=remark)
 

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from femfit.device.complaints import Place, joined
+from femfit.device.complaints import joined
 from femfit.device.drawing import PartTable, part_tables
+from femfit.device.keys import Place
 
 COINCIDENT = 1e-6
 """In mm: coordinates that differ by less are one."""

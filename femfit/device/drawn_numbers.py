@@ -20,9 +20,9 @@ import numpy as np
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import Place, joined
+from femfit.device.complaints import in_file, joined
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.keys import converted, decimal_sum, keys_of
+from femfit.device.keys import Place, converted, decimal_sum, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.device.read_device import hall_places
@@ -152,13 +152,15 @@ def numbers_from_toml(
 
     tolerances, general = read_tolerances(data, [])
     numbers = []
-    suspects = _faces(data, moved), _materials(actuator), _hall_place(data, moved), _turns(data, actuator)
-    for facts, changed in chain(*suspects):
+    suspects = _faces(data, moved), _materials(actuator), _hall_place(data, moved), _turns(actuator)
+    for today, changed in chain(*suspects):
+        key, *also = (in_file(data, path) for path in (today.key, *today.also))
+        facts = replace(today, key=key, also=tuple(also), stands_for=in_file(data, today.stands_for))
         declared = [tolerances[key] for key in (facts.key, *facts.also) if key in tolerances]
         if declared:
-            facts = replace(facts, tolerance=declared[0] / facts.per(facts.value), declared=True)  # noqa: PLW2901
+            facts = replace(facts, tolerance=declared[0] / facts.per(facts.value), declared=True)
         elif facts.unit == "mm" and general is not None:
-            facts = replace(facts, tolerance=general, declared=True)  # noqa: PLW2901
+            facts = replace(facts, tolerance=general, declared=True)
         step = STEP.get(facts.unit, SHARE_STEP)
         if harmonic or KINDS[facts.kind].at_rest:
             with suppress(ActuatorFileError):  # of a length from which the drawing counts
@@ -191,10 +193,10 @@ def _hall_place(data: Mapping[str, Any], moved: Callable[..., Actuator]) -> _Sus
                 yield facts, partial(moved, [(*path.split("."), key)])
 
 
-def _turns(data: Mapping[str, Any], actuator: Actuator) -> _Suspects:
+def _turns(actuator: Actuator) -> _Suspects:
     for coil in actuator.coils:
         alone = sum(winding.circuit == coil.circuit for winding in actuator.coils) == 1
-        key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
+        key = joined("coils", coil.name, "turns")
         effect = "turns" if len(actuator.circuits) == 1 else f"turns:{coil.circuit}"
         facts = NumberFacts(key, (), "turns", coil.turns, "", KINDS["turns"].tolerance, effect * alone)
         yield facts, partial(_with_turns, actuator, coil)

@@ -18,6 +18,8 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import amount_range
 from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, OutlineEntry, Record, converted, key, scaled
 
+DIODE: dict[str, Any] = {"says": "the forward voltage of the freewheel diode of a one-sided driver", "default": None}
+DIODE |= {"ge": 0, "le": 100}
 NOISE: dict[str, Any] = {"ge": 0.0, "le": 1e6}
 TURNS: dict[str, Any] = {"ge": 1.0, "le": 1e7, "kind": "turns"}
 DELAY: dict[str, Any] = {"says": "how late a reading is in ms", "default": 0.0, "ge": 0.0, "le": 1e6}
@@ -36,7 +38,7 @@ class Drive(Record, kw_only=False):
         '"voltage" for a bridge or a switch, "current" for a current amplifier', "voltage", file="drive"
     )
     # With that of a Zener diode in series; None for a bridge
-    diode_V: float | None = key("the forward voltage of the freewheel diode of a one-sided driver", None, ge=0, le=100)
+    diode_V: float | None = key(**DIODE)
     # Without limits it follows every command, without a bandwidth as fast as its voltage allows
     current_min_A: float | None = key("the lowest current of a current amplifier", None, **ELECTRICAL)
     current_max_A: float | None = key("the highest current of a current amplifier", None, **ELECTRICAL)
@@ -123,6 +125,7 @@ class Sensor(Record):
     """What all other sensors share; noise, range and resolution are in the unit of the reading."""
 
     UNIT = "V"  # As keys of the file end
+    COLUMN = ""  # Of records; a current is named after its circuit
     beside = tuple[Any, ...]((_Range,))
 
     name: str
@@ -171,6 +174,7 @@ class _Drawn(Record):
 class PositionSensor(Sensor):
     """The distance as a laser, an optical gate or an LVDT reads it: interpolated between points of a characteristic."""
 
+    COLUMN = "position_V"  # A reading in metres is a distance
     beside = (_Drawn, _Range)
 
     distances_m: tuple[float, ...] = key(
@@ -189,7 +193,7 @@ class PositionSensor(Sensor):
         like="distance_mm",
         usual=None,
     )
-    unit: str = "V"  # V, or m where the reading is the distance itself
+    unit: str = limited(default="V", metadata={"always": True})  # V, or m where the reading is the distance itself
     kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", required=True)
 
     @classmethod
@@ -216,6 +220,7 @@ class PositionSensor(Sensor):
 class PickupCoil(Sensor):
     """A winding without current: the voltage that its flux linkage induces, in V."""
 
+    COLUMN = "pickup_V"
     beside = (OutlineEntry, _Range)
 
     vertices_m: tuple[tuple[float, float], ...] = ()
@@ -227,7 +232,7 @@ class PickupCoil(Sensor):
 class AccelerationSensor(Sensor):
     """The moving part's acceleration along growing distance, in m/s^2."""
 
-    UNIT = "m_per_s2"
+    UNIT, COLUMN = "m_per_s2", "acceleration_m_s2"
 
     # Whether it reads d'' - g, as accelerometers of silicon do: a body at rest that hangs reads 9.8 towards the magnet
     reads_gravity: bool = key("true for one that reads gravity too at rest, as MEMS accelerometers do", False)
@@ -239,7 +244,7 @@ class AccelerationSensor(Sensor):
 class ForceSensor(Sensor):
     """The magnetic force on the moving part, positive towards smaller distance, in N."""
 
-    UNIT = "N"
+    UNIT, COLUMN = "N", "force_N"
 
     kind: Literal["force"] = key('"force" for a load cell that holds the body', "force", required=True)
 

@@ -56,6 +56,10 @@ ELECTRICAL = FORCE
 POINTS = ((2, 1000),)
 
 
+Place = tuple[str | int, ...]
+"""Where something stands in a file: names, and positions in lists."""
+
+
 def unit_of(name: str) -> str:
     """The unit that a key or a column ends in, empty for bare numbers."""
     return next((unit for unit in UNITS if name.endswith(f"_{unit}")), "")
@@ -106,7 +110,7 @@ class Key:
     like: str = ""  # Key of a list with as many values
     stepped: type | None = None  # Record of a table that may stand for a list, as { start, stop, step }
     form: type | None = None  # Record of a table whose values are read by a reader of its own
-    older: bool = False  # Of schema 1: read, and no longer described
+    of_device: bool = True  # No table that says how it is solved, heated or used, of which no number is a drawn one
     any_name: bool = False  # Whether the tables may be named as one likes: no column or file is named after them
     limits: Mapping[str, Any] = field(default_factory=dict)  # On each number or text, as pydantic calls them
     # From here on by the field, as :func:`keys_of` fills it in
@@ -159,8 +163,8 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
     """What is declared at a field, with what follows from its name, type and default."""
     declared: Key = member.metadata["drawn"]
     units = ((name, each.si) for name, each in UNITS.items() if member.name.endswith(f"_{each.si}"))
-    in_file, si = next(units, ("", ""))
-    file = (declared.file or f"{member.name.removesuffix(si)}{in_file}").replace("{unit}", unit)
+    place_in_file, si = next(units, ("", ""))
+    file = (declared.file or f"{member.name.removesuffix(si)}{place_in_file}").replace("{unit}", unit)
     remedy = declared.remedy.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
     listed = get_origin(hint) is tuple
     alternatives = get_args(hint) if isinstance(hint, UnionType) or listed else (hint,)
@@ -179,10 +183,11 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
 keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)
 
 
+@cache
 def kind_of(record: Any) -> str:
-    """The ``kind`` by which a table says which record it is; empty where it has none."""
-    kind = keys_of(record).get("kind")
-    return "" if kind is None else str(get_args(kind.hint)[0])
+    """The ``kind`` by which a table or a model file says which record it is; empty where it has none."""
+    names = get_args(get_type_hints(record).get("kind"))
+    return str(names[0]) if len(names) == 1 else ""
 
 
 def in_si(record: Any, given: Given, complain: Callable[..., None], **more: Any) -> Any:

@@ -12,13 +12,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import MistakeError, complain, read_table, read_tables, table_at
+from femfit.device.complaints import MistakeError, adapter, complain, in_file, read_table, read_tables, translated
 from femfit.device.drawing import Drawing, read_drawing
-from femfit.device.keys import converted, scaled
+from femfit.device.keys import converted, keys_of, scaled
 from femfit.device.parameters import read_design
-from femfit.device.parts import AIR, Actuator, MovingPart, NonlinearMaterial, Region, SweepAxes, is_iron
+from femfit.device.parts import AIR, Actuator, MovingPart, Region, SweepAxes, is_iron
 from femfit.device.read_device import Reading, hall_places, read_axes, read_circuits, read_mechanics, read_sensors
-from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
+from femfit.device.schema import NAME_PATTERN, OLDER, SCHEMA_VERSION, DrawnTables, FileEntry, SolverEntry
 from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
 
@@ -35,18 +35,18 @@ def read_text(path: Path) -> str:
         raise ActuatorFileError(str(path), [f"must be UTF-8 text; byte {error.start} is not. Save it so."]) from error
 
 
-def parse(text: str, source: str) -> dict[str, Any]:
-    """The tables of TOML text."""
+def parse(text: str, source: str) -> DrawnTables:
+    """The tables of TOML text, by today's names."""
     try:
         data = tomllib.loads(text)
-    except RecursionError as error:
-        raise ActuatorFileError(source, ["must be TOML; its brackets are nested too deeply."]) from error
-    except ValueError as error:  # TOMLDecodeError, or a number with too many digits
-        raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, or a number with too many digits
+        nested = isinstance(error, RecursionError)
+        reason = "its brackets are nested too deeply" if nested else f"{error}. Correct that place first"
+        raise ActuatorFileError(source, [f"must be TOML; {reason}."]) from error
     version = data.get("schema")
     if isinstance(version, int) and version > SCHEMA_VERSION:
         raise ActuatorFileError(source, [str(MistakeError("later_schema", version=version, most=SCHEMA_VERSION))])
-    return data
+    return translated(data)
 
 
 def read_actuator(path: str | Path) -> Actuator:
@@ -78,15 +78,11 @@ def actuator_from_toml(text: str, source: str = "actuator file", directory: Path
 
 def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | None = None) -> Actuator:
     """Build an actuator from a file's tables, whatever its ``[sweep.parameters]`` change."""
-    problems: list[str] = []
+    data, problems = translated(data), list[str]()
     read_design(data, problems)
     header: FileEntry | None = read_table(FileEntry, data, "", problems)
-    tables, of_body, given = data, table_at(data, "moving"), data.get("mechanics")
-    if "mass_g" in of_body and isinstance(given, dict):  # the mass stands in [moving], as in schema 1
-        tables = {**data, "mechanics": {"mass_g": of_body["mass_g"]} | given}
-    file = Reading(data, {}, problems)
-    _check_schema(file)
-    file.entries.update(entries := read_tables(tables, problems))
+    problems += data.problems
+    file = Reading(data, entries := read_tables(data, problems), problems)
     solver: SolverEntry = entries.get("solver", SolverEntry())
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     drawn = read_drawing(data, entries, directory or Path(), problems)
@@ -105,10 +101,10 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     if outside:
         complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
     read_tolerances(data, problems)
-    reached = [distance for distance in distances if distance > 0.0] if file.is_schema_1 else distances
-    drawn.check(reached, hall_places(data), problems, reference_face=file.is_schema_1)
+    reached = [distance for distance in distances if distance > 0.0] if data.is_schema_1 else distances
+    drawn.check(reached, hall_places(data), problems, reference_face=data.is_schema_1)
     if problems or header is None or mechanics is None:
-        raise ActuatorFileError(source, problems)
+        raise ActuatorFileError(source, [in_file(data, problem) for problem in problems])
     return Actuator(
         name=header.name,
         description=header.description,
@@ -129,25 +125,6 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     )
 
 
-def _check_schema(file: Reading) -> None:
-    """Report tables that this schema does not have, and those that it must have."""
-    data, moving = file.data, table_at(file.data, "moving")
-    if "mechanics" not in data and "mass_g" not in moving and ("moving" in data or not file.is_schema_1):
-        file.complain("no_mass", "moving" if "moving" in data else "mechanics")
-    if file.is_schema_1:
-        for key in (key for key in ("fixed", "coils", "circuits", "mechanics", "sensors") if key in data):
-            file.complain("schema_2", key)
-        needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
-        for key in (key for key in needed if key not in data):
-            file.complain("missing", key, remedy=f"Give {needed[key]}.")
-        return
-    twice = {"fixed_twice": ("fixed", "electromagnet"), "coils_twice": ("coil", "coils")}
-    for code in (code for code, keys in twice.items() if data.keys() >= {*keys}):
-        file.complain(code)
-    if "mass_g" in moving and "mass_g" in table_at(data, "mechanics"):
-        file.complain("mass_twice")
-
-
 def _regions(drawn: Drawing, *, moves: bool) -> tuple[Region, ...]:
     parts = [part for part in drawn.of(moves=moves) if not part.winding]
     return tuple(
@@ -160,6 +137,34 @@ def starter_text(name: str, title: str | None = None) -> str:
     """The actuator file of a drawing, under a name of its own where one is given that is fit for a name."""
     text = files("femfit.device").joinpath(f"examples/{name}.toml").read_text(encoding="utf-8")
     return text if not re.match(NAME_PATTERN, title or "") else text.replace(f'name = "{name}"', f'name = "{title}"', 1)
+
+
+def json_schema() -> dict[str, Any]:
+    """That of a file, under its older names, too."""
+    schema = _of_table(FileEntry)
+    for older, today in OLDER.items():
+        (*above, name), described, holder = older.split("."), schema, schema
+        for key in today.split("."):
+            described = described.get("properties", {}).get(key) or described["additionalProperties"]
+        for key in above:
+            holder = holder["properties"][key]
+        holder["properties"][name] = described
+    return schema
+
+
+def _of_table(record: Any) -> dict[str, Any]:
+    properties = {}
+    for name, key in keys_of(record).items():
+        ways = [_of_table(each) for each in key.records if not each.any_keys]
+        ways += [] if ways else [_of_table(key.form) if key.form else adapter(key).json_schema()]
+        # Of a circuit's currents there is a table by their names, too
+        ways += [{**_of_table(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
+        form = ways[0] if len(ways) == 1 else {"anyOf": ways}
+        usual = {} if key.usual is None else {"default": key.usual}
+        properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
+        properties[name] = {**properties[name], "description": key.remedy, **usual}
+    needed = [name for name, key in keys_of(record).items() if key.required]
+    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
 
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
@@ -180,12 +185,6 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "coils": [{"name": coil.name, "turns": coil.turns, "moves": coil.moves} for coil in actuator.coils],
         "kind": {**kind, "coil": bool(actuator.coils), "saturates": actuator.saturates},
     }
-
-
-def remarks(actuator: Actuator) -> list[str]:
-    """What was left out of a drawing's materials."""
-    curves = [region.material for region in actuator.regions if isinstance(region.material, NonlinearMaterial)]
-    return sorted({f"Material {curve.name}: {curve.remark}." for curve in curves if curve.remark})
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:

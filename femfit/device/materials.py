@@ -25,9 +25,9 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.numerics import MU_0, FloatArray
-from femfit.device.complaints import meant_by, read_table
+from femfit.device.complaints import complain, meant_by, read_table
 from femfit.device.keys import converted, keys_of
-from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
+from femfit.device.parts import CURVE_KEYS, LinearMaterial, Material, NonlinearMaterial
 
 TAIL = 0.2
 """Length, relative to the last B, over which dH/dB rises to nu_0. The polarisation still gained there is at most a
@@ -79,7 +79,6 @@ def _slopes(b: FloatArray, h: FloatArray) -> FloatArray:
     return slopes
 
 
-HEADER = ("B_T", "H_A_per_m")
 MIN_POINTS, MAX_POINTS = 3, 1000
 MAX_FLUX_DENSITY = 5.0
 """In T; beyond what any magnet reaches, so that a larger value is one in kG, G or mT."""
@@ -97,31 +96,30 @@ is often tabulated in its place, rises with less and less there."""
 Points = tuple[tuple[float, ...], tuple[float, ...]]
 
 
-def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
+def read_bh_csv(file: Path, path: str, problems: list[str]) -> Points | None:
     """Read B and H from a CSV file with the header ``B_T,H_A_per_m``; lines that begin with # are comments.
 
-    Gives (B, H), or None and what keeps the file from being read, each beginning with a verb.
+    None if it cannot be read, which is reported under a key path.
     """
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        words = f"must name a steel of the library or an existing file; {file} does not exist."
-        return None, [f"{words} A path is relative to the actuator file."]
     except (OSError, UnicodeDecodeError) as error:
-        return None, [f"must name a readable text file; {file} is not: {error}."]
+        code = "curve_absent" if isinstance(error, FileNotFoundError) else "curve_unreadable"
+        complain(problems, code, path, file=file, error=error)
+        return None
     rows = [(n, row) for n, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
     names = [name.strip() for name in rows[0][1]] if rows else []
-    if not set(HEADER) <= set(names):
-        return None, [f"must have the columns {','.join(HEADER)}; {file.name} begins with {','.join(names)[:60]!r}."]
-    columns, values, problems = [names.index(name) for name in HEADER], list[list[float]](), list[str]()
+    if not set(CURVE_KEYS) <= set(names):
+        complain(problems, "curve_columns", path, columns=",".join(CURVE_KEYS), file=file, given=",".join(names)[:60])
+        return None
+    columns, values, wrong = [names.index(name) for name in CURVE_KEYS], list[list[float]](), list[str]()
     for number, row in rows[1:]:
         try:
             values.append([float(row[column]) for column in columns])
         except (ValueError, IndexError):
-            problems.append(f"must hold two numbers a line; line {number} of {file.name} is {','.join(row)[:60]!r}.")
-    if problems:
-        return None, problems[:5]
-    return (tuple(b for b, _ in values), tuple(h for _, h in values)), []
+            complain(wrong, "curve_line", path, number=number, file=file, given=",".join(row)[:60])
+    problems += wrong[:5]
+    return None if wrong else (tuple(b for b, _ in values), tuple(h for _, h in values))
 
 
 def without_flat_end(b: Sequence[float], h: Sequence[float], least: float = LITTLE_BELOW) -> tuple[Points, str]:
@@ -147,39 +145,32 @@ def without_flat_end(b: Sequence[float], h: Sequence[float], least: float = LITT
     )
 
 
-def curve_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
-    """What is wrong with the points of a curve: sentences without a subject, none if the curve is usable."""
+def check_curve(b: Sequence[float], h: Sequence[float], path: str, problems: list[str]) -> None:
+    """Report under a key path what is wrong with the points of a curve."""
+    points = list(zip(b, h, strict=False))
     if len(b) != len(h):
-        return [f"must have as many B_T as H_A_per_m; it has {len(b)} and {len(h)}. Give them in pairs."]
-    if not MIN_POINTS <= len(b) <= MAX_POINTS:
-        return [f"must have {MIN_POINTS} to {MAX_POINTS} points; it has {len(b)}. Give more or fewer of them."]
-    if not all(abs(value) < 1e12 for value in (*b, *h)):  # false for NaN, too
-        return ["must hold finite numbers. Correct or remove the others."]
-    if (b[0], h[0]) != (0.0, 0.0):
-        return [f"must start at B = 0, H = 0; it starts at {b[0]:g}, {h[0]:g}. Give the initial or mean curve from 0."]
-    problems = []
-    for name, values in zip(HEADER, (b, h), strict=True):
-        places = [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
-        if places:
-            problems.append(f"must have strictly ascending {name}; it has {'; '.join(places[:3])}. Correct the table.")
-    if problems:
-        return problems
-    if b[-1] > MAX_FLUX_DENSITY:
-        problems.append(f"must have B in tesla up to {MAX_FLUX_DENSITY:g}; it goes up to {b[-1]:g}. 1 T is 10 kG.")
-    steepest = max(right / field for right, field in zip(b[1:], h[1:], strict=True)) / MU_0
-    if steepest > MAX_RELATIVE_PERMEABILITY:
-        problems.append(
-            f"must have H in A/m; its relative permeability would reach {steepest:.3g}. 1 Oe is 79.577 A/m."
-        )
-    for (b0, h0), (b1, h1) in pairwise(zip(b, h, strict=True)):
-        slope = (b1 - b0) / (h1 - h0) / MU_0
-        if slope < 1.0 - SLOPE_TOLERANCE:
-            problems.append(
-                f"must rise at least with mu_0; from {b0:g} to {b1:g} T it rises with {slope:.3g} mu_0. H must be the "
-                "field in A/m and B the whole flux density, not the polarisation."
-            )
-            break
-    return problems
+        complain(problems, "curve_lengths", path, first=len(b), second=len(h))
+    elif not MIN_POINTS <= len(b) <= MAX_POINTS:
+        complain(problems, "curve_points", path, least=MIN_POINTS, most=MAX_POINTS, count=len(b))
+    elif not all(abs(value) < 1e12 for value in (*b, *h)):  # false for NaN, too
+        complain(problems, "curve_numbers", path)
+    elif points[0] != (0.0, 0.0):
+        complain(problems, "curve_start", path, b=b[0], h=h[0])
+    elif any(right <= left for values in (b, h) for left, right in pairwise(values)):
+        for name, values in zip(CURVE_KEYS, (b, h), strict=True):
+            falls = [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
+            if falls:
+                complain(problems, "curve_falls", path, name=name, places="; ".join(falls[:3]))
+    else:
+        if b[-1] > MAX_FLUX_DENSITY:
+            complain(problems, "curve_tesla", path, most=MAX_FLUX_DENSITY, last=b[-1])
+        steepest = max(right / field for right, field in points[1:]) / MU_0
+        if steepest > MAX_RELATIVE_PERMEABILITY:
+            complain(problems, "curve_steep", path, steepest=steepest)
+        rises = ((b0, b1, (b1 - b0) / (h1 - h0) / MU_0) for (b0, h0), (b1, h1) in pairwise(points))
+        start, end, slope = next((rise for rise in rises if rise[2] < 1.0 - SLOPE_TOLERANCE), (0.0, 0.0, 1.0))
+        if start < end:
+            complain(problems, "curve_flat", path, start=start, end=end, slope=slope)
 
 
 KINDS = (LinearMaterial, NonlinearMaterial)
@@ -209,9 +200,8 @@ def _library() -> dict[str, LibraryMaterial]:
     for name, own in tables.items():
         table = tables.get(own.pop("like", ""), {}) | own
         reference, curve = table.pop("reference"), table.pop("bh_curve", None)
-        points, wrong = (None, []) if curve is None else read_bh_csv(Path(__file__).parent / curve)
-        table |= {} if points is None else dict(zip(("B_T", "H_A_per_m"), map(list, points), strict=True))
-        problems += wrong
+        points = None if curve is None else read_bh_csv(Path(__file__).parent / curve, name, problems)
+        table |= {} if points is None else dict(zip(CURVE_KEYS, map(list, points), strict=True))
         library[name] = LibraryMaterial(read_table(meant_by(table, KINDS), table, name, problems, name=name), reference)
     if problems:
         raise ActuatorFileError("materials.toml", problems)

@@ -5,7 +5,7 @@ Forces here are positive along growing distance, as gravity is on a body that ha
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -78,7 +78,8 @@ class Mechanics(Record, kw_only=False):
     beside = (_Drawn,)
 
     mass_kg: float = key("the mass of the whole moving body in grams", ge=1e-6, le=1e9)
-    gravity_m_s2: float = GRAVITY  # Along growing distance: negative where the body stands on the fixed part's side
+    # Along growing distance: negative where the body stands on the fixed part's side
+    gravity_m_s2: float = field(default=GRAVITY, metadata={"always": True})
     springs: tuple[Spring | ForceTable, ...] = key("each spring as a table [mechanics.springs.NAME]", (), any_name=True)
     viscous_N_s_per_m: float = key("the viscous friction in N s/m", 0.0, ge=0, le=1e9)
     coulomb_N: float = key("the dry friction in N, the same sliding and sticking", 0.0, ge=0, le=1e6)

@@ -20,9 +20,9 @@ import numpy as np
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
 from femfit.device import schema
-from femfit.device.complaints import Place, complain, joined, read_part, read_table, read_value, refuse_name, table_at
+from femfit.device.complaints import complain, in_file, joined, read_part, read_table, read_value, refuse_name, table_at
 from femfit.device.drawing import part_tables
-from femfit.device.keys import UNITS, Given, Key, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.keys import UNITS, Given, Key, Place, decimal_sum, keys_of, scaled, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.tolerances import nearest, numbers_of, with_value
 
@@ -81,10 +81,11 @@ class ParameterDesign:
     points: Points  # One a variant, one value a parameter, in the file's units or a material's name
     places: Mapping[str, Place]  # Of what a parameter can set, by key path
 
-    def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
+    def variant(self, data: schema.DrawnTables, point: tuple[Value, ...]) -> schema.DrawnTables:
         """The file of a variant, without ``[sweep.parameters]``."""
-        tables = deepcopy(dict(data))
-        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in ("current_A", "distance_mm")}
+        tables = deepcopy(data)
+        axes = keys_of(schema.SweepEntry)
+        tables["sweep"] = {key: value for key, value in tables["sweep"].items() if axes[key].stepped}
         for parameter, value in zip(self.parameters, point, strict=True):
             for key in parameter.keys:
                 number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
@@ -103,8 +104,9 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     entry = read_part(schema.SweepEntry, data.get("sweep"), "parameters", "design", "samples", "seed")
     if entry is None or not entry.parameters:
         return None
-    materials = [(*part.place, "material") for part in part_tables(data) if not part.winding]
-    count, places = len(problems), numbers_of(data) | {joined("", *place): place for place in materials}
+    parts = [part for part in part_tables(data) if not part.winding]
+    materials = {in_file(data, f"{part.path}.material"): (*part.place, "material") for part in parts}
+    count, places = len(problems), numbers_of(data) | materials
     known = tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
     read = [_parameter(name, table, places, known, problems) for name, table in _flat(entry.parameters).items()]
     parameters = tuple(parameter for parameter in read if parameter is not None)
@@ -152,9 +154,7 @@ def _parameter(
         complain(problems, "keys_mixed", path)
         return None
     place = f"{path}.values" if named else path
-    values = (
-        _names(entry.values, place, known, problems) if any(materials) else _values(entry.values, place, name, problems)
-    )
+    values = _values(entry.values, place, name, known if any(materials) else (), problems)
     if not values or len(keys) < len(read):
         return None
     if len(units) > 1:
@@ -178,25 +178,19 @@ def _following(value: object, path: str, places: Mapping[str, Place], problems: 
     return entry
 
 
-def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
-    if isinstance(value, dict) and value.keys() & {"min", "max"}:
+def _values(value: object, path: str, name: str, materials: Sequence[str], problems: list[str]) -> Values | None:
+    """Numbers, or names of these materials where there are any."""
+    if not materials and isinstance(value, dict) and value.keys() & {"min", "max"}:
         return read_table(schema.SampledEntry, value, path, problems)
-    if isinstance(value, list | dict):
-        return read_value(NUMBERS, value, path, problems)
-    complain(problems, "no_values", path, given=str(value)[:60], name=name[:60])
-    return None
-
-
-def _names(value: object, path: str, known: Sequence[str], problems: list[str]) -> Sequence[str] | None:
-    if not isinstance(value, list):
-        complain(problems, "no_names", path, given=str(value)[:60], first=known[0], last=known[-1])
+    if not isinstance(value, list if materials else list | dict):
+        facts = {"first": materials[0], "last": materials[-1]} if materials else {"name": name[:60]}
+        complain(problems, "no_names" if materials else "no_values", path, given=str(value)[:60], **facts)
         return None
-    names: list[str] = read_value(NAMES, value, path, problems) or []
-    wrong = next((name for name in names if name not in known), None)
-    if wrong is None:
-        return names
-    refuse_name(problems, "wrong_name", path, wrong, known)
-    return None
+    values: Sequence[Any] = read_value(NAMES if materials else NUMBERS, value, path, problems) or []
+    wrong = next((each for each in values if materials and each not in materials), None)
+    if wrong is not None:
+        refuse_name(problems, "wrong_name", path, wrong, materials)
+    return values if wrong is None else None
 
 
 def _points(entry: Given, parameters: tuple[SweptParameter, ...], problems: list[str]) -> Points:

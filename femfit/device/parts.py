@@ -14,10 +14,9 @@ from typing import Any
 
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, MU_0, FloatArray
-from femfit.core.results import Plotted
-from femfit.core.text import amount, amount_range
+from femfit.core.results import Plotted, Words
 from femfit.device.electrics import AnySensor, Circuit, HallElement
-from femfit.device.keys import Given, Record, in_si, key
+from femfit.device.keys import Given, Record, in_si, key, keys_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.thermal import STILL_AIR, UNKNOWN, Surroundings, ThermalMaterial
 
@@ -112,7 +111,7 @@ class NonlinearMaterial(Conductor, kw_only=False):
     @classmethod
     def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
         """The points of its one curve, none where a file has them, and what is said of its heat."""
-        missing = {"B_T", "H_A_per_m"} - given.stated
+        missing = {*CURVE_KEYS} - given.stated
         for name in sorted(missing) if given.bh_curve is None else ():
             complain("curve_missing", name=name)
         if given.bh_curve is not None and len(missing) < 2:
@@ -132,6 +131,9 @@ class NonlinearMaterial(Conductor, kw_only=False):
 
 
 Material = LinearMaterial | NonlinearMaterial
+
+CURVE_KEYS = tuple(name for name, declared in keys_of(NonlinearMaterial).items() if declared.kind.startswith("curve_"))
+"""Of a magnetisation curve's points, in a drawing as in a table."""
 
 AIR = LinearMaterial("air")
 
@@ -279,28 +281,10 @@ class Actuator(Plotted):
         return tuple(dict.fromkeys(pair for pair in limits if isfinite(pair[1] - pair[0])))
 
     def __str__(self) -> str:
-        sweep = self.sweep
-        supplies = [f"{low:g} to {high:g} V" for low, high in self.supplies_V]
-        currents, distances = (
-            f"{len(values)} {name} {amount_range(min(values), max(values), unit, 3)}"
-            for values, name, unit in ((sweep.currents_A, "currents", "A"), (sweep.distances_m, "distances", "m"))
-        )
-        lines = [
-            f"{self.name}{': ' * bool(self.description)}{self.description}",
-            *(
-                f"{body}: {', '.join(f'{r.name} ({r.material.name})' for r in regions) or 'windings alone'}"
-                for body, regions in (("fixed", self.fixed), ("moving", self.moving.regions))
-            ),
-            f"moving mass {amount(self.mechanics.mass_kg, 'kg', 3)}",
-            *(
-                f"{coil.name} of {coil.turns:g} turns, {amount(coil.resistance_ohm, 'ohm', 3)}{', moving' * coil.moves}"
-                for coil in self.coils
-            ),
-            f"supply {', '.join(supplies)}" if supplies else "no supply",
-            f"sensors: {', '.join(f'{sensor.name} ({sensor.kind})' for sensor in self.sensors) or 'none'}",
-            f"sweep: {currents}, {distances}",
-        ]
-        return "\n".join(lines)
+        return sentence("actuator", "actuator", self)
+
+
+sentence = Words("femfit.device", names={}).sentence
 
 
 def copper_growth(celsius: FloatArray | float) -> FloatArray | float:

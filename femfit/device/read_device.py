@@ -10,11 +10,11 @@ from typing import Any
 from femfit.device.complaints import complain, given_by, joined, read_part, read_value, refuse_name, table_at
 from femfit.device.drawing import Drawing, part_tables
 from femfit.device.electrics import AnySensor, Circuit, CurrentSensor, Drive, HallElement, PickupCoil
-from femfit.device.keys import Given, OutlineEntry, converted, keys_of, scaled
+from femfit.device.keys import Given, OutlineEntry, converted, keys_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import flattened, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, Coil, smallest_winding_area, wire_resistance
-from femfit.device.schema import CircuitEntry, CoilEntry, RangeEntry, SupplyEntry, SweepEntry
+from femfit.device.schema import CircuitEntry, CoilEntry, DrawnTables, RangeEntry, SupplyEntry, SweepEntry
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
@@ -24,18 +24,13 @@ MIN_DISTANCE = 1e-3
 class Reading:
     """A file that is read."""
 
-    data: Mapping[str, Any]
+    data: DrawnTables
     entries: dict[str, Any]  # Records of its tables by key path, without those in which anything is wrong
     problems: list[str]
 
     def complain(self, code: str, path: str = "", /, **facts: Any) -> None:
         """Report a mistake."""
         complain(self.problems, code, path, **facts)
-
-    @property
-    def is_schema_1(self) -> bool:
-        """Whether the file is of schema 1: one coil, faces at z = 0, distances above zero."""
-        return bool(self.data.get("schema") == 1)
 
 
 def read_coils(file: Reading, drawing: Drawing) -> Iterator[Coil]:
@@ -136,11 +131,10 @@ def _check_ascent(file: Reading, path: str, **limits: float | None) -> None:
 
 
 def read_mechanics(file: Reading) -> Mechanics | None:
-    """The mechanics, of which schema 1 has the mass alone; None if something is wrong."""
+    """The mechanics with its springs and stops; None if something is wrong."""
     entries, mechanics = file.entries, file.entries.get("mechanics")
     if mechanics is None:
-        mass = entries["moving"].mass_g if "moving" in entries and "mechanics" not in file.data else None
-        return None if mass is None else Mechanics(scaled(mass))
+        return None
     places = [joined("mechanics.springs", name) for name in table_at(file.data, "mechanics", "springs")]
     stops = {key: entries[f"mechanics.{key}"] for key in ("near_stop", "far_stop") if f"mechanics.{key}" in entries}
     whole: Mechanics = replace(mechanics, springs=tuple(entries[each] for each in places if each in entries), **stops)
@@ -150,27 +144,18 @@ def read_mechanics(file: Reading) -> Mechanics | None:
     return whole
 
 
-def sensor_tables(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Table of each sensor by its path, ``[hall]`` first."""
-    sensors = {joined("sensors", name): table for name, table in table_at(data, "sensors").items()}
-    return ({"hall": data["hall"]} if "hall" in data else {}) | sensors
-
-
 def hall_places(data: Mapping[str, Any]) -> dict[str, Given]:
     """Place in the drawing of each Hall element whose place is right, by its path, whatever else of it is wrong."""
-    places = {}
-    for path, table in sensor_tables(data).items():
-        element = read_part(HallElement, table, "r_mm", "z_mm")
-        if element is not None and (path == "hall" or table.get("kind") == "hall"):
-            places[path] = element
-    return places
+    tables = {joined("sensors", name): table for name, table in table_at(data, "sensors").items()}
+    halls = {path: table for path, table in tables.items() if isinstance(table, dict) and table.get("kind") == "hall"}
+    places = {path: read_part(HallElement, table, "r_mm", "z_mm") for path, table in halls.items()}
+    return {path: place for path, place in places.items() if place is not None}
 
 
 def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
-    """All sensors in the file's order, ``[hall]`` first, with what they are placed on: a winding, or a circuit."""
-    if "hall" in file.data and "hall" in table_at(file.data, "sensors"):
-        file.complain("sensor_twice", name="hall")
-    for path, table in sensor_tables(file.data).items():
+    """All sensors in the file's order, with what they are placed on: a winding, or a circuit."""
+    for name, table in table_at(file.data, "sensors").items():
+        path = joined("sensors", name)
         sensor: AnySensor | None = file.entries.get(path)
         if isinstance(sensor, PickupCoil):
             drawn = outline(read_part(OutlineEntry, table), path, file.problems)
@@ -207,7 +192,7 @@ def read_axes(file: Reading, circuits: Sequence[str]) -> tuple[list[tuple[float,
             file.complain("each_current", known=", ".join(circuits), first=circuits[0], second=circuits[1])
         axes = [tuple(given.current_A or ())]
     distances_mm = () if "distance_mm" in given.wrong else tuple(given.distance_mm)
-    if distances_mm and distances_mm[0] < MIN_DISTANCE and file.is_schema_1:
+    if distances_mm and distances_mm[0] < MIN_DISTANCE and file.data.is_schema_1:
         file.complain("no_gap", start=distances_mm[0], least=MIN_DISTANCE)
     return axes, distances_mm
 

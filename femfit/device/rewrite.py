@@ -5,7 +5,7 @@ Each variant of a parameter sweep is a file of its own, checked as such.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,14 @@ import tomlkit
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import joined
+from femfit.device.complaints import MistakeError, joined, place_in_file, table_at
+from femfit.device.drawing import materials_used
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import decimal_sum
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parameters import Value, read_design
-from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
+from femfit.device.parts import CURVE_KEYS, Actuator, NonlinearMaterial, SweepAxes
 from femfit.device.tolerances import numbers_of, value_at, with_value
 
 _DIGITS = 9
@@ -49,9 +50,9 @@ def rewritten(
         if key.kind.startswith("curve_"):
             _scale_curve(tables, key.key, value, actuator_from_tables(drawn, source, directory))
         elif key.unit:
-            for path in key.paths:
-                before = value_at(drawn, locations[path])
-                with_value(tables, locations[path], decimal_sum(decimal_sum(before, -1.0, key.value), 1.0, value))
+            for location in map(locations.__getitem__, key.paths):
+                offset = decimal_sum(value_at(drawn, location), -1.0, key.value)
+                with_value(tables, place_in_file(drawn, location), decimal_sum(offset, 1.0, value))
         else:
             location = locations[key.key]
             before = value_at(drawn, location)
@@ -59,7 +60,7 @@ def rewritten(
                 before = LIBRARY[str(location[1])].table.get(str(location[-1]), key.value)
             if not math.isclose(abs(before), abs(key.value)):  # of a warm magnet the file has the remanence at 20 degC
                 value = float(f"{abs(before) * value / abs(key.value):.{_DIGITS}g}")  # noqa: PLW2901
-            with_value(tables, location, math.copysign(value, before))
+            with_value(tables, place_in_file(drawn, location), math.copysign(value, before))
     return tomlkit.dumps(tables)
 
 
@@ -67,21 +68,19 @@ def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Act
     """One list of a magnetisation curve times a factor, both lists written where the file has neither."""
     used = (region.material for region in actuator.regions)
     curves = [material for material in used if isinstance(material, NonlinearMaterial)]
-    by_path = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in ("B_T", "H_A_per_m")}
+    by_path = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in CURVE_KEYS}
     curve, key = by_path[path]
-    points = {"B_T": curve.flux_density_T, "H_A_per_m": curve.field_A_per_m}
+    points = dict(zip(CURVE_KEYS, (curve.flux_density_T, curve.field_A_per_m), strict=True))
     points[key] = tuple(float(f"{factor * x:.{_DIGITS}g}") for x in points[key])
-    materials = tables.setdefault("materials", {})
-    if curve.name not in materials:
-        materials[curve.name] = LIBRARY[curve.name].table
-    table = materials[curve.name]
-    table.pop("bh_curve", None)
+    lists = table_at(tables, "materials", curve.name)
     for column, values in points.items():
-        if column not in table:
-            table[column] = list(values)
+        place = "materials", curve.name, column
+        if column not in lists:
+            with_value(tables, place, list(values))
         elif column == key:
-            for place, value in enumerate(values):
-                table[column][place] = value
+            for k, value in enumerate(values):
+                with_value(tables, (*place, k), value)
+    tables["materials"][curve.name].pop("bh_curve", None)
 
 
 @dataclass(frozen=True)
@@ -102,6 +101,15 @@ class VariantSweep:
     # Names of the parameters in the table, each ending in its SI unit; empty without parameters
     columns: tuple[str, ...]
     variants: tuple[Variant, ...]  # In the order of the design; the actuator alone without parameters
+    unused: tuple[str, ...] = ()  # Materials of the file that no region has in any variant
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was left out of the drawing's materials, and which ones are of no use."""
+        used = [region.material for region in self.actuator.regions if isinstance(region.material, NonlinearMaterial)]
+        curves = {f"Material {curve.name}: {curve.remark}." for curve in used if curve.remark}
+        unused = (str(MistakeError("unused", joined("materials", name))) for name in self.unused)
+        return (*sorted(curves), *unused)
 
 
 def read_variants(path: str | Path) -> VariantSweep:
@@ -121,8 +129,10 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
     data = parse(text, source)
     actuator = actuator_from_tables(data, source, directory)
     design = read_design(data, [])
+    swept = {value for point in design.points for value in point} if design else set()
+    unused = tuple(name for name in table_at(data, "materials") if name not in {*materials_used(data), *swept})
     if design is None:
-        return only(actuator)
+        return replace(only(actuator), unused=unused)
     variants = []
     for point in design.points:
         values = tuple(parameter.in_si(value) for parameter, value in zip(design.parameters, point, strict=True))
@@ -135,7 +145,7 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
         raise ActuatorFileError(
             source, [f"sweep.parameters must leave a variant that can be built; the first one: {variants[0].problem}"]
         )
-    return VariantSweep(actuator, tuple(parameter.column for parameter in design.parameters), tuple(variants))
+    return VariantSweep(actuator, tuple(parameter.column for parameter in design.parameters), tuple(variants), unused)
 
 
 def only(actuator: Actuator) -> VariantSweep:

@@ -7,10 +7,10 @@ Those that are parts of the device as they stand are read straight into their re
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from femfit.device.electrics import TURNS, AnySensor, Drive, HallElement
-from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key
+from femfit.device.electrics import DIODE, TURNS, AnySensor, Drive
+from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key, kind_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.thermal import Surroundings
@@ -71,7 +71,7 @@ NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]*$"
 MAX_NAME = 64
 PARAMETER: dict[str, Any] = {"ge": -1e9, "le": 1e9}
 AXIS: dict[str, Any] = {"count": ((1, MAX_AXIS_POINTS),), "ascending": True, "stepped": RangeEntry, **LENGTH}
-BODIES = ("electromagnet", "fixed", "moving")
+BODIES = ("fixed", "moving")
 
 
 class RegionEntry(Record):
@@ -89,7 +89,7 @@ class RegionEntry(Record):
 
 
 class FixedEntry(Record):
-    """``[fixed]``, or ``[electromagnet]`` of schema 1."""
+    """``[fixed]``."""
 
     regions: tuple[RegionEntry, ...] = key("each fixed part as a table [fixed.regions.NAME]", ())
 
@@ -97,14 +97,11 @@ class FixedEntry(Record):
 class MovingEntry(Record):
     """``[moving]``."""
 
-    mass_g: float | None = key(
-        "the mass of the whole moving body as mechanics.mass_g", None, ge=1e-6, le=1e9, older=True
-    )
     regions: tuple[RegionEntry, ...] = key("each magnetic part of the body as [moving.regions.NAME]", ())
 
 
 class CoilEntry(Record):
-    """``[coils.NAME]``, or ``[coil]`` of schema 1."""
+    """``[coils.NAME]``."""
 
     beside = (OutlineEntry,)
 
@@ -114,11 +111,6 @@ class CoilEntry(Record):
         "the resistance in ohm, or leave it to the wire", None, ge=1e-9, le=1e9, kind="resistance"
     )
     temperature_C: float = key("the winding's temperature for the resistance from the wire", 20.0, ge=-200, le=500)
-
-
-class WindingEntry(CoilEntry):
-    """``[coils.NAME]``."""
-
     moves: bool = key("true for a coil that belongs to the moving part", False)
 
 
@@ -142,7 +134,7 @@ class SupplyEntry(Record):
     sample_time_s: float | None = key(
         "the controller's period in ms, or leave it out to have it from L/R", None, ge=1e-6, le=1e6
     )
-    diode_V: float | None = key("the forward voltage of the freewheel diode of a one-sided driver", None, ge=0, le=100)
+    diode_V: float | None = key(**DIODE)
 
 
 class SomeSensor(Record):
@@ -150,7 +142,7 @@ class SomeSensor(Record):
 
     any_keys = True
 
-    kind: Literal["hall", "current", "position", "pickup_coil", "acceleration", "force"] = key("one of them")
+    kind: Literal[*map(kind_of, get_args(AnySensor))] = key("one of them")  # type: ignore[valid-type]
 
 
 class SweepEntry(Record):
@@ -262,22 +254,31 @@ class FileEntry(Record):
         "each material as a table [materials.NAME]", (), any_name=True
     )
     fixed: FixedEntry | None = key("fixed parts as [fixed.regions.NAME]", None)
-    electromagnet: FixedEntry | None = key("fixed parts as [fixed.regions.NAME]", None, older=True)
     moving: MovingEntry | None = key("each magnetic part of the body as [moving.regions.NAME]", None)
-    coils: tuple[WindingEntry, ...] = key("each winding as a table [coils.NAME]", ())
-    coil: CoilEntry | None = key("the winding as a table [coils.NAME]", None, older=True)
+    coils: tuple[CoilEntry, ...] = key("each winding as a table [coils.NAME]", ())
     circuits: tuple[CircuitEntry, ...] = key("each circuit as [circuits.NAME]; without, one a coil", ())
     mechanics: Mechanics | None = key("mass, springs, friction and stops as [mechanics]", None)
     sensors: tuple[AnySensor | SomeSensor, ...] = key("each sensor as a table [sensors.NAME] with its kind", ())
-    hall: HallElement | None = key("the Hall element as a table [sensors.NAME]", None, older=True)
     supply: SupplyEntry | None = key("the driver as a table [supply]", None)
     sweep: Mapping[str, Any] = key("the grid as a table [sweep] with current_A and distance_mm", form=SweepEntry)
-    solver: SolverEntry | None = key("[solver] tolerance, or leave it out", None)
-    thermal: Surroundings | None = key("what temperatures depend on as a table [thermal]", None)
-    reference: ReferenceEntry | None = key("[reference] distance_mm, or leave it out", None)
+    solver: SolverEntry | None = key("[solver] tolerance, or leave it out", None, of_device=False)
+    thermal: Surroundings | None = key("what temperatures depend on as a table [thermal]", None, of_device=False)
+    reference: ReferenceEntry | None = key("[reference] distance_mm, or leave it out", None, of_device=False)
     tolerances: Mapping[str, Any] = key(
         "standard deviations of this file's numbers by their key paths as [tolerances]",
         None,
         usual={},
         form=ToleranceEntry,
     )
+
+
+OLDER = {"electromagnet": "fixed", "coil": "coils.coil", "hall": "sensors.hall", "moving.mass_g": "mechanics.mass_g"}
+"""Today's key path of each older one."""
+
+
+class DrawnTables(dict[str, Any]):
+    """The tables of a file by today's names."""
+
+    is_schema_1: bool
+    older: dict[str, str]  # Key paths that the file has, by today's where these are others
+    problems: list[str]  # What is wrong with its names

@@ -9,11 +9,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.device.complaints import Place, complain, joined, read_table, table_at, tables_of
+from femfit.device.complaints import complain, in_file, joined, read_table, table_at, tables_of
 from femfit.device.drawing import materials_used
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
-from femfit.device.keys import keys_of
+from femfit.device.keys import Place, keys_of
 from femfit.device.materials import LIBRARY
+from femfit.device.parts import CURVE_KEYS, LinearMaterial
 from femfit.device.schema import ToleranceEntry
 from femfit.device.thermal import ThermalMaterial
 
@@ -60,11 +61,11 @@ LARGEST = 1e5
 """No number of a drawing has a larger standard deviation."""
 
 
-WITHOUT_FIELD = {"conductivity_MS_per_m", "lamination_mm", *keys_of(ThermalMaterial)}
+WITHOUT_FIELD = {
+    *keys_of(ThermalMaterial),
+    *(name for name, key in keys_of(LinearMaterial).items() if key.kind and not KINDS[key.kind].at_rest),
+}
 """Keys of materials on which no field at rest depends."""
-
-NOT_OF_THE_DEVICE = ("schema", "sweep", "solver", "thermal", "reference", "tolerances")
-"""Tables whose numbers can neither be swept nor be off: they say how it is solved, heated or used, not what it is."""
 
 
 def numbers_of(data: Mapping[str, Any]) -> dict[str, Place]:
@@ -76,13 +77,14 @@ def numbers_of(data: Mapping[str, Any]) -> dict[str, Place]:
         Locations by key path; also optional numbers that the file leaves out, and those of library materials in use.
     """
     library = sorted((materials_used(data) - table_at(data, "materials").keys()) & LIBRARY.keys())
-    unwritten = [(("materials", name), type(LIBRARY[name].material), dict[str, Any](), None) for name in library]
+    written = [(place, record, table) for place, record, table, key in tables_of(data) if key.of_device]
+    unwritten = [(("materials", name), type(LIBRARY[name].material), dict[str, Any]()) for name in library]
     locations: list[Place] = []
-    for place, record, table, _ in (*tables_of(data), *unwritten):
-        if place[0] not in NOT_OF_THE_DEVICE and isinstance(table, dict):
+    for place, record, table in (*written, *unwritten):
+        if isinstance(table, dict):
             for name, key in keys_of(record).items():
                 locations += [(*place, name)] if key.is_number else _in_list(table.get(name), (*place, name))
-    return {joined("", *location): location for location in locations}
+    return {in_file(data, joined("", *location)): location for location in locations}
 
 
 def _in_list(value: object, place: Place) -> Iterator[Place]:
@@ -103,8 +105,8 @@ def value_at(data: Mapping[str, Any], location: Place) -> Any:
     return place
 
 
-def with_value(data: dict[str, Any], location: Place, value: float | str) -> None:
-    """Set a number of a file, or the name of a material, in place."""
+def with_value(data: dict[str, Any], location: Place, value: float | str | list[float]) -> None:
+    """Set a number of a file, a list of them, or the name of a material, in place."""
     first, name = location[:2]
     if first == "materials" and name not in table_at(data, "materials"):
         data.setdefault("materials", {})[name] = LIBRARY[str(name)].table
@@ -126,8 +128,10 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     entries = {key: value for key, value in table.items() if key in keys_of(ToleranceEntry)}
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
     # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
-    curves = {joined("materials", name, key) for name in materials_used(data) for key in ("B_T", "H_A_per_m")}
-    contours = {face.key for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
+    curves = {joined("materials", name, key) for name in materials_used(data) for key in CURVE_KEYS}
+    contours = (
+        {in_file(data, face.key) for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
+    )
     numbers, tolerances = numbers_of(data), {}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
         if not key or key not in {*numbers, *curves, *contours}:

@@ -209,11 +209,8 @@ class HeatNetwork:
 def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     """Build the network of a drawing with the moving part at a distance in m."""
     around, coils = actuator.thermal, actuator.coils
-    fixed, moving = (
-        [region for region in some if region.material.name != "air"]
-        for some in (actuator.fixed, actuator.moving.regions)
-    )
-    regions, moves = (*fixed, *moving), [*(coil.moves for coil in coils), *[False] * len(fixed), *[True] * len(moving)]
+    regions = tuple(region for region in actuator.regions if region.material.name != "air")
+    moves = [*(coil.moves for coil in coils), *(region in actuator.moving.regions for region in regions)]
     if not np.isfinite(distance):
         raise UsageError(f"The distance must be a finite number; it is {distance:g} m. Give where the body is held.")
     outlines = [coil.vertices_m for coil in coils] + [flattened(region.vertices_m, region.bulges) for region in regions]

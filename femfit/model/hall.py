@@ -13,7 +13,7 @@ from casadi import SX
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
-from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PickupCoil, PositionSensor, Sensor
 from femfit.model.bspline import FLAT, LINE, DistanceCoordinate, TensorSpline, nested_shape, spline_at
 from femfit.model.magnetics import OfCurrents, current_of, part_of
 
@@ -119,6 +119,7 @@ class PickupSensor(Sensor, eq=False):
     body by -d lambda/dd for each ampere, and link each circuit by d lambda/di_k: the same function says both.
     """
 
+    COLUMN = PickupCoil.COLUMN
     flux: HallField = limited(metadata={"kinds": (SensedField,)})
     kind: Literal["pickup_coil"] = "pickup_coil"
 

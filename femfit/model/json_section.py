@@ -7,7 +7,8 @@ The metadata of a field are
 ``flat``                      the members of this record stand beside the others
 ``form``                      the record that stands for it in a file, with ``of``, and where it is flat ``value``
 ``kinds``                     the classes of which it is one, told by their ``kind`` or by a key of their own
-``omit``, ``required``        not written where it is as usual; never absent though there is a default
+``omit``, ``always``          not written where it is as usual, as of a record of the drawing; written all the same
+``required``                  never absent though there is a default
 ``positive``, ``lower`` ...   limits of a number, with ``upper`` and ``within``
 ``least``                     least length of a list
 ``degree``                    of clamped knots, the field that has their degree
@@ -19,25 +20,26 @@ A record that has ``faults`` is asked for them: keys, each with what stands ther
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from math import inf
 from types import SimpleNamespace, UnionType
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from femfit.core.errors import ModelFileError
-from femfit.core.files import finite_number
+from femfit.core.files import finite_number, json_ready
 from femfit.core.numerics import FloatArray
-from femfit.device.electrics import Circuit, Drive, Sensor
-from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
+from femfit.device.complaints import joined
+from femfit.device.electrics import Circuit
+from femfit.device.keys import Record, kind_of
 from femfit.model.bspline import is_clamped
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-Record = TypeVar("Record", bound="DataclassInstance")
+Section = TypeVar("Section", bound="DataclassInstance")
 
 _LARGEST = 1e60
 """Derived: products of five such numbers are finite. No quantity of an actuator comes near it."""
@@ -45,17 +47,12 @@ _LARGEST = 1e60
 _SMALLEST = 1 / _LARGEST
 """Derived: one over it is still such a number, and what must be > 0 is divided by."""
 
-_SPARSE = Mechanics, Spring, ForceTable, Stop, Circuit, Drive, Sensor
-"""Of these a file has what is not as usual, and what is in :data:`_ALWAYS`."""
-
-_ALWAYS = ("mass_kg", "gravity_m_s2", "kind", "unit")
-
 
 class _Fault(Exception):  # noqa: N818  read_record makes an error of it
     """Key path, what is needed there, and what stands there."""
 
 
-def read_record(kind: type[Record], data: object, source: str) -> Record:
+def read_record(kind: type[Section], data: object, source: str) -> Section:
     """A record from JSON; a field with a ``form`` that is not flat holds that form.
 
     Raises
@@ -64,7 +61,7 @@ def read_record(kind: type[Record], data: object, source: str) -> Record:
         If a member is missing, unknown or not what is needed.
     """
     try:
-        record: Record = _record(kind, data, "")
+        record: Section = _one_of((kind,), data, "")
     except _Fault as fault:
         raise refusal(source, *fault.args) from None
     return record
@@ -84,59 +81,43 @@ def member_at(data: Any, path: str) -> Any:
     return data
 
 
-def _record(kind: Any, data: Any, path: str) -> Any:
-    """A record of an object, whose keys are all known."""
-    if not isinstance(data, Mapping):
-        raise _Fault(path, "an object", data)
-    for key in data:
-        if key not in _keys(kind):
-            raise _Fault(_below(path, key), "a key that there is: correct its spelling, or update femfit", data[key])
-    return _built(kind, data, path)
-
-
 @cache
-def _keys(kind: Any) -> frozenset[str]:
+def _keys(kind: Any) -> frozenset[str | None]:
     """What may stand in an object."""
-    keys: set[str] = set()
-    for f in fields(kind):
-        if f.metadata.get("flat"):
-            keys |= _keys(f.metadata.get("form", _hints(kind)[f.name]))
-        else:
-            keys.add(_key(f) or "")
-    return frozenset(keys - {""})
+    flat = (_keys(member.facts.get("form", member.hint)) for member in _members(kind) if member.facts.get("flat"))
+    return frozenset().union(*flat, (member.key for member in _members(kind) if not member.facts.get("flat"))) - {None}
 
 
 def _built(kind: Any, data: Mapping[str, Any], path: str) -> Any:
     """A record of an object's members, beside which others may stand."""
     values: dict[str, Any] = {}
-    for f in fields(kind):
-        hint, limits, key = _hints(kind)[f.name], f.metadata, _key(f)
+    for name, key, hint, usual, limits in _members(kind):
         if key is None:
             continue
         if limits.get("flat"):
             inner = _built(limits.get("form", hint), data, path)
-            values[f.name] = inner.value if "form" in limits else inner
+            values[name] = inner.value if "form" in limits else inner
             continue
-        usual, value, place = _usual(f, hint), data.get(key, MISSING), _below(path, key)
-        needed = limits.get("required", False) or usual is MISSING or usual in (inf, -inf)
+        value, place, optional = data.get(key, MISSING), joined(path, key), type(None) in get_args(hint)
+        needed = limits.get("required", False) or (usual is MISSING and not optional) or usual in (inf, -inf)
         if value is MISSING and needed:
             raise _Fault(place, "given")
-        if value is MISSING or (value is None and (not needed or type(None) in get_args(hint))):
-            values[f.name] = None if usual is MISSING else usual
+        if value is MISSING or (value is None and (not needed or optional)):
+            values[name] = None if usual is MISSING else usual
             continue
-        values[f.name] = value = _member(hint, limits, value, place)
-        degree = data.get(_key(kind.__dataclass_fields__[limits["degree"]]) or "") if "degree" in limits else None
+        values[name] = value = _member(hint, limits, value, place)
+        degree = next((data.get(m.key) for m in _members(kind) if m.key and m.name == limits.get("degree")), None)
         if isinstance(degree, int) and not is_clamped(value, degree):
             raise _Fault(place, f"ascending, with {degree + 1} equal knots at both ends and fewer inside", data[key])
         shape = limits["shape"](SimpleNamespace(**values)) if "shape" in limits else ()
         if 0 in shape:
-            values[f.name] = np.zeros(shape)
+            values[name] = np.zeros(shape)
         elif shape and value.shape != shape:
             numbers = " lists of ".join(map(str, shape))
             raise _Fault(place, f"{numbers} numbers, as the knots and names beside it ask for", data[key])
     record = kind(**values)
     for key, needed in getattr(record, "faults", tuple)():
-        raise _Fault(_below(path, key), needed, member_at(data, key))
+        raise _Fault(f"{path}.{key}".removeprefix("."), needed, member_at(data, key))
     return record
 
 
@@ -156,7 +137,9 @@ def _member(hint: Any, limits: Mapping[str, Any], value: Any, path: str) -> Any:
         return _plain(of, limits, value, path)
     if not isinstance(value, Mapping):
         raise _Fault(path, "an object", value)
-    return {key: x if inner[1] is Any else _member(inner[1], {}, x, _below(path, key)) for key, x in value.items()}
+    if inner[1] is Any and value != json_ready(value):
+        raise _Fault(path, "without numbers that are not finite", value)
+    return {key: x if inner[1] is Any else _member(inner[1], {}, x, joined(path, key)) for key, x in value.items()}
 
 
 def _items(hints: tuple[Any, ...], kinds: tuple[Any, ...], least: int, value: Any, path: str) -> Iterator[Any]:
@@ -194,16 +177,19 @@ def _plain(of: Any, limits: Mapping[str, Any], value: Any, path: str) -> Any:
 
 
 def _one_of(kinds: tuple[Any, ...], value: Any, path: str) -> Any:
-    """The record of the class that ``kind`` names, or else of the first that has a key there of its own."""
+    """The record of the class that ``kind`` names, or else of the first that has a key there of its own, all known."""
     if not isinstance(value, Mapping):
         raise _Fault(path, "an object", value)
-    tags = {_tag(kind): kind for kind in kinds if _tag(kind)} if len(kinds) > 1 else {}
+    tags = {kind_of(kind): kind for kind in kinds if kind_of(kind)} if len(kinds) > 1 else {}
     if tags and value.get("kind") not in list(tags):
-        raise _Fault(_below(path, "kind"), " or ".join(tags), value.get("kind", MISSING))
-    if tags:
-        return _record(tags[value["kind"]], value, path)
+        raise _Fault(joined(path, "kind"), " or ".join(tags), value.get("kind", MISSING))
     own = {kind: _keys(kind).difference(*(_keys(each) for each in kinds if each is not kind)) for kind in kinds}
-    return _record(next((each for each in kinds if own[each] & set(value)), kinds[-1]), value, path)
+    kind = next((each for each in kinds if own[each] & set(value)), kinds[-1])
+    kind = tags[value["kind"]] if tags else kind
+    for key in value:
+        if key not in _keys(kind):
+            raise _Fault(joined(path, key), "a key that there is: correct its spelling, or update femfit", value[key])
+    return _built(kind, value, path)
 
 
 def _array(value: Any, path: str, dimensions: Sequence[int]) -> FloatArray:
@@ -218,10 +204,6 @@ def _array(value: Any, path: str, dimensions: Sequence[int]) -> FloatArray:
     return result
 
 
-def _below(path: str, key: str) -> str:
-    return f"{path}.{key}".removeprefix(".")
-
-
 def written(value: Any, *, tagged: bool = False) -> Any:
     """A record as JSON has it, by its fields; ``tagged`` with its kind."""
     if isinstance(value, np.ndarray):
@@ -234,13 +216,12 @@ def written(value: Any, *, tagged: bool = False) -> Any:
 
 
 def _written_members(record: Any, tagged: bool) -> Iterator[tuple[str, Any]]:
-    sparse, kind = isinstance(record, _SPARSE), record.__class__
-    for f in fields(record):
-        value, limits, key = getattr(record, f.name), f.metadata, f.metadata.get("key", f.name)
-        usual = f.default if f.default_factory is MISSING else f.default_factory()
-        spared = limits.get("omit") or (sparse and f.name not in _ALWAYS)
+    kind: Any = type(record)
+    for name, key, _, usual, limits in _members(kind):
+        value = getattr(record, name)
+        spared = limits.get("omit", isinstance(record, Record | Circuit) and name != "kind" and "always" not in limits)
         as_usual = value is usual or (not isinstance(value, np.ndarray) and value == usual)
-        if key is None or (f.name == "kind" and _tag(kind) and not tagged) or (spared and as_usual):
+        if key is None or (name == "kind" and kind_of(kind) and not tagged) or (spared and as_usual):
             continue
         if "form" in limits:
             many = isinstance(value, tuple)
@@ -253,30 +234,26 @@ def _written_members(record: Any, tagged: bool) -> Iterator[tuple[str, Any]]:
             yield key, written(value, tagged="kinds" in limits)
 
 
-def _key(f: Field[Any]) -> str | None:
-    """The name of a field's member; None where there is none."""
-    key: str | None = f.metadata.get("key", f.name)
-    return key
+class _Member(NamedTuple):
+    """What a field says of its member in a file."""
 
-
-def _usual(f: Field[Any], hint: Any) -> Any:
-    """What stands for a member that is not there."""
-    usual = f.default if f.default_factory is MISSING else f.default_factory()
-    return None if usual is MISSING and type(None) in get_args(hint) else usual
+    name: str
+    key: str | None  # None of a field that no file has
+    hint: Any
+    usual: Any
+    facts: Mapping[str, Any]
 
 
 @cache
-def _hints(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
+def _members(kind: Any) -> tuple[_Member, ...]:
+    """Those of a record's fields."""
+    hints = get_type_hints(kind)
+    usual = {f.name: f.default if f.default_factory is MISSING else f.default_factory() for f in fields(kind)}
+    return tuple(
+        _Member(f.name, f.metadata.get("key", f.name), hints[f.name], usual[f.name], f.metadata) for f in fields(kind)
+    )
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
     """The types that a hint allows, none of them None."""
     return tuple(one for one in (get_args(hint) if isinstance(hint, UnionType) else (hint,)) if one is not type(None))
-
-
-@cache
-def _tag(kind: Any) -> str:
-    """The ``kind`` by which a file tells a class from others; empty where it has none."""
-    names = get_args(_hints(kind).get("kind"))
-    return str(names[0]) if len(names) == 1 else ""

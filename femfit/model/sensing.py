@@ -10,6 +10,7 @@ numbers of turns scale what a pickup coil sees as they scale W' (:mod:`femfit.ef
 magnetics are not followed to such a sensor; its value is then refused, and the model without it is as good as before.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -40,33 +41,9 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
     voltage : SX, shape (n,)
         Across the circuits; it reaches pickup coils and acceleration sensors alone.
     """
-    model = equations.model
-    d, v, w, memory = equations.parts(state)
-    conditions = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
-    if isinstance(sensor, CurrentSensor | PositionSensor):
-        currents = ca.vertcat(SX(0, 1), *ca.vertsplit(w)[: len(model.circuits)])
-        distance, currents = recorded_setting(model.effects, d, currents, conditions)
-        if isinstance(sensor, PositionSensor):
-            return characteristic(sensor, distance)
-        return sensor.gain * currents[current_index(model, sensor) - 2] + sensor.offset
-    if isinstance(sensor, HallSensor | ForceSensor):
-        first = w[0] if w.numel() else SX(0.0)
-        if isinstance(sensor, HallSensor):
-            name, value = "hall_V", _hall_voltage(model, d, w, conditions)
-        else:
-            force = -ca.gradient(model.windings.magnetics.with_memory(memory)(d, w), d)
-            name, value = "force_N", with_further_force(model.effects, force, d, first, conditions)
-        return SX(recorded(model.effects, {name: value}, d, first, conditions)[name])
-    if isinstance(sensor, PickupSensor):
-        flux = pickup_flux(model, sensor, state)
-        return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))
-    motion, acceleration = model.require_motion(), equations.rates_at(state, voltage)[1]
-    if motion.near_stop is not None:  # which carries what presses the body to it
-        acceleration = ca.if_else(state[0] <= motion.near_stop.distance_m, ca.fmax(acceleration, 0.0), acceleration)
-    if motion.far_stop is not None:
-        acceleration = ca.if_else(state[0] >= motion.far_stop.distance_m, ca.fmin(acceleration, 0.0), acceleration)
-    weighed = isinstance(sensor, AccelerationSensor) and sensor.reads_gravity
-    return acceleration - motion.gravity_m_s2 if weighed else acceleration
+    _, velocity, _, memory = equations.parts(state)
+    at = replace(equations.conditions(velocity, memory), time_s=time, elapsed=time)
+    return READINGS[type(sensor)](sensor, equations, state, voltage, at)
 
 
 SCALING = ("remanence", "turns")
@@ -135,10 +112,55 @@ def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
     return 2 + names.index(sensor.circuit)
 
 
-def _hall_voltage(model: "ActuatorModel", distance: SX, currents: SX, conditions: Conditions) -> SX:
-    """The Hall element's true output, of the distance and the current that its reading belongs to."""
+def _setting(equations: "Equations", state: SX, at: Conditions) -> tuple[SX, SX]:
+    """Distance and currents as they are recorded."""
+    currents = ca.vertcat(SX(0, 1), *ca.vertsplit(equations.parts(state)[2])[: len(equations.model.circuits)])
+    return recorded_setting(equations.model.effects, state[0], currents, at)
+
+
+def _current(sensor: CurrentSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
+    return sensor.gain * _setting(equations, state, at)[1][current_index(equations.model, sensor) - 2] + sensor.offset
+
+
+def _hall(_sensor: HallSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
+    """The output that belongs to the distance and the current of the reading."""
+    model, (distance, _, currents, _) = equations.model, equations.parts(state)
     sensor, eddy = model.without_effects.require_sensor(), model.eddy
-    then = hall_point(model.effects, distance, currents, conditions)
-    field = model.require_sensor().field.with_memory(conditions.memory)
+    then = hall_point(model.effects, distance, currents, at)
+    field = model.require_sensor().field.with_memory(at.memory)
     value = field(*then) if eddy is None else eddy.field(field, *then)
-    return sensor.quiescent_V + sensor.sensitivity_V_per_T * value
+    output, first = sensor.quiescent_V + sensor.sensitivity_V_per_T * value, currents[0] if currents.numel() else SX(0)
+    return SX(recorded(model.effects, {"hall_V": output}, distance, first, at)["hall_V"])
+
+
+def _force(_sensor: ForceSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
+    model, (distance, _, currents, memory) = equations.model, equations.parts(state)
+    place = distance, currents[0] if currents.numel() else SX(0), at
+    force = -ca.gradient(model.windings.magnetics.with_memory(memory)(distance, currents), distance)
+    force = with_further_force(model.effects, force, *place)
+    return SX(recorded(model.effects, {"force_N": force}, *place)["force_N"])
+
+
+def _pickup(sensor: PickupSensor, equations: "Equations", state: SX, voltage: SX, _at: Conditions) -> SX:
+    flux = pickup_flux(equations.model, sensor, state)
+    return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))
+
+
+def _acceleration(sensor: AccelerationSensor, equations: "Equations", state: SX, voltage: SX, _at: Conditions) -> SX:
+    motion, rate = equations.model.require_motion(), equations.rates_at(state, voltage)[1]
+    if motion.near_stop is not None:  # which carries what presses the body to it
+        rate = ca.if_else(state[0] <= motion.near_stop.distance_m, ca.fmax(rate, 0.0), rate)
+    if motion.far_stop is not None:
+        rate = ca.if_else(state[0] >= motion.far_stop.distance_m, ca.fmin(rate, 0.0), rate)
+    return rate - motion.gravity_m_s2 if sensor.reads_gravity else rate
+
+
+READINGS: dict[type, Callable[..., SX]] = {
+    HallSensor: _hall,
+    CurrentSensor: _current,
+    PositionSensor: lambda sensor, equations, state, _, at: characteristic(sensor, _setting(equations, state, at)[0]),
+    PickupSensor: _pickup,
+    AccelerationSensor: _acceleration,
+    ForceSensor: _force,
+}
+"""What each kind of sensor reads: of the sensor, the equations, their state, the voltage and the conditions."""

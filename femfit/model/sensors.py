@@ -14,6 +14,7 @@ from femfit.core.errors import MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.device.keys import UNITS
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import evaluated
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
@@ -91,17 +92,6 @@ def names_or_kinds(model: ActuatorModel, sensors: Sequence[str]) -> tuple[str, .
     return tuple(dict.fromkeys(names))
 
 
-_UNITS = {"acceleration": "m/s^2", "force": "N", "pickup_coil": "V"}
-
-_COLUMNS = {
-    "position": "position_V",
-    "pickup_coil": "pickup_V",
-    "acceleration": "acceleration_m_s2",
-    "force": "force_N",
-}
-"""Of records; a position in metres is a distance, and a current is named after its circuit."""
-
-
 def reading_of(model: ActuatorModel, name: str) -> Reading:
     """Unit, column, noise, range and timing of a sensor of a model."""
     sensor = sensor_named(model, name)
@@ -110,8 +100,8 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
         return Reading(name, "V", "hall_V", sensor.noise_V, *ends, sensor.adc_bits, *timing)
     low = -np.inf if sensor.minimum is None else sensor.minimum
     high = np.inf if sensor.maximum is None else sensor.maximum
-    kind, unit, _ = quantity = _quantity(model, sensor)
-    column: str | None = "distance_m" if unit == "m" else _COLUMNS.get(kind)
+    _, unit, _ = quantity = _quantity(model, sensor)
+    column: str | None = "distance_m" if unit == "m" else sensor.COLUMN or None
     if [_quantity(model, each) for each in model.other_sensors].count(quantity) > 1:
         column = None  # which several sensors would share
     elif isinstance(sensor, CurrentSensor):
@@ -121,9 +111,9 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
 
 def _quantity(model: ActuatorModel, sensor: OtherSensor) -> tuple[str, str, str]:
     """What a sensor reads, in which unit, and of which of several circuits."""
-    if isinstance(sensor, CurrentSensor):
-        return sensor.kind, "A", sensor.circuit if len(model.circuits) > 1 else ""
-    return sensor.kind, sensor.unit if isinstance(sensor, PositionSensor) else _UNITS[sensor.kind], ""
+    circuit = sensor.circuit if isinstance(sensor, CurrentSensor) and len(model.circuits) > 1 else ""
+    unit = sensor.unit if isinstance(sensor, PositionSensor) else UNITS[sensor.UNIT].printed.replace("²", "^2")
+    return sensor.kind, unit, circuit
 
 
 def unit_in_name(unit: str) -> str:

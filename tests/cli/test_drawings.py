@@ -42,11 +42,19 @@ def test_an_editor_gets_a_schema_that_every_drawing_meets_and_a_wrong_key_does_n
     jsonschema = pytest.importorskip("jsonschema", reason="checks JSON Schema")
     worked("new", "--schema", "-o", tmp_path / "actuator.json")
     validator = jsonschema.Draft202012Validator(json.loads((tmp_path / "actuator.json").read_text(encoding="utf-8")))
-    drawings = [*GEOMETRY.glob("*.toml"), *(GEOMETRY.parent / "docs" / "reference").glob("*.toml")]
-    tables = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in drawings}
+    patterns = (
+        "geometry/*.toml",
+        "docs/reference/*.toml",
+        "femfit/device/examples/*.toml",
+        "tests/device/drawings/r*.toml",
+    )
+    drawings = [path for pattern in patterns for path in sorted(GEOMETRY.parent.glob(pattern))]
+    tables = {str(path): tomllib.loads(path.read_text(encoding="utf-8")) for path in drawings}
+    assert {drawn["schema"] for drawn in tables.values()} == {1, 2}
     assert not [(name, one.message) for name, drawn in tables.items() for one in validator.iter_errors(drawn)]
-    wrong = tables["every-key"] | {"mechanics": {"mass_g": -1, "gravty": "off"}}
+    wrong = tables[str(drawings[0])] | {"mechanics": {"mass_g": -1, "gravty": "off"}}
     assert len(list(validator.iter_errors(wrong))) == 2
+    assert not [name for name, drawn in tables.items() if validator.is_valid(drawn | {"nane": "x"})]
     assert "Give a kind of actuator" in femfit("new").stderr
 
 

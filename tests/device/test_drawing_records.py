@@ -138,7 +138,7 @@ def test_every_number_of_a_table_may_be_off_or_is_refused_by_its_path(place):
     table = {"kind": place.partition(".")[2]} | {name: one for name, (_, one) in held.items() if isinstance(one, list)}
     for name in reversed(place.split(".")):
         table = {name: table}
-    assert held or place in {"fixed", "electromagnet"}
+    assert held or place in {"fixed", "moving"}
     for path in (path for paths, _ in held.values() for path in paths):
         problems = []
         tolerances, _ = read_tolerances({"schema": 2, "sweep": {}, "tolerances": {path: 0.1}, **table}, problems)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from femfit.core.errors import FemfitError
-from femfit.device.load import read_actuator, remarks, starter_text
+from femfit.device.load import starter_text
 from femfit.device.rewrite import read_variants
 from support.actuators import GEOMETRY
 from support.expected import cases, rounded, unmentioned, written_out
@@ -56,18 +56,17 @@ def outcome(case, path):
     """The facts of a case, and the text of its message, problems or remarks."""
     paths = case.get("paths", ())
     try:
-        if case.get("read") != "variants":
-            actuator = read_actuator(path)
-            return {"values": {key: looked_up(actuator, key) for key in paths}}, "\n".join(remarks(actuator))
         swept = read_variants(path)
     except FemfitError as error:
         for problem in error.problems:
             assert problem.endswith((".", "?")) or "Nearest" in problem
         at = [problem.split()[0] for problem in error.problems]
         return {"error": type(error).__name__, "at": at}, "\n".join(error.problems)
+    if case.get("read") != "variants":
+        return {"values": {key: looked_up(swept.actuator, key) for key in paths}}, "\n".join(swept.remarks)
     built = [{key: looked_up(one.actuator, key) for key in paths} if one.actuator else None for one in swept.variants]
     result = {"columns": swept.columns, "rows": [one.values for one in swept.variants], "values": built}
-    return result, "\n".join(one.problem for one in swept.variants)
+    return result, "\n".join([*swept.remarks, *(one.problem for one in swept.variants)])
 
 
 @pytest.mark.parametrize(("path", "name"), cases(DRAWINGS))

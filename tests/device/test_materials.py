@@ -6,7 +6,7 @@ import pytest
 from femfit.core.numerics import MU_0
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml, read_actuator, starter_text
-from femfit.device.materials import LIBRARY, BHCurve, curve_problems, without_flat_end
+from femfit.device.materials import LIBRARY, BHCurve, check_curve, without_flat_end
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.rewrite import rewritten
 from femfit.device.thermal import CERAMIC, MAGNET, PLASTIC, thermal_of
@@ -62,14 +62,16 @@ def test_a_published_curve_that_ends_a_little_below_mu_0_is_cut_and_it_is_said()
     beyond = tuple(2.1 + k * 0.9 * MU_0 * 1e5 for k in (1, 2)), (2e5, 3e5)
     points, remark = without_flat_end(b + beyond[0], h + beyond[1])
     assert points == (b, h)
-    assert curve_problems(*points) == []
+    check_curve(*points, "steel", problems := [])
+    assert not problems
     assert not unmentioned(["2.1 T", "0.9 mu_0"], remark)
     assert without_flat_end(b, h) == ((b, h), "")
 
 
 def test_curves_of_the_library_obey_the_rules_and_the_data_sheet_and_can_be_keys():
     for material in SATURATING:
-        assert curve_problems(material.flux_density_T, material.field_A_per_m) == []
+        check_curve(material.flux_density_T, material.field_A_per_m, material.name, problems := [])
+        assert not problems
         assert hash(material) is not None
         first = material.flux_density_T[1] / material.field_A_per_m[1]
         assert material.relative_permeability == pytest.approx(first / MU_0)

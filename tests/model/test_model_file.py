@@ -173,6 +173,7 @@ COEFFICIENT, MAGNETICS, SENSOR = ("magnetics", "coefficients", 0), ("magnetics",
 DAMAGES = [
     ("springs", MASS, "4 g", r"motion\.mass_kg must be a finite number > 0; instead received '4 g'"),
     ("springs", MASS, 1e-320, "mass_kg"),
+    ("springs", ("provenance",), {"runs": [float("inf")]}, "provenance must be without numbers that are not finite"),
     ("one circuit", (*CIRCUIT, "resistance_ohm"), None, r"circuits\[0\]\.resistance_ohm must be a finite number > 0"),
     ("one circuit", ("circuits",), [{}], r"circuits\[0\].resistance_ohm must be given; it is missing"),
     ("one circuit", (*CIRCUIT, "colour"), "red", r"circuits\[0\]\.colour must be a key that there is"),
