@@ -1,4 +1,4 @@
-"""The stepping interface that every filter shares, and the state that one step hands to the next.
+"""The stepping interface that every filter shares.
 
 Classes are abstract (this one) or final: a filter supplies its two moment computations; bookkeeping of outcomes and
 innovations is here, once.
@@ -6,8 +6,7 @@ innovations is here, once.
 
 from abc import ABC, abstractmethod
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
-from enum import IntEnum
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, final
@@ -21,6 +20,7 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Printed
 from femfit.core.tape import Caller
 from femfit.core.text import counted
+from femfit.estimate.filter_state import FilterOutcome, FilterState
 from femfit.estimate.process import FilterProcess
 from femfit.estimate.single_step import MISSING, Terms, in_arrays, step_function
 from femfit.estimate.words import sentence
@@ -33,69 +33,8 @@ DIVERGENCE_STEPS = 200
 a thousand steps."""
 
 
-class FilterOutcome(IntEnum):
-    """How a run ended; the first outcome other than RUNNING stays."""
-
-    RUNNING = 0
-    COVARIANCE_LOST = 1
-    NOT_FINITE = 2
-    LEFT_MODEL = 3
-    INNOVATIONS_OUT_OF_BAND = 4
-
-    @property
-    def sentence(self) -> str:
-        """What happened and what to do about it."""
-        return sentence("filter", "outcome", self.name)
-
-
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to compare with
-
-
-@dataclass(frozen=True, eq=False)
-class FilterState:
-    """Estimates of many runs; never changed, every step returns a new one."""
-
-    mean: FloatArray  # Estimated state; NaN from the step at which a run broke down numerically; shape (runs, n)
-    # Covariance of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
-    covariance: FloatArray
-    factor: FloatArray
-    # Measurement minus its prediction at the last update, and its expected square; NaN before the first
-    # shape (runs,), and (runs, sensors) where there are several; NaN for a sample that is missing
-    innovation: FloatArray
-    innovation_variance: FloatArray
-    out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
-    outcome: IntArray  # A :class:`FilterOutcome` each; shape (runs,)
-
-    def of_runs(self, which: IntArray | BoolArray) -> "FilterState":
-        """Some of the runs."""
-        return FilterState(*(getattr(self, array.name)[which] for array in fields(self)))
-
-    def with_runs(self, which: IntArray | BoolArray, changed: "FilterState") -> "FilterState":
-        """The same with other states of some runs."""
-        result = FilterState(*(np.array(getattr(self, array.name)) for array in fields(self)))
-        for array in fields(self):
-            getattr(result, array.name)[which] = getattr(changed, array.name)
-        return result
-
-    @property
-    def diverged(self) -> BoolArray:
-        """Which runs have an outcome other than RUNNING."""
-        return np.asarray(self.outcome != 0)
-
-    @property
-    def normalised_innovation_squared(self) -> FloatArray:
-        """Innovation^2 over its variance, shape (runs,).
-
-        In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
-        samples are missing.
-        """
-        ratio = np.atleast_2d((self.innovation**2 / self.innovation_variance).T).T
-        read = np.isfinite(ratio)
-        return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
-
-    def outcomes(self) -> tuple[FilterOutcome, ...]:
-        """The outcome of every run."""
-        return tuple(FilterOutcome(int(code)) for code in self.outcome)
+_GOES_ON = {RUNNING, int(FilterOutcome.INNOVATIONS_OUT_OF_BAND)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,7 +120,8 @@ class Filter(Printed, ABC):
             )
         sensors = len(self.process.outputs)
         unknown = np.full(count if sensors == 1 else (count, sensors), np.nan)
-        return FilterState(mean, matrices, factor, unknown, unknown, np.zeros(count), np.zeros(count, dtype=np.intp))
+        quiet = np.zeros(count), np.zeros(count, dtype=np.intp)
+        return FilterState(mean, mean, matrices, factor, unknown, unknown, *quiet)
 
     @final
     def predict(self, state: FilterState, voltage: FloatArray | float) -> FilterState:
@@ -236,13 +176,13 @@ class Filter(Printed, ABC):
                 covariance = np.where(read[:, None, None], covariance, state.covariance)
             if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
                 outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
-            return self._next(mean, covariance, (innovation, variance, fraction), outcome)
+            return self._next(mean, covariance, (innovation, variance, fraction), outcome, state.predicted)
 
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         process = self.process
-        if len(state.mean) == 1 and not state.outcome.item() and process.light:
+        if len(state.mean) == 1 and state.outcome.item() in _GOES_ON and process.light:
             plain = isinstance(voltage, float) and process.inputs == 1
             inputs = voltage if plain else _given(state, voltage, process.inputs, "voltage", "circuit")[0]
             readings = _given(state, measurement, len(process.outputs), "reading", "sensor")[0]
@@ -268,7 +208,7 @@ class Filter(Printed, ABC):
 
     @final
     def _next_alone(self, state: FilterState, inputs: Any, readings: FloatArray) -> FilterState | None:
-        """The state of one run that stays healthy; None where anything must be named."""
+        """The state of one run to which nothing happens; None where anything must be named."""
         process, fraction, n = self.process, state.out_of_band.item(), state.mean.shape[1]
         step, variances, places = self._single
         if (missing := np.isnan(readings)).any():
@@ -279,13 +219,13 @@ class Filter(Printed, ABC):
             if not unread:
                 fraction += ((innovation * innovation > BAND_99_9 * spread) - fraction) / self.divergence_steps
         plausible = process.is_plausible(predicted.tolist()) and process.is_plausible(mean.tolist())
-        if fraction > 0.5 or not plausible or not factor[-1] > 0.0:
+        if (fraction > 0.5 and not state.outcome.item()) or not plausible or not factor[-1] > 0.0:
             return None
         if missing.any():
             innovations, spreads = np.where(missing, np.nan, innovations), np.where(missing, np.nan, spreads)
         judged = (innovations, spreads) if len(process.outputs) == 1 else (innovations[None], spreads[None])
         moments = mean[None], covariance.reshape(1, n, n), factor.reshape(n, n).T[None]
-        return FilterState(*moments, *judged, np.array([fraction]), state.outcome)
+        return FilterState(predicted[None], *moments, *judged, np.array([fraction]), state.outcome)
 
     def _next(
         self,
@@ -293,8 +233,9 @@ class Filter(Printed, ABC):
         covariance: FloatArray,
         judged: tuple[FloatArray, FloatArray, FloatArray],
         outcome: IntArray,
+        predicted: FloatArray | None = None,
     ) -> FilterState:
-        """Name what went wrong; the first name of a run stays."""
+        """Name what went wrong; the first name of a run stays. What is not given as predicted is the mean."""
         factor, definite = cholesky(covariance)
         if not (definite.all() and np.isfinite(mean).all()):
             finite = np.isfinite(mean).all(axis=1)
@@ -306,7 +247,7 @@ class Filter(Printed, ABC):
         if not plausible.all():
             # A run that broke down has its name already
             outcome = np.where((outcome == RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
-        return FilterState(mean, covariance, factor, *judged, outcome)
+        return FilterState(mean if predicted is None else predicted, mean, covariance, factor, *judged, outcome)
 
 
 def _given(state: FilterState, value: ArrayLike, width: int, what: str, whose: str) -> FloatArray:
