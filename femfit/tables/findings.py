@@ -6,12 +6,17 @@ word alone, ``{rows:~is|are}``.
 """
 
 import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from femfit.core.results import Finding
 from femfit.core.text import counted
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class _Count(int):
@@ -50,3 +55,24 @@ def finding(key: str, /, **facts: Any) -> Finding:
     text, remedy = (entry.get(sentence, "").format(**fields) for sentence in ("text", "remedy"))
     severity: Any = entry.get("severity", "info")
     return Finding(key.partition(" ")[0], severity, text, remedy, facts.get("size"), facts.get("column", ""))
+
+
+def _unchanged(frame: "pd.DataFrame") -> "pd.DataFrame":
+    return frame
+
+
+@dataclass(frozen=True)
+class Change(Finding):
+    """A finding of a check that goes on with another table: without some readings, or with their sign turned."""
+
+    then: "Callable[[pd.DataFrame], pd.DataFrame]" = field(default=_unchanged, compare=False, repr=False)
+
+    @property
+    def said(self) -> Finding:
+        """The finding alone."""
+        return Finding(**{part.name: getattr(self, part.name) for part in fields(Finding)})
+
+
+def changing(remark: Finding, then: "Callable[[pd.DataFrame], pd.DataFrame]") -> Change:
+    """A finding after which the table is what ``then`` makes of it."""
+    return Change(**vars(remark), then=then)

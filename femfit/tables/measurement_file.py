@@ -13,6 +13,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.text import quoted
+from femfit.tables.checks import BENCH_CHECKS, RECORD_CHECKS, checked, copies
 from femfit.tables.columns import BENCH_COLUMNS, column_option, match_column
 from femfit.tables.containers import SUFFIXES
 from femfit.tables.findings import finding
@@ -30,17 +31,10 @@ from femfit.tables.measurement import (
     Measurement,
     TimeSeries,
 )
-from femfit.tables.measurement_checks import (
-    branch_from_order,
-    check_clock,
-    check_readings,
-    checked,
-    in_measuring_order,
-    without_copies,
-)
 from femfit.tables.raw_table import RawTable, clock_seconds
 from femfit.tables.reading import ReadTable, Wants, Words, declared_noise, read_columns, read_raw_table, words_of
-from femfit.tables.units import suspected_by_size, unit_factor
+from femfit.tables.row_order import branch_from_order, check_clock, in_measuring_order
+from femfit.tables.units import unit_factor
 
 BENCH = Wants(
     "bench table",
@@ -157,15 +151,16 @@ def _bench_table(raw: RawTable, words: Words, planned: bool = False) -> BenchTab
     rows = pd.DataFrame(columns, index=table.rows.index, dtype=np.float64)
     run = rows["run"].fillna(rows["run"].ffill().fillna(1.0))
     rows = rows.assign(run=run, branch=np.sign(rows["branch"].fillna(0.0)))
-    rows, copies = (rows, []) if planned else without_copies(rows, filled)
-    rows, remarks = in_measuring_order(rows, "run" in filled)
+    once, remarks = checked(rows[list(filled)], () if planned else (copies,))
+    rows, odd = in_measuring_order(rows.loc[once.index], "run" in filled)
+    remarks += odd
     if "branch" not in filled and not impedance:
         branch, assumed = branch_from_order(rows)
         remarks += assumed
         rows = rows if branch is None else rows.assign(branch=branch)
-    rows, findings = rows.assign(mount=rows["mount"].fillna(rows["run"])), (*table.findings, *copies, *remarks, *unused)
-    bench = BenchTable(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
-    return bench if planned else checked(bench)
+    rows, doubts = checked(rows.assign(mount=rows["mount"].fillna(rows["run"])), () if planned else BENCH_CHECKS)
+    findings = (*table.findings, *remarks, *unused, *doubts)
+    return BenchTable(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
 
 
 def _time_series(raw: RawTable, words: Words) -> TimeSeries:
@@ -181,9 +176,10 @@ def _time_series(raw: RawTable, words: Words) -> TimeSeries:
     rows = rows.iloc[order].reset_index(drop=True)
     untimed = [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
     rows["segment"], clock = check_clock(rows, raw.source)
-    rows, copies = without_copies(rows, filled)
-    rows, readings, clipped = check_readings(rows)
-    findings = (*table.findings, *untimed, *clock, *copies, *readings, *suspected_by_size(rows), *unused)
+    once, repeated = checked(rows[[*filled, "segment"]], (copies,))
+    rows, doubts = checked(rows.loc[once.index].reset_index(drop=True), RECORD_CHECKS)
+    findings = (*table.findings, *untimed, *clock, *repeated, *doubts, *unused)
+    clipped = {remark.column for remark in doubts if remark.code == "clipped"}
     filled = tuple(name for name in filled if name in clipped or rows[name].notna().any())
     return TimeSeries(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
 

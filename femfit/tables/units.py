@@ -171,7 +171,7 @@ def suspicion(column: str, unit: str, why: str) -> Finding:
     return finding("suspected-unit", column=column, unit=unit, why=why)
 
 
-def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Finding]:
+def suspected_by_size(rows: pd.DataFrame, _model: object = None, *, solved: bool = False) -> list[Finding]:
     """Suspect the units of columns from the sizes of their numbers alone.
 
     In a table that was computed (``solved``) one impossible number is enough: it is no outlier.
