@@ -25,6 +25,7 @@ from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import AXES, SWEEP, ImportOptions, is_matrix, listed, long_points
 from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
+from femfit.tables.reading import words_of
 from femfit.tables.sweep_checks import GRID_CHECKS, ROW_CHECKS, force_sign, repeated_points
 from femfit.tables.sweep_table import SweepTable, snap_axis
 from femfit.tables.units import column_unit, unit_factor
@@ -165,15 +166,17 @@ def _gather(
     findings: list[Finding] = []
     dialects: dict[str, str] = {}
     for file, content in contents.items():
-        constants = {column: value for column in _UNITS if (value := _value_in_name(file, column)) is not None}
-        wanted = partial(_is_wanted, replace(options, settings=constants))
-        raw = parse_table(content, file.name, table=options.table, wanted=wanted, decimal=options.decimal)
-        raw = replace(raw, headers=options.column_names or raw.headers)
+        in_name = {column: value for column in _UNITS if (value := _value_in_name(file, column)) is not None}
+        words = words_of(file, options)
+        words = replace(words, settings=in_name | dict(words.settings))
+        wanted = partial(_is_wanted, words)
+        raw = parse_table(content, file.name, table=words.table, wanted=wanted, decimal=words.decimal)
+        raw = replace(raw, headers=words.column_names or raw.headers)
         dialects[file.name] = raw.dialect
         findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]
-        matrix = is_matrix(raw, options)
-        raw, choices, remarks = listed(raw, options) if matrix else (raw, options, [])
-        frame, uses, doubts = long_points(raw, constants, choices)
+        matrix = is_matrix(raw, words)
+        raw, choices, remarks = listed(raw, words) if matrix else (raw, words, [])
+        frame, uses, doubts = long_points(raw, choices)
         frames.append(frame)
         findings += [remark for remark in (*remarks, *doubts) if remark not in findings]
         uses = {name: uses[name] for name in choices.columns.values()} if matrix else uses

@@ -46,7 +46,7 @@ CHANNELS: dict[str, Channel] = {
     name: Channel(
         **entry
         | {
-            "names": tuple(word.lstrip("?") for word in entry.get("names", "").split()),
+            "names": tuple(word.lstrip("?").casefold() for word in entry.get("names", "").split()),
             "units": tuple(entry.get("units", ())),
         }
     )
@@ -58,6 +58,14 @@ NEEDS_UNIT = frozenset(
     word[1:] for entry in _ENTRIES.values() for word in entry.get("names", "").split() if word.startswith("?")
 )
 """Names that mean their channel only beside a unit of its kind."""
+
+CAPITALS = {
+    word.casefold(): name
+    for name, entry in _ENTRIES.items()
+    for word in entry.get("names", "").split()
+    if word.isupper()
+}
+"""Letter to the channel whose symbol it is as a capital: F is a force, and f a frequency."""
 
 _FOLDED_PREFIXES = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 _CASED_PREFIXES = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}
@@ -81,6 +89,9 @@ UNITS = {si_unit: _FOLDED[si_unit] | _spellings(kind, _CASED_PREFIXES) for si_un
 
 
 _PLAIN = str.maketrans({"μ": "u", **dict.fromkeys(" .-*·⋅_", "")})
+
+SMALLEST_FACTOR = 1e-15
+"""Conventional: units of what is measured lie between a femto of SI and as much beyond it."""
 
 POSITION_IN_VOLTS = (
     "Readings in volts belong in the column position_V (--column HEADER=position_V): the gain and offset, or the "
@@ -116,7 +127,7 @@ def given_factor(unit: str, si_unit: str, header: str, source: str, column: str)
             factor = float(unit)
         except ValueError:
             factor = math.nan
-    if not math.isfinite(factor) or factor == 0.0:
+    if not SMALLEST_FACTOR <= abs(factor) <= 1.0 / SMALLEST_FACTOR:  # nor is NaN
         examples = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
         volts = si_unit == "m" and unit_factor(unit, "V") is not None
         raise TableError(
