@@ -6,7 +6,7 @@ a record beside a model in ``estimate/record_checks.py``.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from math import comb
 
 import numpy as np
@@ -15,11 +15,20 @@ import pandas as pd
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
-from femfit.tables.findings import Change, changing, finding
+from femfit.tables.findings import Change, finding
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.outliers import isolated_outliers
-from femfit.tables.units import CHANNELS, Channel, suspected_by_range, suspected_by_size
+from femfit.tables.units import (
+    CHANNELS,
+    LEAST_READINGS,
+    OTHER_SIGN,
+    Channel,
+    common_factors,
+    other_sign,
+    suspected_by_size,
+    suspicion,
+)
 
 _LEAST_STUCK = 8
 """Assumed: consecutive equal readings from which a channel may be stuck."""
@@ -36,6 +45,9 @@ _STUCK_CHANCE = 1e-3
 
 _LEAST_STUCK_SAMPLES, _MUCH_LONGER = 50, 20
 """Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
+
+_LEAST_SHARE = 0.05
+"""Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
 
 _MOST_IMPOSSIBLE = 0.02
 """Assumed: largest part of a channel that can be impossible by single faults."""
@@ -66,8 +78,13 @@ def checked(
     for check in checks:
         for remark in check(frame, model):
             frame = remark.then(frame) if isinstance(remark, Change) else frame
-            findings.append(remark.said if isinstance(remark, Change) else remark)
+            findings.append(Finding(**{part.name: getattr(remark, part.name) for part in fields(Finding)}))
     return frame, findings
+
+
+def changing(remark: Finding, then: Callable[[pd.DataFrame], pd.DataFrame]) -> Change:
+    """A finding after which the table is what ``then`` makes of it."""
+    return Change(**vars(remark), then=then)
 
 
 def set_aside(remark: Finding, cells: BoolArray) -> Change:
@@ -119,9 +136,20 @@ def outliers(rows: pd.DataFrame, model: Expected | None) -> list[Finding]:
 
 def beyond_limits(rows: pd.DataFrame, model: Expected | None) -> list[Finding]:
     """Settings that lie outside of a model's limits, and inside once their unit or sign is taken for another."""
-    limits = model.limits if model else {}
-    suspicions = (suspected_by_range(name, rows[name].to_numpy(), *limits[name]) for name in rows if name in limits)
-    return list(filter(None, suspicions))
+    findings: list[Finding] = []
+    for name, (low, high) in (model.limits if model else {}).items():
+        slack, values = 0.05 * (high - low), rows[name].dropna().to_numpy()
+        now = (values >= low - slack) & (values <= high + slack)
+        for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
+            converted = factor * values
+            then = (converted >= low - slack) & (converted <= high + slack)
+            few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
+            reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
+            if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
+                why = "few rows lie in the model's range, but then they would"
+                findings.append(other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why))
+                break
+    return findings
 
 
 def copies(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:

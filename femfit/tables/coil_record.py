@@ -134,8 +134,8 @@ def open_coil_record(
     """
     words = Words(columns or {}, units or {}, table)
     if isinstance(record, pd.DataFrame):
-        source, named = IN_MEMORY, record.set_axis(list(map(str, record)), axis=1)
-        headers, samples, tables = list(named), len(named), lambda _: iter([named])
+        source, headers, samples = IN_MEMORY, list(map(str, record)), len(record)
+        tables: Tables = lambda _: iter([record.set_axis(headers, axis=1)])  # noqa: E731
     else:
         path = path_of(record, "A coil record")
         source = str(path)
@@ -146,25 +146,22 @@ def open_coil_record(
             )
         words = words if path.suffix in RAW_SUFFIXES else words_of(path, words)
         with decoding(path, "a coil record"):
-            headers, samples, tables = _record(path, words)
+            if path.suffix in RAW_SUFFIXES:
+                headers, samples, tables = _raw_record(path)
+            elif path.suffix == ".parquet":
+                headers, samples, tables = _parquet_record(path)
+            elif is_container(path):
+                raw = read_raw_table(path, COIL.what, (COIL,), words)
+                frame = pd.DataFrame(raw.numbers, columns=raw.headers)
+                headers, samples = list(raw.headers), len(frame)
+                tables = lambda rows: (frame[k : k + rows] for k in range(0, samples, rows))  # noqa: E731
+            else:
+                headers, samples, tables = _text_record(path)
     check_width(len(headers), source)
     require_single_names(headers, source)
     used, findings = match_columns(headers, source, COIL.names, words.columns, words.units)
     COIL.require([column.name for column in used], headers, source, used, findings)
     return CoilRecord(source, tuple(used), samples, tables)
-
-
-def _record(path: Path, words: Words) -> "Record":
-    """The record of a file, by its suffix or its first bytes."""
-    if path.suffix in RAW_SUFFIXES:
-        return _raw_record(path)
-    if path.suffix == ".parquet":
-        return _parquet_record(path)
-    if not is_container(path):
-        return _text_record(path)
-    raw = read_raw_table(path, COIL.what, (COIL,), words)
-    frame = pd.DataFrame(raw.numbers, columns=raw.headers)
-    return list(raw.headers), len(frame), lambda rows: (frame[k : k + rows] for k in range(0, len(frame), rows))
 
 
 Record = tuple[list[str], int | None, Tables]

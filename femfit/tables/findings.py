@@ -7,7 +7,7 @@ word alone, ``{rows:~is|are}``.
 
 import tomllib
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -57,22 +57,8 @@ def finding(key: str, /, **facts: Any) -> Finding:
     return Finding(key.partition(" ")[0], severity, text, remedy, facts.get("size"), facts.get("column", ""))
 
 
-def _unchanged(frame: "pd.DataFrame") -> "pd.DataFrame":
-    return frame
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Change(Finding):
     """A finding of a check that goes on with another table: without some readings, or with their sign turned."""
 
-    then: "Callable[[pd.DataFrame], pd.DataFrame]" = field(default=_unchanged, compare=False, repr=False)
-
-    @property
-    def said(self) -> Finding:
-        """The finding alone."""
-        return Finding(**{part.name: getattr(self, part.name) for part in fields(Finding)})
-
-
-def changing(remark: Finding, then: "Callable[[pd.DataFrame], pd.DataFrame]") -> Change:
-    """A finding after which the table is what ``then`` makes of it."""
-    return Change(**vars(remark), then=then)
+    then: "Callable[[pd.DataFrame], pd.DataFrame]" = field(compare=False, repr=False)

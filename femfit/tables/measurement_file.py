@@ -123,7 +123,8 @@ def _step_of_moments(raw: RawTable, header: str) -> float:
     moments = clock_seconds(raw.texts(place), header)
     if moments is None and factor >= 60.0:
         moments = factor * raw.column(place)
-    return 0.0 if moments is None or len(moments) < 2 else float(np.nanmedian(np.diff(np.sort(moments))))
+    rising = np.zeros(0) if moments is None else np.sort(moments[np.isfinite(moments)])
+    return float(np.median(np.diff(rising))) if len(rising) > 1 else 0.0
 
 
 def read_bench_table(path: str | Path, *, planned: bool = False, **words: Any) -> BenchTable:

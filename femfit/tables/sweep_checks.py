@@ -34,8 +34,8 @@ from scipy.stats import norm
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding, listing
-from femfit.tables.checks import Check, Expected
-from femfit.tables.findings import changing, finding
+from femfit.tables.checks import Check, Expected, changing
+from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import AXES, REQUIRED, SWEPT
 from femfit.tables.units import column_unit, suspected_by_size
 
@@ -99,16 +99,13 @@ def rows_of(points: pd.DataFrame) -> str:
 
 
 def solved_sizes(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
-    """Sizes that no actuator has; those of current and distance, on which all else depends, are errors."""
+    """Sizes that no actuator has, and distances that do not count from its face; errors where all else depends on it."""
     remarks = suspected_by_size(points[[name for name in SWEPT if name in points]], solved=True)
-    return [replace(remark, severity="error") if remark.column in AXES else remark for remark in remarks]
-
-
-def distances(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
-    """Distances that do not count from the electromagnet's face."""
+    findings = [replace(remark, severity="error") if remark.column in AXES else remark for remark in remarks]
     behind = points[points["distance_m"] <= 0]
-    size = float(behind["distance_m"].min())
-    return [finding("distance", size=size, places=rows_of(behind))] if len(behind) else []
+    if len(behind):
+        findings.append(finding("distance", size=float(behind["distance_m"].min()), places=rows_of(behind)))
+    return findings
 
 
 def repeated_points(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
@@ -135,17 +132,17 @@ def repeated_points(points: pd.DataFrame, _model: Expected | None) -> list[Findi
 
 def holes_of_grid(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     """Points that a grid of all currents and distances lacks, and axes of one level."""
-    currents, distances_m = np.unique(points["current_A"]), np.unique(points["distance_m"])
-    axes = (("one-current", currents), ("one-distance", distances_m))
+    currents, distances = np.unique(points["current_A"]), np.unique(points["distance_m"])
+    axes = (("one-current", currents), ("one-distance", distances))
     findings = [finding(key, size=1.0, level=axis[0]) for key, axis in axes if len(axis) == 1]
-    count = len(currents) * len(distances_m)
+    count = len(currents) * len(distances)
     missing = count - len(points)
     if missing > count / 2:
-        counts = {"points": len(points), "currents": len(currents), "distances": len(distances_m)}
+        counts = {"points": len(points), "currents": len(currents), "distances": len(distances)}
         findings.append(finding("scattered", size=float(missing), **counts))
     elif missing:
         present = set(zip(points["current_A"], points["distance_m"], strict=True))
-        grid = product(currents, distances_m)
+        grid = product(currents, distances)
         places = listing(f"({i:g} A, {d * 1e3:g} mm)" for i, d in grid if (i, d) not in present)
         findings.append(finding("holes", size=missing, holes=missing, points=count, places=places))
     return findings
@@ -176,16 +173,20 @@ def force_sign(points: pd.DataFrame, _model: Expected | None, *, keep: bool = Fa
     polarity or the force's axis may be reversed: that is said, not done.
     """
     findings: list[Finding] = []
-    distances_m, currents, (force,) = complete_grid(points, ["force_N"])
+    distances, currents, (force,) = complete_grid(points, ["force_N"])
     change, share = _growth(currents, force)
     negative = float(-np.minimum(force, 0).sum() / (np.abs(force).sum() or 1.0))
-    if not keep and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances_m):
+    if not keep and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
         reason = "its magnitude grows with the current" if share else "there is one current only"
         turned = finding("force-sign", why=reason)
         findings.append(changing(turned, lambda frame: frame.assign(force_N=-frame["force_N"])))
     elif share > _AGREEMENT and change < 0:
         findings.append(finding("force-sign falling", size=share))
-    return findings + _direction(force)
+    size = np.median(np.abs(force), axis=1)
+    rising = float(np.mean(np.diff(size) > 0)) if len(size) >= 4 else 0.0
+    if rising >= _AGREEMENT and size[-1] >= 2 * size[0]:
+        findings.append(finding("distance-direction", size=rising, times=size[-1] / (size[0] or np.inf)))
+    return findings
 
 
 def _growth(currents: FloatArray, force: FloatArray) -> tuple[float, float]:
@@ -197,14 +198,6 @@ def _growth(currents: FloatArray, force: FloatArray) -> tuple[float, float]:
     gained = force[:, int(np.nanargmax(magnitudes))] - force[:, int(np.nanargmin(magnitudes))]
     total = float(np.abs(gained).sum())
     return float(gained.sum()), abs(float(gained.sum())) / total if total else 0.0
-
-
-def _direction(force: FloatArray) -> list[Finding]:
-    size = np.median(np.abs(force), axis=1)
-    rising = float(np.mean(np.diff(size) > 0)) if len(size) >= 4 else 0.0
-    if rising < _AGREEMENT or size[-1] < 2 * size[0]:
-        return []
-    return [finding("distance-direction", size=rising, times=size[-1] / (size[0] or np.inf))]
 
 
 def force_noise(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
@@ -275,10 +268,10 @@ def reciprocity(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     """
     if "flux_linkage_Wb" not in points:
         return [finding("inductance")] if "inductance_H" in points else []
-    distances_m, currents, (force, flux) = complete_grid(points, ["force_N", "flux_linkage_Wb"])
-    if len(distances_m) < 3 or len(currents) < 2:
+    distances, currents, (force, flux) = complete_grid(points, ["force_N", "flux_linkage_Wb"])
+    if len(distances) < 3 or len(currents) < 2:
         return [finding("reciprocity unchecked")]
-    factor, spread, loops = _compare_loops(distances_m, currents, force, flux)
+    factor, spread, loops = _compare_loops(distances, currents, force, flux)
     error = abs(factor - 1)
     if loops == 0:
         return [finding("reciprocity still")]
@@ -322,7 +315,7 @@ def _blocks(count: int) -> list[IntArray]:
     return [np.unique(np.linspace(0, count - 1, pieces + 1).round().astype(int)) for pieces in (1, 2, 4, 8)]
 
 
-ROW_CHECKS: tuple[Check, ...] = (incomplete_rows, solved_sizes, distances)
+ROW_CHECKS: tuple[Check, ...] = (incomplete_rows, solved_sizes)
 """Of an imported table's rows, before its grid is looked at."""
 
 GRID_CHECKS: tuple[Check, ...] = (holes_of_grid, force_sign, reciprocity, gaps, force_noise)

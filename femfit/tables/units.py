@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.tables.findings import finding
@@ -163,9 +162,6 @@ _KELVIN = (200.0, 400.0)
 _LARGEST_STEP_S = 0.5
 """Assumed: a usual step of a record's clock above it is more likely milliseconds."""
 
-_LEAST_SHARE = 0.05
-"""Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
-
 LEAST_READINGS = 8
 """Assumed: fewer readings are no ground for a suspicion."""
 
@@ -212,21 +208,6 @@ def suspected_by_size(rows: pd.DataFrame, _model: object = None, *, solved: bool
     if step > _LARGEST_STEP_S:
         findings.append(suspicion("time_s", "ms", f"its usual step is {step:.4g}"))
     return findings
-
-
-def suspected_by_range(name: str, values: FloatArray, low: float, high: float) -> Finding | None:
-    """Suspect a setting that lies outside of a model's range, and inside once its unit or sign is taken for another."""
-    slack, values = 0.05 * (high - low), values[np.isfinite(values)]
-    now = (values >= low - slack) & (values <= high + slack)
-    for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
-        converted = factor * values
-        then = (converted >= low - slack) & (converted <= high + slack)
-        few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
-        reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
-        if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
-            why = "few rows lie in the model's range, but then they would"
-            return other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why)
-    return None
 
 
 def other_sign(why: str, name: str = "current_A") -> Finding:
