@@ -1,7 +1,7 @@
 """Checks of measured tables: each a function of a frame in SI, and of what a model says beside it or None.
 
 A check returns findings. What it sets aside, NaN in place of a reading or a row that is left out, is said and done by
-its finding: a :class:`femfit.tables.findings.Change`. Checks of imported sweeps stand in ``sweep_checks.py``, those of
+its finding: a :class:`Change`. Checks of imported sweeps stand in ``sweep_checks.py``, those of
 a record beside a model in ``estimate/record_checks.py``.
 """
 
@@ -15,7 +15,7 @@ import pandas as pd
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
-from femfit.tables.findings import Change, finding
+from femfit.tables.findings import finding
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.outliers import isolated_outliers
@@ -65,6 +65,13 @@ class Expected:
 
     predicted: Mapping[str, FloatArray] = field(default_factory=dict)
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change(Finding):
+    """A finding of a check that goes on with another table: without some readings, or with their sign turned."""
+
+    then: Callable[[pd.DataFrame], pd.DataFrame] = field(compare=False, repr=False)
 
 
 Check = Callable[[pd.DataFrame, Expected | None], list[Finding]]

@@ -21,9 +21,10 @@ from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.core.text import counted, quoted
+from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.containers import is_container
+from femfit.tables.findings import refused
 from femfit.tables.raw_table import EMPTY, LARGEST, check_width, decoding, find_decimal, looks_numeric, typed_numbers
 from femfit.tables.reading import Wants, Words, read_raw_table, require_single_names, words_of
 from femfit.tables.text_table import decode, find_layout
@@ -87,32 +88,27 @@ class CoilRecord:
         before, count = -np.inf, 0
         with decoding(self.source, "a coil record"):
             for table in self.tables(rows):
-                read = {column.name: column.factor * self._numbers(table[column.header]) for column in self.used}
+                read = {}
+                for use in self.used:
+                    cells = table[use.header]
+                    read[use.name] = use.factor * typed_numbers(cells)
+                    bad = cells[np.isnan(read[use.name]) & cells.notna()]
+                    if len(bad) and cells.dtype.kind not in "iuf":
+                        facts = {"header": quoted(use.header), "cell": quoted(bad.iloc[0])}
+                        raise refused("numbers-needed", source=self.source, **facts)
                 block = CoilBlock(read["time_s"], read["coil_voltage_V"], read.get("hall_T"), read.get("current_A"))
                 block = block[np.isfinite(block.time) & np.isfinite(block.voltage)]
                 if len(block) == 0:
                     continue
                 back = np.flatnonzero(np.diff(block.time, prepend=before) < 1.0 / LARGEST)
                 if len(back):
-                    raise TableError(
-                        f"A record must have a rising time_s; {self.source} jumps back to {block.time[back[0]]:.9g} s "
-                        f"after {counted(int(count + back[0]), 'row')}. "
-                        "Split the record there, or repair the clock."
+                    raise refused(
+                        "clock-back", source=self.source, moment=block.time[back[0]], rows=int(count + back[0])
                     )
                 before, count = float(block.time[-1]), count + len(block)
                 yield block
         if count == 0:
             raise TableError(f"No row of {self.source} has a time and a voltage.")
-
-    def _numbers(self, column: "pd.Series[Any]") -> FloatArray:
-        values = typed_numbers(column)
-        bad = column[np.isnan(values) & column.notna()]
-        if len(bad) and column.dtype.kind not in "iuf":
-            raise TableError(
-                f"Column {quoted(column.name)} of {self.source} must hold numbers; instead received "
-                f"{quoted(bad.iloc[0])!r}. Repair these cells."
-            )
-        return values
 
 
 IN_MEMORY = "the table"
@@ -140,10 +136,7 @@ def open_coil_record(
         path = path_of(record, "A coil record")
         source = str(path)
         if not path.is_file():
-            raise TableError(
-                f"There is no coil record {path}. Give a text, .parquet, .bin, .raw, .f32, .mat, .h5, .tdms or .wav "
-                "file."
-            )
+            raise refused("no-record", path=path)
         words = words if path.suffix in RAW_SUFFIXES else words_of(path, words)
         with decoding(path, "a coil record"):
             if path.suffix in RAW_SUFFIXES:
@@ -229,9 +222,7 @@ class _RawLayout(BaseModel):
 def _raw_record(path: Path) -> Record:
     sides = [side for side in (path.with_suffix(".toml"), path.with_suffix(".json")) if side.is_file()]
     if not sides:
-        raise TableError(
-            f"{path} needs a sidecar {path.stem}.toml or {path.stem}.json beside it, with sample_rate_Hz and columns."
-        )
+        raise refused("no-layout", path=path, stem=path.stem)
     data = read_settings(sides[0], _RAW_EXAMPLE)
     try:
         layout = _RawLayout.model_validate(data, strict=True)
@@ -243,9 +234,7 @@ def _raw_record(path: Path) -> Record:
         raise TableError(f"{sides[0]} must name each column once; instead received columns = {quoted(layout.columns)}.")
     width, size = len(layout.columns), path.stat().st_size
     if size % (RAW.itemsize * width):
-        raise TableError(
-            f"{path} must hold whole rows of {width} float32; its {size} bytes do not. Check the sidecar's columns."
-        )
+        raise refused("broken-rows", path=path, width=width, length=size)
 
     def tables(rows: int) -> Iterator[pd.DataFrame]:
         done = 0

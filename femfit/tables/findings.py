@@ -1,22 +1,20 @@
 """What is remarked on a table or a drawing: codes and numbers in Python, severity and sentences in ``findings.toml``.
 
+Why a table is refused stands in ``refusals.toml``.
+
 A key of that file is a code, and where a code has several sentences a word behind it: ``clock pauses``. A text has the
 fields of :meth:`str.format`; a count also takes its noun and verb, ``{rows:row was|rows were}``, or after ``~`` the
 word alone, ``{rows:~is|are}``.
 """
 
 import tomllib
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from femfit.core.errors import TableError
 from femfit.core.results import Finding
 from femfit.core.text import counted
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 class _Count(int):
@@ -35,7 +33,7 @@ class _Count(int):
 def catalogue() -> dict[str, dict[str, str]]:
     """The entries by their keys, each with ``text``, and where they are not empty ``severity`` and ``remedy``."""
     entries: dict[str, dict[str, str]] = {}
-    for name in ("findings.toml", "femm/findings.toml"):
+    for name in ("findings.toml", "refusals.toml", "femm/findings.toml"):
         entries |= tomllib.loads((files("femfit.tables") / name).read_text(encoding="utf-8"))
     return entries
 
@@ -57,8 +55,6 @@ def finding(key: str, /, **facts: Any) -> Finding:
     return Finding(key.partition(" ")[0], severity, text, remedy, facts.get("size"), facts.get("column", ""))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Change(Finding):
-    """A finding of a check that goes on with another table: without some readings, or with their sign turned."""
-
-    then: "Callable[[pd.DataFrame], pd.DataFrame]" = field(compare=False, repr=False)
+def refused(key: str, /, **facts: Any) -> TableError:
+    """The error by which a table is refused, by the key of its sentence in ``refusals.toml``."""
+    return TableError(str(finding(key, **facts)))

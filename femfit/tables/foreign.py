@@ -21,7 +21,7 @@ from femfit.device.load import read_actuator, sweep_manifest_entry
 from femfit.tables.checks import checked
 from femfit.tables.columns import UsedColumn
 from femfit.tables.containers import SUFFIXES, parse_table
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.foreign_forms import AXES, SWEEP, ImportOptions, is_matrix, listed, long_points
 from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
@@ -107,9 +107,10 @@ def import_table(
     placed = points[np.isfinite(points[list(AXES)]).all(axis=1) & ~np.isfinite(points["force_N"])]
     good, faults = checked(points, ROW_CHECKS)
     if good.empty:
-        raise TableError(
-            f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
-            f"{faults[0].text if faults else 'there is no row below the header.'}"
+        raise refused(
+            "no-rows",
+            files=listing((file.name for file in files), 4),
+            reason=faults[0].text if faults else "there is no row below the header.",
         )
     findings = _stop_at_errors([*findings, *faults], given)
     snapped = good.assign(**{name: snap_axis(good[name].to_numpy(dtype=float)) for name in AXES})

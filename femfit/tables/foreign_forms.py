@@ -16,9 +16,9 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import COLUMNS
-from femfit.core.text import counted, quoted
+from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_columns
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import names_of, parse_header
 from femfit.tables.raw_table import RawTable, looks_numeric, parse_number
 from femfit.tables.reading import Wants, Words
@@ -101,15 +101,10 @@ def long_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, di
     """
     headers, width = raw.headers, len(raw.cells)
     if not headers:
-        raise TableError(
-            f"{raw.source} has no header line over its {counted(width, 'column')}; name them with "
-            "--columns current,distance,force (a dash for one that is not needed). For force(distance, current) give "
-            "the currents of its columns: --columns 'd [mm],0 A,0.5 A,1 A'."
-        )
+        raise refused("no-header", source=raw.source, columns=width)
     if len(headers) != width:
-        raise TableError(
-            f"{raw.source} has {counted(width, 'column')} but {counted(len(headers), 'name')} "
-            f"({listing(headers, 12)}); give one name a column with --columns."
+        raise refused(
+            "names-of-columns", source=raw.source, columns=width, names=len(headers), headers=listing(headers, 12)
         )
     used, findings = match_columns(
         headers, raw.source, SWEPT, options.columns, options.units, SWEPT[len(REQUIRED) :], guessed=REQUIRED
@@ -178,10 +173,7 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
         numbers, lines = numbers[1:], lines[1:]
     corner, down = corner[:_LONGEST_CORNER], numbers[:, 0]
     if not _monotone(down) or not _monotone(across):
-        raise TableError(
-            f"{raw.source} as a matrix must have axes that go strictly up or down in its first row and column. "
-            "For one row a point name the columns with --columns."
-        )
+        raise refused("matrix-axes", source=raw.source)
     rows, why = _first_column(options, label_unit, corner)
     columns = AXES[1 - AXES.index(rows)]
     places = {"first column": rows, "first row": columns, "matrix": "force_N"}

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
 
-from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.core.text import quoted
+from femfit.tables.findings import refused
 from femfit.tables.raw_table import looks_numeric
 from femfit.tables.units import CAPITALS, CHANNELS, NEEDS_UNIT, column_unit, is_unit, unit_factor
 
@@ -115,9 +115,12 @@ def find_header(key: str, headers: Sequence[str], source: str, option: str) -> s
     """Find the header that a user means."""
     matches = matching_headers(key, headers)
     if len(matches) != 1:
-        raise TableError(
-            f"{source} has no single column {quoted(key)!r} for {option}; its columns are "
-            f"{listing((header for header in headers if header.strip()), 20) or 'without names (give --columns)'}."
+        raise refused(
+            "no-such-column",
+            source=source,
+            key=quoted(key),
+            option=option,
+            headers=listing((header for header in headers if header.strip()), 20) or "without names (give --columns)",
         )
     return matches[0]
 

@@ -12,6 +12,7 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed, listing
+from femfit.tables.findings import refused
 from femfit.tables.header import parts_of
 from femfit.tables.units import CHANNELS as REGISTRY
 
@@ -166,15 +167,10 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
     if any(type(measurement) is not type(first) for measurement in measurements):
         raise TableError("Measurements that are taken together must be bench tables alone, or records over time alone.")
     if any(dict(measurement.declared_noise) != dict(first.declared_noise) for measurement in measurements):
-        raise TableError(
-            f"Measurements that are taken together must have one declared noise; {first.source} and another differ. "
-            "Declare the same for all, or take them one by one."
-        )
+        raise refused("noises-differ", source=first.source)
     for k, measurement in enumerate(measurements):
         if any(measurement.rows.equals(earlier.rows) for earlier in measurements[:k]):
-            raise TableError(
-                f"{measurement.source} holds the same readings as another one that was given. Give each once."
-            )
+            raise refused("same-readings", source=measurement.source)
     pieces, begin = [], dict.fromkeys(("run", "mount", "segment"), 0)
     for measurement in measurements:
         rows = measurement.rows.copy()

@@ -16,7 +16,7 @@ from femfit.core.text import quoted
 from femfit.tables.checks import BENCH_CHECKS, RECORD_CHECKS, checked, copies
 from femfit.tables.columns import BENCH_COLUMNS, column_option, match_column
 from femfit.tables.containers import SUFFIXES
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import OF_CIRCUITS, parse_header, parts_of
 from femfit.tables.impedance import IMPEDANCES, in_series
 from femfit.tables.measurement import (
@@ -92,10 +92,7 @@ def read_measurement(
     ('force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V')
     """
     if not isinstance(path, str | Path):
-        raise TableError(
-            f"A measurement must be what read_measurement returns, or the path of a file; instead received "
-            f"{type(path).__name__}. Give the path of a .csv or .parquet file."
-        )
+        raise refused("no-measurement", received=type(path).__name__)
     words = words_of(Path(path), Words(columns or {}, units or {}, table, noise or {}, settings or {}))
     raw = read_raw_table(Path(path), kinds=(BENCH, SERIES, IMPEDANCES), words=words)
     if IMPEDANCES.fits(raw, words):
@@ -211,10 +208,7 @@ def read_inductance_table(
     """Read measured inductances, a bench table of ``distance_m, current_A, inductance_H`` in these or other units."""
     bench = read_bench_table(path, columns=columns, units=units)
     if lacking := {"current_A", "inductance_H"} - set(bench.given):
-        raise TableError(
-            f"An inductance table must have distance_m, current_A and inductance_H; {path} lacks "
-            f"{' and '.join(sorted(lacking))}. Rename the columns or add them."
-        )
+        raise refused("no-inductance-table", path=path, lacking=" and ".join(sorted(lacking)))
     d, i, inductance = bench.rows[["distance_m", "current_A", "inductance_H"]].to_numpy().T
     good = np.isfinite(d + i + inductance) & (d >= 0.0) & (i != 0.0) & (inductance > 0.0)
     needed, lost = "distance >= 0, current and inductance > 0", int((~good).sum())

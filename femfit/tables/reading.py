@@ -16,10 +16,10 @@ from femfit.core.errors import TableError
 from femfit.core.files import finite_number, read_settings
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
-from femfit.core.text import amount, counted, quoted
+from femfit.core.text import amount, quoted
 from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, remedy_for_columns
 from femfit.tables.containers import parse_table
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import circuit_columns, matching_headers, parts_of
 from femfit.tables.measurement import OF_RUNS, SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
@@ -108,10 +108,7 @@ def constant_settings(settings: Mapping[str, Any], where: str) -> dict[str, floa
     for key, value in settings.items():
         column, number = match_column(str(key), names), finite_number(value)
         if column is None or column.assumed or number is None:
-            raise TableError(
-                f"A setting in {where} must be like distance_mm = 2.0, one of {', '.join(SETTINGS)} in any unit, and a "
-                f"number; instead received {quoted(f'{key} = {value}')}."
-            )
+            raise refused("no-setting", where=where, settings=", ".join(SETTINGS), line=quoted(f"{key} = {value}"))
         result[column.name] = column.factor * number
     return result
 
@@ -142,15 +139,9 @@ def declared_noise(
         for key, value in entries.items():
             column, sigma = _channel(key, channels, used), finite_number(value)
             if column is None:
-                raise TableError(
-                    f"{quoted(key)!r} in {where} is no channel of this kind of file, so that its noise would be lost. "
-                    f"The channels are {', '.join(channels)}."
-                )
+                raise refused("noise-of-no-channel", key=quoted(key), where=where, channels=", ".join(channels))
             if sigma is None or sigma <= 0.0:
-                raise TableError(
-                    f"The noise {quoted(key)} in {where} must be a standard deviation > 0 in the unit of its name, for "
-                    f"example 2e-4; instead received {quoted(value)}."
-                )
+                raise refused("no-noise", key=quoted(key), where=where, value=quoted(value))
             noise[column.name] = sigma * column.factor
     return noise, findings
 
@@ -214,11 +205,15 @@ class Wants:
         reasons = [remark.text for remark in findings if remark.column and remark.column not in columns]
         remedy = remedy_for_columns(unused, [*chain(*missing.values())])
         remedies = [remedy, *(self.hints[name] for name in missing if name in self.hints)]
-        raise TableError(
-            f"A {self.what} must have {', '.join(self.needs)}{' and at least one channel' if self.one_of else ''}, "
-            f"with numbers in them; {source} lacks {' and '.join(missing)} (it has "
-            f"{', '.join(columns) or 'none of the known columns'}). "
-            f"{' '.join([*reasons[:4], *remedies])}"
+        raise refused(
+            "lacking-columns",
+            what=self.what,
+            needs=", ".join(self.needs),
+            channel=" and at least one channel" if self.one_of else "",
+            source=source,
+            lacking=" and ".join(missing),
+            columns=", ".join(columns) or "none of the known columns",
+            remedies=" ".join([*reasons[:4], *remedies]),
         )
 
 
@@ -244,10 +239,7 @@ def read_raw_table(
     )
     if not raw.headers:
         width = len(raw.cells)
-        raise TableError(
-            f"{path} must have as many column names as columns; there is no line of {counted(width, 'name')} above "
-            f"its rows of {counted(width, 'cell')}. Complete the line of names."
-        )
+        raise refused("lacking-names", path=path, names=width, cells=width)
     require_single_names(raw.headers, str(path))
     return raw
 
@@ -256,9 +248,7 @@ def require_single_names(headers: Sequence[str], source: str) -> None:
     """Refuse a table with two columns of one name."""
     twice = [header for k, header in enumerate(headers) if header and header in headers[:k]]
     if twice:
-        raise TableError(
-            f"{source} has more than one column named {listing(dict.fromkeys(twice))}. Rename or remove one."
-        )
+        raise refused("same-names", source=source, headers=listing(dict.fromkeys(twice)))
 
 
 def read_columns(raw: RawTable, wants: Wants, words: Words) -> ReadTable:
@@ -273,10 +263,7 @@ def read_columns(raw: RawTable, wants: Wants, words: Words) -> ReadTable:
     findings = [*notes, *findings, *conversions, *remarks]
     for name, value in words.settings.items():
         if name in rows and rows[name].notna().any():
-            raise TableError(
-                f"{raw.source} has a column {name}, so that it is no constant setting. Leave out the setting of "
-                f"{amount(value, name, 4)}."
-            )
+            raise refused("setting-and-column", source=raw.source, name=name, value=amount(value, name, 4))
         rows = rows.assign(**{name: value})
         findings.append(finding("constant-setting", column=name, value=amount(value, name, 4)))
     wants.require(list(map(str, rows)), raw.headers, raw.source, used, findings)

@@ -3,11 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, counted
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 
 STILL_CURRENT = 0.005
 """Assumed: change of the current, over all of its range, that is the ammeter's and no step."""
@@ -42,24 +41,21 @@ def in_measuring_order(rows: pd.DataFrame, has_run: bool) -> tuple[pd.DataFrame,
         if rows["run"].iloc[-1] > 1.0:
             findings.append(finding("order anew", column="order", times=int(rows["run"].iloc[-1] - 1)))
     pieces = []
-    for _, piece in rows.groupby("run", sort=False):
-        believable, odd = _clock(piece["order"].to_numpy(), piece["run"].iloc[0])
-        findings += odd
-        counted_anew = piece.assign(order=np.arange(len(piece), dtype=np.float64))
-        pieces.append(piece.sort_values("order", kind="stable") if believable else counted_anew)
+    for run, piece in rows.groupby("run", sort=False):
+        order = piece["order"].to_numpy()
+        back, twice = int(np.sum(np.diff(order) < 0.0)), len(order) - len(np.unique(order))
+        numbered = bool(np.all(order == np.round(order)))
+        gaps = np.isnan(order)
+        if not gaps.any() and not twice and (numbered or not 0 < back <= max(1.0, _SINGLE * len(order))):
+            pieces.append(piece.sort_values("order", kind="stable"))
+            continue
+        pieces.append(piece.assign(order=np.arange(len(piece), dtype=np.float64)))
+        fault = f"goes back {counted(back, 'time')}" if back else f"holds {counted(twice, 'number')} twice"
+        if not gaps.any():
+            findings.append(finding("order reset", column="order", run=run, fault=fault))
+        elif not gaps.all():
+            findings.append(finding("order gaps", column="order", run=run))
     return pd.concat(pieces, ignore_index=True), findings
-
-
-def _clock(order: FloatArray, run: float) -> tuple[bool, list[Finding]]:
-    """Whether a run can be sorted by its order, and what is odd about that."""
-    if np.isnan(order).any():
-        return False, [] if np.isnan(order).all() else [finding("order gaps", column="order", run=run)]
-    back, twice = int(np.sum(np.diff(order) < 0.0)), len(order) - len(np.unique(order))
-    numbered = bool(np.all(order == np.round(order)))
-    if not twice and (numbered or not 0 < back <= max(1.0, _SINGLE * len(order))):
-        return True, []
-    what = f"goes back {counted(back, 'time')}" if back else f"holds {counted(twice, 'number')} twice"
-    return False, [finding("order reset", column="order", run=run, fault=what)]
 
 
 def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Finding]]:
@@ -90,15 +86,9 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
     step, same = np.diff(time), np.diff(run) == 0.0
     forward = step[same & (step > 0.0)]
     if not len(forward):
-        raise TableError(
-            f"The time_s of {source} rises nowhere within a run: {counted(len(rows), 'sample')} from {time.min():.6g} "
-            f"s to {time.max():.6g} s. Repair the clock, or leave the column time_s out if these are readings at rest."
-        )
+        raise refused("clock-stands", source=source, samples=len(rows), begin=time.min(), end=time.max())
     if (step[same] == 0.0).mean() > _SHARE:
-        raise TableError(
-            f"The clock of {source} gives several rows one stamp, {amount(float(np.median(forward)), 's')} apart. "
-            "Record finer stamps, or put times at the fixed rate of the recorder into time_s."
-        )
+        raise refused("coarse-stamps", source=source, step=amount(float(np.median(forward)), "s"))
     usual = float(np.quantile(forward, 0.95))
     back, pause = same & (step <= 0.0), same & (step > _PAUSE * usual)
     findings = []

@@ -99,7 +99,7 @@ def rows_of(points: pd.DataFrame) -> str:
 
 
 def solved_sizes(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
-    """Sizes that no actuator has, and distances that do not count from its face; errors where all else depends on it."""
+    """Sizes that no actuator has, and distances that do not count from its face; of what all depends on, errors."""
     remarks = suspected_by_size(points[[name for name in SWEPT if name in points]], solved=True)
     findings = [replace(remark, severity="error") if remark.column in AXES else remark for remark in remarks]
     behind = points[points["distance_m"] <= 0]
@@ -174,7 +174,12 @@ def force_sign(points: pd.DataFrame, _model: Expected | None, *, keep: bool = Fa
     """
     findings: list[Finding] = []
     distances, currents, (force,) = complete_grid(points, ["force_N"])
-    change, share = _growth(currents, force)
+    # Summed over distances, the force that is gained with current, and how one-signed it is
+    strength = np.where((currents >= 0) | ((currents >= 0).sum() < 2), np.abs(currents), np.nan)
+    gained = np.zeros(1)
+    if len(currents) > 1 and len(distances):
+        gained = force[:, int(np.nanargmax(strength))] - force[:, int(np.nanargmin(strength))]
+    change, share = float(gained.sum()), float(abs(gained.sum()) / (np.abs(gained).sum() or 1.0))
     negative = float(-np.minimum(force, 0).sum() / (np.abs(force).sum() or 1.0))
     if not keep and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
         reason = "its magnitude grows with the current" if share else "there is one current only"
@@ -187,17 +192,6 @@ def force_sign(points: pd.DataFrame, _model: Expected | None, *, keep: bool = Fa
     if rising >= _AGREEMENT and size[-1] >= 2 * size[0]:
         findings.append(finding("distance-direction", size=rising, times=size[-1] / (size[0] or np.inf)))
     return findings
-
-
-def _growth(currents: FloatArray, force: FloatArray) -> tuple[float, float]:
-    """Sum over distances of the force gained with current, and how one-signed it is (0 unknown)."""
-    candidates = currents >= 0 if (currents >= 0).sum() > 1 else np.ones(len(currents), bool)
-    magnitudes = np.where(candidates, np.abs(currents), np.nan)
-    if len(currents) < 2 or force.shape[0] == 0 or np.nanmax(magnitudes) == np.nanmin(magnitudes):
-        return 0.0, 0.0
-    gained = force[:, int(np.nanargmax(magnitudes))] - force[:, int(np.nanargmin(magnitudes))]
-    total = float(np.abs(gained).sum())
-    return float(gained.sum()), abs(float(gained.sum())) / total if total else 0.0
 
 
 def force_noise(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:

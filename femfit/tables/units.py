@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.errors import TableError
 from femfit.core.results import Finding
 from femfit.core.text import quoted
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 
 
 @dataclass(frozen=True)
@@ -128,12 +127,9 @@ def given_factor(unit: str, si_unit: str, header: str, source: str, column: str)
             factor = math.nan
     if not SMALLEST_FACTOR <= abs(factor) <= 1.0 / SMALLEST_FACTOR:  # nor is NaN
         examples = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
-        volts = si_unit == "m" and unit_factor(unit, "V") is not None
-        raise TableError(
-            f"{source}: {quoted(unit)!r} is not a unit of column {quoted(header)!r}. Give {examples}a number that "
-            f"multiplies it{' to ' + si_unit if si_unit else ''}, with --unit {column}=UNIT."
-            + (f" {POSITION_IN_VOLTS}" if volts else "")
-        )
+        volts = POSITION_IN_VOLTS if si_unit == "m" and unit_factor(unit, "V") is not None else ""
+        facts = {"unit": quoted(unit), "header": quoted(header), "examples": examples, "volts": volts}
+        raise refused("no-unit", source=source, to=f" to {si_unit}" if si_unit else "", option=column, **facts)
     return factor
 
 
