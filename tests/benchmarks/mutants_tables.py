@@ -1,10 +1,10 @@
 """Damaged tables and FEMM models, read in process: what is refused, what is read, and what should not happen.
 
 ``python tests/benchmarks/mutants_tables.py --count 1000 --seed 1`` damages the tables and models that the tests keep,
-and one table written in every kind of file, and reads each mutant by one of the readers in turn. It prints how many of each kind were refused and read, and every mutant that
-raised another exception than femfit's own, took longer than ``LONGEST_S``, or gave a number that is neither finite nor
-missing. ``--show 20`` prints so many mutants of each kind beside what was made of them. ``--mutant KIND NUMBER`` reads
-one of them alone, whose exception then ends the script.
+and one table written in every kind of file, and reads each mutant by one of the readers in turn. It prints how many of
+each kind were refused and read, and every mutant that raised another exception than femfit's own, took longer than
+``LONGEST_S``, or gave a number that is neither finite nor missing. ``--show 20`` prints so many mutants of each kind
+beside what was made of them. ``--mutant KIND NUMBER`` reads one of them alone, whose exception then ends the script.
 """
 
 import argparse
@@ -37,7 +37,7 @@ LONGEST_S = 20.0
 """For so long a mutant may be read before it counts as a hang."""
 
 IN_A_CHILD = 500
-"""MAT and HDF5 files are decoded in a process of their own, for half a second each: there are so many times fewer of them."""
+"""MAT and HDF5 files are decoded in a process of their own, half a second each: there are so many times fewer."""
 
 WORDS = [
     b"",
