@@ -129,9 +129,10 @@ def open_coil_record(
     :func:`femfit.tables.measurement_file.read_measurement`, in a sidecar too.
     """
     words = Words(columns or {}, units or {}, table)
+    content: Record
     if isinstance(record, pd.DataFrame):
-        source, headers, samples = IN_MEMORY, list(map(str, record)), len(record)
-        tables: Tables = lambda _: iter([record.set_axis(headers, axis=1)])  # noqa: E731
+        source, names = IN_MEMORY, list(map(str, record))
+        content = names, len(record), lambda _: iter([record.set_axis(names, axis=1)])
     else:
         path = path_of(record, "A coil record")
         source = str(path)
@@ -140,16 +141,17 @@ def open_coil_record(
         words = words if path.suffix in RAW_SUFFIXES else words_of(path, words)
         with decoding(path, "a coil record"):
             if path.suffix in RAW_SUFFIXES:
-                headers, samples, tables = _raw_record(path)
+                content = _raw_record(path)
             elif path.suffix == ".parquet":
-                headers, samples, tables = _parquet_record(path)
+                content = _parquet_record(path)
             elif is_container(path):
                 raw = read_raw_table(path, COIL.what, (COIL,), words)
                 frame = pd.DataFrame(raw.numbers, columns=raw.headers)
-                headers, samples = list(raw.headers), len(frame)
-                tables = lambda rows: (frame[k : k + rows] for k in range(0, samples, rows))  # noqa: E731
+                pieces = lambda rows: (frame[k : k + rows] for k in range(0, len(frame), rows))  # noqa: E731
+                content = list(raw.headers), len(frame), pieces
             else:
-                headers, samples, tables = _text_record(path)
+                content = _text_record(path)
+    headers, samples, tables = content
     check_width(len(headers), source)
     require_single_names(headers, source)
     used, findings = match_columns(headers, source, COIL.names, words.columns, words.units)

@@ -26,7 +26,7 @@ from femfit.tables.foreign_forms import AXES, SWEEP, ImportOptions, is_matrix, l
 from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.reading import words_of
-from femfit.tables.sweep_checks import GRID_CHECKS, ROW_CHECKS, force_sign, repeated_points
+from femfit.tables.sweep_checks import GRID_CHECKS, ROW_CHECKS, force_sign, holes_of_grid, repeated_points
 from femfit.tables.sweep_table import SweepTable, snap_axis
 from femfit.tables.units import column_unit, unit_factor
 
@@ -116,8 +116,8 @@ def import_table(
     snapped = good.assign(**{name: snap_axis(good[name].to_numpy(dtype=float)) for name in AXES})
     good, repeats = checked(snapped, (repeated_points,))
     keep_sign = partial(force_sign, keep=given.keep_force)
-    grid_checks = (keep_sign if check is force_sign else check for check in GRID_CHECKS)
-    good, remarks = checked(good.sort_values(list(AXES), kind="stable").reset_index(drop=True), grid_checks)
+    good = good.sort_values(list(AXES), kind="stable").reset_index(drop=True)
+    good, remarks = checked(good, (holes_of_grid, keep_sign, *GRID_CHECKS))
     findings = _stop_at_errors([*findings, *repeats, *remarks], given)
     rows = good[[name for name in COLUMNS if name in good]].assign(status="ok")
     if len(placed):

@@ -37,7 +37,7 @@ _LINES: dict[str, tuple[str, tuple[type, ...]]] = {
 """What a user says of columns: lines like this one, with values of these types."""
 
 
-def _lines(value: object, key: str, what: str) -> dict[str, Any]:
+def _lines(value: Any, key: str, what: str) -> dict[str, Any]:
     """What is said of columns by name, in a sidecar or a call; refused where it is of another form."""
     example, kinds = _LINES[key]
     named = isinstance(value, Mapping) and all(isinstance(name, str) for name in value)
@@ -85,8 +85,7 @@ def words_of(measurement: Path, caller: Said) -> Said:
         raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(table)}.')
     table = table if caller.table is None else caller.table
     columns, units = columns | dict(caller.columns), units | dict(caller.units)
-    chosen = {"columns": columns, "units": units, "table": table, "settings": settings}
-    return replace(caller, **chosen, sidecar=file, noted=noted)
+    return replace(caller, columns=columns, units=units, table=table, settings=settings, sidecar=file, noted=noted)
 
 
 def _sidecar(measurement: Path) -> tuple[Path | None, dict[str, Any]]:

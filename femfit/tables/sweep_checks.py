@@ -312,5 +312,5 @@ def _blocks(count: int) -> list[IntArray]:
 ROW_CHECKS: tuple[Check, ...] = (incomplete_rows, solved_sizes)
 """Of an imported table's rows, before its grid is looked at."""
 
-GRID_CHECKS: tuple[Check, ...] = (holes_of_grid, force_sign, reciprocity, gaps, force_noise)
-"""Of the points of a grid, each of which stands there once."""
+GRID_CHECKS: tuple[Check, ...] = (reciprocity, gaps, force_noise)
+"""Of a grid on which each point stands once, and whose force counts as it shall."""

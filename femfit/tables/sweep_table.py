@@ -245,7 +245,8 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
             raise TableError(f"{name!r} is no parameter of the table; {axes_text}.")
         texts = isinstance(value, str) or any(isinstance(cell, str) for cell in rows[name])
         close = (
-            str(cell) == _shown(value) if texts else math.isclose(cell, value, rel_tol=SAME) for cell in rows[name]
+            str(cell) == _shown(value) if texts else math.isclose(float(cell), float(value), rel_tol=SAME)
+            for cell in rows[name]
         )
         matching = rows[list(close)]
         if matching.empty:

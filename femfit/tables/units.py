@@ -40,11 +40,13 @@ class Channel:
 
 _ENTRIES = tomllib.loads((files("femfit.tables") / "channels.toml").read_text(encoding="utf-8"))
 
+_NAMES = {name: entry.get("names", "").split() for name, entry in _ENTRIES.items()}
+
 CHANNELS: dict[str, Channel] = {
     name: Channel(
         **entry
         | {
-            "names": tuple(word.lstrip("?").casefold() for word in entry.get("names", "").split()),
+            "names": tuple(word.lstrip("?").casefold() for word in _NAMES[name]),
             "units": tuple(entry.get("units", ())),
         }
     )
@@ -52,17 +54,10 @@ CHANNELS: dict[str, Channel] = {
 }
 """Channel to its row."""
 
-NEEDS_UNIT = frozenset(
-    word[1:] for entry in _ENTRIES.values() for word in entry.get("names", "").split() if word.startswith("?")
-)
+NEEDS_UNIT = frozenset(word[1:] for words in _NAMES.values() for word in words if word.startswith("?"))
 """Names that mean their channel only beside a unit of its kind."""
 
-CAPITALS = {
-    word.casefold(): name
-    for name, entry in _ENTRIES.items()
-    for word in entry.get("names", "").split()
-    if word.isupper()
-}
+CAPITALS = {word.casefold(): name for name, words in _NAMES.items() for word in words if word.isupper()}
 """Letter to the channel whose symbol it is as a capital: F is a force, and f a frequency."""
 
 _FOLDED_PREFIXES = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}

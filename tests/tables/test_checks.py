@@ -227,7 +227,17 @@ def test_a_check_says_nothing_of_a_table_that_is_right(name, place, law):
 
 
 def test_every_check_is_tried_and_what_it_sets_aside_is_missing_in_what_goes_on(law):
-    lists = {*BENCH_CHECKS, *RECORD_CHECKS, *ROW_CHECKS, *GRID_CHECKS, repeated_points, copies, outliers, beyond_limits}
+    lists = {
+        *BENCH_CHECKS,
+        *RECORD_CHECKS,
+        *ROW_CHECKS,
+        *GRID_CHECKS,
+        holes_of_grid,
+        repeated_points,
+        copies,
+        outliers,
+        beyond_limits,
+    }
     assert lists <= {check for check, *_ in CASES.values()}
     rows, (remark,) = checked(CASES["stuck"][2](law), BENCH_CHECKS)
     assert np.flatnonzero(rows["hall_V"].isna()).tolist() == list(range(30, 55))

@@ -19,9 +19,6 @@ from femfit.core.text import counted
 from femfit.tables.femm import model
 from femfit.tables.units import unit_factor
 
-UNITS = ("inches", "millimeters", "centimeters", "mils", "microns", "micrometers or meters")
-"""How FEMM writes its units of length; others are read, too."""
-
 DIGITS = 6
 """Decimals of a millimetre that coordinates are kept with: a nanometre, beyond any drawing."""
 
@@ -199,7 +196,8 @@ def parse_fem(content: bytes, source: str) -> model.FemModel:
         raise FemFileError(source, [f"{what} Give a .fem file as FEMM saves it."])
     unit = header.get("lengthunits", "inches").lower()
     if (unit_m := unit_factor(unit, "m")) is None:
-        unit_m = reader.fault(f"[LengthUnits] must be {', '.join(UNITS)}; instead received {unit[:40]!r}.", 1.0)
+        needed = "inches, millimeters, centimeters, mils, microns, micrometers or meters"
+        unit_m = reader.fault(f"[LengthUnits] must be {needed}; instead received {unit[:40]!r}.", 1.0)
     reader.unit_mm = 1e3 * unit_m
     for name, kind in _PARTS.items():
         numbered = enumerate(entries.get(name, ()), kind.get("first", 0))
