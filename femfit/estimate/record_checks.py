@@ -67,11 +67,10 @@ def suspect_settings(
     names : sequence of str
         Columns of the currents.
     """
-    box = model.without_effects.validity
-    currents = zip(names, box.current_limits_A.tolist(), strict=False)  # magnets alone have no current
-    limits = {"distance_m": (box.distance_min_m, box.distance_max_m), **dict(currents)}
-    settings = np.column_stack([distance, current.reshape(len(current), -1)])
-    return beyond_limits(pd.DataFrame(settings, columns=["distance_m", *names]), Expected(limits=limits))
+    box, columns = model.without_effects.validity, ("distance_m", *names)
+    ends = (box.distance_min_m, box.distance_max_m), *box.current_limits_A.tolist()  # none of a current beside magnets
+    rows = pd.DataFrame(np.column_stack([distance, current.reshape(len(current), -1)]), columns=columns)
+    return beyond_limits(rows, Expected(limits=dict(zip(columns, ends, strict=False))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,10 +30,12 @@ from femfit.tables.measurement import (
     InductanceTable,
     Measurement,
     TimeSeries,
+    branch_from_order,
+    check_clock,
+    in_measuring_order,
 )
 from femfit.tables.raw_table import RawTable, clock_seconds
 from femfit.tables.reading import ReadTable, Wants, Words, declared_noise, read_columns, read_raw_table, words_of
-from femfit.tables.row_order import branch_from_order, check_clock, in_measuring_order
 from femfit.tables.units import unit_factor
 
 BENCH = Wants(

@@ -19,7 +19,7 @@ from femfit.tables.checks import (
     outliers,
     stuck_readings,
 )
-from femfit.tables.row_order import check_clock
+from femfit.tables.measurement import check_clock
 from femfit.tables.sweep_checks import (
     GRID_CHECKS,
     ROW_CHECKS,
