@@ -15,7 +15,8 @@ FILES = {
     "What a record shows, and what a filter makes of it": PACKAGE / "estimate",
     "A table to a model": PACKAGE / "fit" / "constants.py",
     "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",
-    "Which rows, samples and sensors of a measurement cannot be right": PACKAGE / "tables" / "measurement_checks.py",
+    "Which rows, samples and sensors of a measurement cannot be right": PACKAGE / "tables" / "checks.py",
+    "In which order rows were measured": PACKAGE / "tables" / "measurement.py",
     "Which unit or sign a column seems to have": PACKAGE / "tables" / "units.py",
 }
 

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
@@ -26,9 +27,10 @@ from femfit.estimate.record import bridged, converter_step, white_noise
 from femfit.estimate.rests import Rests, Track, find_rests
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import true_setting_of
+from femfit.tables.checks import Expected, beyond_limits
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
-from femfit.tables.units import LEAST_READINGS, column_unit, suspected_by_range
+from femfit.tables.units import LEAST_READINGS, column_unit
 
 FLOWS, AGAINST = 0.1, 0.5
 """Conventional: parts of the largest command or current from which one flows, and of the heat in the winding that the
@@ -65,12 +67,10 @@ def suspect_settings(
     names : sequence of str
         Columns of the currents.
     """
-    box = model.without_effects.validity
-    columns = current.reshape(len(current), -1).T
-    limits = zip(names, columns, box.current_limits_A.tolist(), strict=False)  # magnets alone have no current
-    suspicions = [suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m)]
-    suspicions += [suspected_by_range(name, values, low, high) for name, values, (low, high) in limits]
-    return [suspicion for suspicion in suspicions if suspicion is not None]
+    box, columns = model.without_effects.validity, ("distance_m", *names)
+    ends = (box.distance_min_m, box.distance_max_m), *box.current_limits_A.tolist()  # none of a current beside magnets
+    rows = pd.DataFrame(np.column_stack([distance, current.reshape(len(current), -1)]), columns=columns)
+    return beyond_limits(rows, Expected(limits=dict(zip(columns, ends, strict=False))))
 
 
 @dataclass(frozen=True, eq=False)

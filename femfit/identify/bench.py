@@ -36,8 +36,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter, Point, readings_by, setting_slopes
 from femfit.model.with_effects import nominal_of
 from femfit.tables.header import parts_of
-from femfit.tables.measurement import BenchTable, Measurement, TimeSeries
-from femfit.tables.measurement_checks import STILL_CURRENT
+from femfit.tables.measurement import STILL_CURRENT, BenchTable, Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
 
 

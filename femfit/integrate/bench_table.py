@@ -28,7 +28,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_record import CoilBlock
 from femfit.tables.columns import BENCH_COLUMNS
-from femfit.tables.reading import Wants, Words, read_columns, read_raw_table
+from femfit.tables.reading import Wants, Words, read_columns, read_raw_table, words_of
 
 NEEDED = ("time_s", "coil_voltage_V", "current_A", "distance_m")
 RECORD = Wants(
@@ -151,7 +151,7 @@ def make_bench_table(
         require_outputs(inputs, (output, BENCH), (output.with_suffix(".toml"), NOTES))
     first = None if model is None else model_of(model)
     source = "" if model is None else model.name if isinstance(model, ActuatorModel) else Path(model).name
-    words = Words(columns or {}, units or {}, table)
+    words = words_of(record, Words(columns or {}, units or {}, table))
     rows = read_columns(read_raw_table(record, RECORD.what, (RECORD,), words), RECORD, words).rows
     rows = rows.dropna(subset=list(NEEDED))  # a row without one of these is a gap, and said to be one
     if rows.empty:

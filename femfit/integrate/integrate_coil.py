@@ -14,7 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from femfit.core.errors import TableError
-from femfit.core.files import INTEGRATED, replacing, require_outputs
+from femfit.core.files import INTEGRATED, finite_number, replacing, require_outputs
+from femfit.core.text import quoted
 from femfit.integrate.feed_forward import SETTLING_S, STILL_A
 from femfit.integrate.field_of_current import (
     PATH_INTERVAL,
@@ -35,24 +36,30 @@ from femfit.integrate.methods import (
 )
 from femfit.integrate.record_watch import RecordWatch, Reference, finding
 from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
-from femfit.tables.coil_record import COIL, RAW_SUFFIXES, CoilRecord, open_coil_record
-from femfit.tables.columns import UsedColumn
+from femfit.tables.coil_record import RAW_SUFFIXES, CoilRecord, open_coil_record
+from femfit.tables.raw_table import LARGEST
 
 OFFSET_SIGMA_V = {"trapezoid": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6, **dict.fromkeys(FILTERS, 0.0)}
 """Standard uncertainty of the offset voltage that a method leaves. Chosen: 20 uV for an amplifier's own offset, 5 uV
 for what wanders after it was measured; the filters estimate it."""
 
-_OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "coil_area_m2": ("--coil-area", ()),
-    "zero_reading_s": ("--zero-reading-s", ("ffa1",)),
-    "settling_s": ("--settling-s", ("ffa2",)),
-    "still_A": ("--still-A", ("ffa2",)),
-    "current_to_field_A_per_T": ("--current-to-field", ("cs2",)),
-    "lab": ("--lab", ("cs2-identified",)),
-    "reference_gain_sigma": ("--reference-gain-sigma", FILTERS),
-    "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS),
+_OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
+    "coil_area_m2": ("--coil-area", (), ""),
+    "initial_field_T": ("--initial-field-T", (), ""),
+    "zero_reading_s": ("--zero-reading-s", ("ffa1",), "> 0"),
+    "settling_s": ("--settling-s", ("ffa2",), ">= 0"),
+    "still_A": ("--still-A", ("ffa2",), "> 0"),
+    "current_to_field_A_per_T": ("--current-to-field", ("cs2",), "> 0"),
+    "coil_area_sigma_m2": ("--coil-area-sigma", (), ">= 0"),
+    "reference_gain_sigma": ("--reference-gain-sigma", FILTERS, ">= 0"),
+    "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS, ">= 0"),
+    "offset_sigma_V": ("--offset-sigma-uV", (), ">= 0"),
+    "coverage": ("--coverage", (), "> 0"),
+    "lab": ("--lab", ("cs2-identified",), "path"),
 }
-"""By keyword: the option, and the methods that use it, all where none is named."""
+"""By keyword: the option, the methods that use it, all where none is named, and which numbers it may be."""
+
+_LEAST = {"": -LARGEST, ">= 0": 0.0, "> 0": 1.0 / LARGEST}
 
 
 def integrate_coil(
@@ -140,10 +147,7 @@ def integrate_coil(
     """
     arguments, begin = locals(), time.perf_counter()
     output = None if output is None else Path(output)
-    if isinstance(record, pd.DataFrame):
-        source = table_record(record)
-    else:
-        source = open_coil_record(record, columns=columns, units=units, table=table)
+    source = open_coil_record(record, columns=columns, units=units, table=table)
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in source.columns else "ffa2")
     _require_fitting(chosen, arguments)
     inputs = [Path(path) for path in (record, lab) if isinstance(path, str | Path)]
@@ -184,8 +188,11 @@ def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     """Refuse options that would do nothing, and say what a method lacks."""
     if method not in OFFSET_SIGMA_V:
         raise TableError(f"method must be one of {', '.join(OFFSET_SIGMA_V)}; instead received {method!r}.")
-    options = {option: methods for keyword, (option, methods) in _OPTIONS.items() if arguments[keyword] is not None}
-    for option, methods in options.items():
+    options = {entry[0]: arguments[keyword] for keyword, entry in _OPTIONS.items() if arguments[keyword] is not None}
+    for option, methods, bound in (entry for entry in _OPTIONS.values() if entry[0] in options):
+        number = finite_number(options[option])
+        if bound != "path" and (number is None or not _LEAST[bound] <= number < LARGEST):
+            raise TableError(f"{option} must be a number {bound}; instead received {quoted(options[option])}.")
         if methods and method not in methods:
             raise TableError(
                 f"{option} is for {' and '.join(methods)}; {method} does not use it. Leave it out, or give another "
@@ -209,7 +216,7 @@ def field_of_lab_record(lab: str | Path, coil: SensingCoil) -> FieldModel:
     """Identify the field of a magnet that was cycled before, from a record of coil, Hall probe and current."""
     record = open_coil_record(Path(lab))
     if not {"hall_T", "current_A"} <= set(record.columns):
-        raise TableError(f"A lab record needs hall_T and current_A; {record.path} has {', '.join(record.columns)}.")
+        raise TableError(f"A lab record needs hall_T and current_A; {record.source} has {', '.join(record.columns)}.")
     blocks = record.blocks()
     first = next(blocks)
     integrator = make_integrator(IntegrationOptions("cs1-offset", coil), first)
@@ -236,13 +243,6 @@ def record_writer(path: Path, columns: Sequence[str]) -> Iterator[Callable[[pd.D
         else:
             with partial.open("wb") as file:
                 yield lambda table: table.to_csv(file, index=False, header=file.tell() == 0, float_format="%.10g")
-
-
-def table_record(rows: pd.DataFrame) -> CoilRecord:
-    """A table in memory as a record; its columns have the names and units of one."""
-    used = tuple(UsedColumn(name, name, 1.0, "") for name in COIL.names if name in rows)
-    COIL.require([column.name for column in used], map(str, rows), "the table", used)
-    return CoilRecord(Path("the table"), used, len(rows), lambda _: iter([rows]))
 
 
 def stream_record(
@@ -296,7 +296,7 @@ def stream_record(
     at_the_end = systematics[corrected]
     parts = {name: float(values[-1]) for name, values in out.responses.parts(at_the_end).items()}
     return CoilIntegral(
-        record=str(source.path),
+        record=source.source,
         method=options.method,
         quantity=quantity,
         coverage=coverage,

@@ -162,12 +162,8 @@ class CoilIntegral(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, without the rows."""
-        return {
-            "record": self.record,
-            "method": self.method,
-            "quantity": self.quantity,
-            "samples": self.samples,
-            "sample_time_s": self.sample_time_s,
+        of_record = ("record", "method", "quantity", "samples", "sample_time_s")
+        return {name: getattr(self, name) for name in of_record} | {
             "end": {
                 "time_s": self.end_s,
                 "value": self.value,

@@ -12,6 +12,7 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.text import counted
+from femfit.tables.raw_table import LARGEST
 
 # Second differences of white noise have six times its variance; the median of |normal| is 0.6745 sigma.
 _MEDIAN_TO_SIGMA = 1.0 / (0.6745 * math.sqrt(6.0))
@@ -24,7 +25,7 @@ class SensingCoil:
     area_m2: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.area_m2) and self.area_m2 > 0.0):
+        if not 1.0 / LARGEST <= self.area_m2 < LARGEST:
             raise TableError(
                 f"A coil's total area must be > 0 m2; instead received {self.area_m2:g}. Give turns x area of a turn; "
                 "for a coil wound the other way, change the sign of its voltage."

@@ -21,11 +21,12 @@ from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.core.text import counted, quoted
+from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.containers import is_container
-from femfit.tables.raw_table import EMPTY, check_width, decoding, find_decimal, looks_numeric, typed_numbers
-from femfit.tables.reading import Wants, Words, read_raw_table
+from femfit.tables.findings import refused
+from femfit.tables.raw_table import EMPTY, LARGEST, check_width, decoding, find_decimal, looks_numeric, typed_numbers
+from femfit.tables.reading import Wants, Words, read_raw_table, require_single_names, words_of
 from femfit.tables.text_table import decode, find_layout
 
 
@@ -70,9 +71,9 @@ Tables = Callable[[int], Iterator[pd.DataFrame]]
 
 @dataclass(frozen=True)
 class CoilRecord:
-    """A coil record that lies in a file."""
+    """A coil record that lies in a file, or in memory."""
 
-    path: Path
+    source: str
     used: tuple[UsedColumn, ...]  # The time and what else is read, each with its header and its factor to SI
     samples: int | None  # Rows; None where only reading shows it (CSV)
     tables: Tables
@@ -85,38 +86,37 @@ class CoilRecord:
     def blocks(self, rows: int = BLOCK_ROWS) -> Iterator[CoilBlock]:
         """The record's blocks in order; rows without a time or a voltage are left out and show as gaps."""
         before, count = -np.inf, 0
-        with decoding(self.path, "a coil record"):
+        with decoding(self.source, "a coil record"):
             for table in self.tables(rows):
-                read = {column.name: column.factor * self._numbers(table[column.header]) for column in self.used}
+                read = {}
+                for use in self.used:
+                    cells = table[use.header]
+                    read[use.name] = use.factor * typed_numbers(cells)
+                    bad = cells[np.isnan(read[use.name]) & cells.notna()]
+                    if len(bad) and cells.dtype.kind not in "iuf":
+                        facts = {"header": quoted(use.header), "cell": quoted(bad.iloc[0])}
+                        raise refused("numbers-needed", source=self.source, **facts)
                 block = CoilBlock(read["time_s"], read["coil_voltage_V"], read.get("hall_T"), read.get("current_A"))
                 block = block[np.isfinite(block.time) & np.isfinite(block.voltage)]
                 if len(block) == 0:
                     continue
-                back = np.flatnonzero(np.diff(block.time, prepend=before) <= 0.0)
+                back = np.flatnonzero(np.diff(block.time, prepend=before) < 1.0 / LARGEST)
                 if len(back):
-                    raise TableError(
-                        f"A record must have a rising time_s; {self.path} jumps back to {block.time[back[0]]:.9g} s "
-                        f"after {counted(int(count + back[0]), 'row')}. "
-                        "Split the record there, or repair the clock."
+                    raise refused(
+                        "clock-back", source=self.source, moment=block.time[back[0]], rows=int(count + back[0])
                     )
                 before, count = float(block.time[-1]), count + len(block)
                 yield block
         if count == 0:
-            raise TableError(f"No row of {self.path} has a time and a voltage.")
+            raise TableError(f"No row of {self.source} has a time and a voltage.")
 
-    def _numbers(self, column: "pd.Series[Any]") -> FloatArray:
-        values = typed_numbers(column)
-        bad = column[np.isnan(values) & column.notna()]
-        if len(bad) and column.dtype.kind not in "iuf":
-            raise TableError(
-                f"Column {quoted(column.name)} of {self.path} must hold numbers; instead received "
-                f"{quoted(bad.iloc[0])!r}. Repair these cells."
-            )
-        return values
+
+IN_MEMORY = "the table"
+"""What messages call a record that lies in no file."""
 
 
 def open_coil_record(
-    path: str | Path,
+    record: str | Path | pd.DataFrame,
     *,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str | float] | None = None,
@@ -125,30 +125,38 @@ def open_coil_record(
     """Look at a coil record; text, Parquet and raw records are not read before their blocks are asked for.
 
     It is ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; XLSX, MAT, HDF5, TDMS or WAV; else a text table
-    of any dialect. ``columns``, ``units`` and ``table`` are as in
-    :func:`femfit.tables.measurement_file.read_measurement`.
+    of any dialect, or a DataFrame. ``columns``, ``units`` and ``table`` are as in
+    :func:`femfit.tables.measurement_file.read_measurement`, in a sidecar too.
     """
-    path = path_of(path, "A coil record")
-    if not path.is_file():
-        raise TableError(
-            f"There is no coil record {path}. Give a text, .parquet, .bin, .raw, .f32, .mat, .h5, .tdms or .wav file."
-        )
     words = Words(columns or {}, units or {}, table)
-    with decoding(path, "a coil record"):
-        if path.suffix in RAW_SUFFIXES:
-            headers, samples, tables = _raw_record(path)
-        elif path.suffix == ".parquet":
-            headers, samples, tables = _parquet_record(path)
-        elif is_container(path):
-            raw = read_raw_table(path, COIL.what, (COIL,), words)
-            headers, samples, frame = list(raw.headers), len(raw.lines), pd.DataFrame(raw.numbers, columns=raw.headers)
-            tables = lambda rows: (frame[first : first + rows] for first in range(0, len(frame), rows))  # noqa: E731
-        else:
-            headers, samples, tables = _text_record(path)
-    check_width(len(headers), str(path))
-    used, findings = match_columns(headers, str(path), COIL.names, words.columns, words.units)
-    COIL.require([column.name for column in used], headers, str(path), used, findings)
-    return CoilRecord(path, tuple(used), samples, tables)
+    content: Record
+    if isinstance(record, pd.DataFrame):
+        source, names = IN_MEMORY, list(map(str, record))
+        content = names, len(record), lambda _: iter([record.set_axis(names, axis=1)])
+    else:
+        path = path_of(record, "A coil record")
+        source = str(path)
+        if not path.is_file():
+            raise refused("no-record", path=path)
+        words = words if path.suffix in RAW_SUFFIXES else words_of(path, words)
+        with decoding(path, "a coil record"):
+            if path.suffix in RAW_SUFFIXES:
+                content = _raw_record(path)
+            elif path.suffix == ".parquet":
+                content = _parquet_record(path)
+            elif is_container(path):
+                raw = read_raw_table(path, COIL.what, (COIL,), words)
+                frame = pd.DataFrame(raw.numbers, columns=raw.headers)
+                pieces = lambda rows: (frame[k : k + rows] for k in range(0, len(frame), rows))  # noqa: E731
+                content = list(raw.headers), len(frame), pieces
+            else:
+                content = _text_record(path)
+    headers, samples, tables = content
+    check_width(len(headers), source)
+    require_single_names(headers, source)
+    used, findings = match_columns(headers, source, COIL.names, words.columns, words.units)
+    COIL.require([column.name for column in used], headers, source, used, findings)
+    return CoilRecord(source, tuple(used), samples, tables)
 
 
 Record = tuple[list[str], int | None, Tables]
@@ -216,9 +224,7 @@ class _RawLayout(BaseModel):
 def _raw_record(path: Path) -> Record:
     sides = [side for side in (path.with_suffix(".toml"), path.with_suffix(".json")) if side.is_file()]
     if not sides:
-        raise TableError(
-            f"{path} needs a sidecar {path.stem}.toml or {path.stem}.json beside it, with sample_rate_Hz and columns."
-        )
+        raise refused("no-layout", path=path, stem=path.stem)
     data = read_settings(sides[0], _RAW_EXAMPLE)
     try:
         layout = _RawLayout.model_validate(data, strict=True)
@@ -230,9 +236,7 @@ def _raw_record(path: Path) -> Record:
         raise TableError(f"{sides[0]} must name each column once; instead received columns = {quoted(layout.columns)}.")
     width, size = len(layout.columns), path.stat().st_size
     if size % (RAW.itemsize * width):
-        raise TableError(
-            f"{path} must hold whole rows of {width} float32; its {size} bytes do not. Check the sidecar's columns."
-        )
+        raise refused("broken-rows", path=path, width=width, length=size)
 
     def tables(rows: int) -> Iterator[pd.DataFrame]:
         done = 0

@@ -12,11 +12,10 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from femfit.core.errors import TableError
 from femfit.core.numerics import GRAVITY, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.text import quoted
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import Likeness, find_header, matching_headers, parse_header, score
 from femfit.tables.measurement import CHANNELS, SETTINGS
 from femfit.tables.raw_table import EMPTY, LARGEST, RawTable, clock_seconds, looks_numeric
@@ -45,8 +44,7 @@ class UsedColumn:
 
     def conversion(self) -> Finding:
         """Say as what a column of another header is read."""
-        how = f"converted to {self.name}, times {self.factor:g}"
-        how = f"read as {self.name}" if self.factor == 1.0 else how
+        how = f"read as {self.name}" if self.factor == 1.0 else f"converted to {self.name}, times {self.factor:g}"
         in_grams = self.name == "force_N" and self.factor == GRAVITY * 1e-3
         how += f" ({self.unit} as a weight, gram-force)" if in_grams else ""
         return finding("column", column=self.name, header=quoted(self.header), how=how)
@@ -70,8 +68,12 @@ def match_columns(
     wanted = {find_header(key, headers, source, "--column"): name for key, name in columns.items()}
     for header, name in wanted.items():
         if name not in names:
-            raise TableError(
-                f"Column {quoted(header)!r} of {source} cannot be {quoted(name)!r}; give one of {', '.join(names)}."
+            raise refused(
+                "unwanted-column",
+                header=quoted(header),
+                source=source,
+                column_name=quoted(name),
+                columns=", ".join(names),
             )
     chosen = {name: headers.index(header) for header, name in wanted.items()}
     texts: dict[str, str] = {}
@@ -86,10 +88,7 @@ def match_columns(
         if name in chosen or not top or (name in optional and len(top) > 1):
             continue
         if len(top) > 1 and free[top[0]] == Likeness.SURE:
-            raise TableError(
-                f"{source} must have one column for {name}; instead received {listing(headers[k] for k in top)}. "
-                f"Remove all but one, or say which with --column HEADER={name}."
-            )
+            raise refused("several-columns", source=source, name=name, headers=listing(headers[k] for k in top))
         chosen[name] = top[0]
     used = [
         used_column(headers[k], name, source, texts.get(name, texts.get(headers[k], "")))

@@ -27,6 +27,7 @@ from femfit.core.processes import process_pool
 from femfit.core.results import listing
 from femfit.core.text import quoted
 from femfit.tables.columns import match_column
+from femfit.tables.findings import refused
 from femfit.tables.header import with_unit
 from femfit.tables.nested import hdf5_tree, mat_tree, nested_tables, require_library, table_of_columns
 from femfit.tables.raw_table import RawTable, decoding, typed_table
@@ -145,9 +146,8 @@ def _read_apart(kind: str, content: bytes, source: str) -> Tables:
         try:
             tree, remark = pool.submit(_decoded, kind, content, int(memory)).result(timeout)
         except MemoryError as error:
-            raise TableError(
-                f"{source} says that it unpacks to more memory than its {len(content) / 1e6:.3g} MB may take "
-                f"({memory / 1e9:.3g} GB). Unless it is damaged, export fewer columns."
+            raise refused(
+                "too-much-memory", source=source, megabytes=len(content) / 1000000.0, gigabytes=memory / 1000000000.0
             ) from error
     return nested_tables(tree, source, kind, separator="/" if kind == "HDF5" else "."), remark
 

@@ -18,14 +18,16 @@ from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import counted, quoted
 from femfit.device.load import read_actuator, sweep_manifest_entry
+from femfit.tables.checks import checked
 from femfit.tables.columns import UsedColumn
 from femfit.tables.containers import SUFFIXES, parse_table
-from femfit.tables.findings import finding
-from femfit.tables.foreign_checks import check_cells, check_points, check_units
+from femfit.tables.findings import finding, refused
 from femfit.tables.foreign_forms import AXES, SWEEP, ImportOptions, is_matrix, listed, long_points
 from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
-from femfit.tables.sweep_table import SweepTable
+from femfit.tables.reading import words_of
+from femfit.tables.sweep_checks import GRID_CHECKS, ROW_CHECKS, force_sign, holes_of_grid, repeated_points
+from femfit.tables.sweep_table import SweepTable, snap_axis
 from femfit.tables.units import column_unit, unit_factor
 
 _NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
@@ -102,21 +104,25 @@ def import_table(
     contents = {file: file_content(file, "table") for file in files}
     points, mapping, findings, dialects = _gather(contents, given)
     points = points.assign(distance_m=(given.distance_start_m or 0.0) + points["distance_m"])
-    good, bad, faults = check_cells(points)
-    findings += faults
+    placed = points[np.isfinite(points[list(AXES)]).all(axis=1) & ~np.isfinite(points["force_N"])]
+    good, faults = checked(points, ROW_CHECKS)
     if good.empty:
-        raise TableError(
-            f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
-            f"{faults[0].text if faults else 'there is no row below the header.'}"
+        raise refused(
+            "no-rows",
+            files=listing((file.name for file in files), 4),
+            reason=faults[0].text if faults else "there is no row below the header.",
         )
-    findings += check_units(good)
-    _stop_at_errors(findings, given)
-    good, remarks = check_points(good, keep_force=given.keep_force)
-    findings = _stop_at_errors([*findings, *remarks], given)
+    findings = _stop_at_errors([*findings, *faults], given)
+    snapped = good.assign(**{name: snap_axis(good[name].to_numpy(dtype=float)) for name in AXES})
+    good, repeats = checked(snapped, (repeated_points,))
+    keep_sign = partial(force_sign, keep=given.keep_force)
+    good = good.sort_values(list(AXES), kind="stable").reset_index(drop=True)
+    good, remarks = checked(good, (holes_of_grid, keep_sign, *GRID_CHECKS))
+    findings = _stop_at_errors([*findings, *repeats, *remarks], given)
     rows = good[[name for name in COLUMNS if name in good]].assign(status="ok")
-    placed = bad.loc[np.isfinite(bad[list(AXES)].to_numpy(dtype=float)).all(axis=1), list(AXES)]
     if len(placed):
-        rows = pd.concat([rows, placed.assign(status="no number in the imported table")], ignore_index=True)
+        failed = placed[list(AXES)].assign(status="no number in the imported table")
+        rows = pd.concat([rows, failed], ignore_index=True)
     manifest = {
         "kind": "import",
         "name": files[0].stem if len(files) == 1 else files[0].resolve().parent.name,
@@ -161,15 +167,17 @@ def _gather(
     findings: list[Finding] = []
     dialects: dict[str, str] = {}
     for file, content in contents.items():
-        constants = {column: value for column in _UNITS if (value := _value_in_name(file, column)) is not None}
-        wanted = partial(_is_wanted, replace(options, settings=constants))
-        raw = parse_table(content, file.name, table=options.table, wanted=wanted, decimal=options.decimal)
-        raw = replace(raw, headers=options.column_names or raw.headers)
+        in_name = {column: value for column in _UNITS if (value := _value_in_name(file, column)) is not None}
+        words = words_of(file, options)
+        words = replace(words, settings=in_name | dict(words.settings))
+        wanted = partial(_is_wanted, words)
+        raw = parse_table(content, file.name, table=words.table, wanted=wanted, decimal=words.decimal)
+        raw = replace(raw, headers=words.column_names or raw.headers)
         dialects[file.name] = raw.dialect
         findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]
-        matrix = is_matrix(raw, options)
-        raw, choices, remarks = listed(raw, options) if matrix else (raw, options, [])
-        frame, uses, doubts = long_points(raw, constants, choices)
+        matrix = is_matrix(raw, words)
+        raw, choices, remarks = listed(raw, words) if matrix else (raw, words, [])
+        frame, uses, doubts = long_points(raw, choices)
         frames.append(frame)
         findings += [remark for remark in (*remarks, *doubts) if remark not in findings]
         uses = {name: uses[name] for name in choices.columns.values()} if matrix else uses

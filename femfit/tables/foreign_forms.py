@@ -6,7 +6,6 @@ What a user can say about a foreign table where its text does not say it.
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -17,9 +16,9 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import COLUMNS
-from femfit.core.text import counted, quoted
+from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_columns
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import names_of, parse_header
 from femfit.tables.raw_table import RawTable, looks_numeric, parse_number
 from femfit.tables.reading import Wants, Words
@@ -32,6 +31,9 @@ REQUIRED = SWEPT[:3]
 AXES = REQUIRED[:2]
 WORDS = {column_unit(name)[0]: name for name in SWEPT}
 """What users call a column, without its unit."""
+
+
+_CHOICES = {"matrix_rows": ("auto", "distance", "current"), "decimal": (None, ".", ",")}
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,11 @@ class ImportOptions(Words):
 
     def __post_init__(self) -> None:
         """Turn ``flux-linkage`` into ``flux_linkage_Wb``; a header stays what it is."""
+        super().__post_init__()
+        for name, choices in _CHOICES.items():
+            if (choice := getattr(self, name)) not in choices:
+                listed = ", ".join(map(str, choices))
+                raise TableError(f"{name} must be one of {listed}; instead received {quoted(choice)}.")
         object.__setattr__(self, "columns", {header: _column(name) for header, name in self.columns.items()})
         object.__setattr__(self, "units", {_column(key): unit for key, unit in self.units.items()})
         object.__setattr__(self, "without", tuple(map(_column, self.without)))
@@ -86,25 +93,18 @@ SWEEP = Wants(
 )
 
 
-def long_points(
-    raw: RawTable, constants: Mapping[str, float], options: ImportOptions
-) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
+def long_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
     """Read one row a point with SI columns, the distance before its start.
 
-    The constants are the whole file's current (A) or distance (m), used where no column holds it; ``source`` and
-    ``line`` say where a row stands.
+    A setting is the whole file's current (A) or distance (m), used where no column holds it; ``source`` and ``line``
+    say where a row stands.
     """
     headers, width = raw.headers, len(raw.cells)
     if not headers:
-        raise TableError(
-            f"{raw.source} has no header line over its {counted(width, 'column')}; name them with "
-            "--columns current,distance,force (a dash for one that is not needed). For force(distance, current) give "
-            "the currents of its columns: --columns 'd [mm],0 A,0.5 A,1 A'."
-        )
+        raise refused("no-header", source=raw.source, columns=width)
     if len(headers) != width:
-        raise TableError(
-            f"{raw.source} has {counted(width, 'column')} but {counted(len(headers), 'name')} "
-            f"({listing(headers, 12)}); give one name a column with --columns."
+        raise refused(
+            "names-of-columns", source=raw.source, columns=width, names=len(headers), headers=listing(headers, 12)
         )
     used, findings = match_columns(
         headers, raw.source, SWEPT, options.columns, options.units, SWEPT[len(REQUIRED) :], guessed=REQUIRED
@@ -112,7 +112,7 @@ def long_points(
     wanted = sorted((use for use in used if use.name not in options.without), key=lambda use: SWEPT.index(use.name))
     uses = {use.name: use for use in wanted}
     data = {use.name: raw.column(headers.index(use.header)) * use.factor for use in wanted}
-    for name, value in constants.items():
+    for name, value in options.settings.items():
         if name not in uses:
             data[name] = np.full(len(raw.lines), value, dtype=np.float64)
             uses[name] = UsedColumn(f"{value:g} for the whole file", name, 1.0, column_unit(name)[1])
@@ -173,10 +173,7 @@ def listed(raw: RawTable, options: ImportOptions) -> tuple[RawTable, ImportOptio
         numbers, lines = numbers[1:], lines[1:]
     corner, down = corner[:_LONGEST_CORNER], numbers[:, 0]
     if not _monotone(down) or not _monotone(across):
-        raise TableError(
-            f"{raw.source} as a matrix must have axes that go strictly up or down in its first row and column. "
-            "For one row a point name the columns with --columns."
-        )
+        raise refused("matrix-axes", source=raw.source)
     rows, why = _first_column(options, label_unit, corner)
     columns = AXES[1 - AXES.index(rows)]
     places = {"first column": rows, "first row": columns, "matrix": "force_N"}

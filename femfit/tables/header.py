@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
 
-from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.core.text import quoted
+from femfit.tables.findings import refused
 from femfit.tables.raw_table import looks_numeric
-from femfit.tables.units import CHANNELS, NEEDS_UNIT, column_unit, is_unit, unit_factor
+from femfit.tables.units import CAPITALS, CHANNELS, NEEDS_UNIT, column_unit, is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
 _BEFORE = r"(?:\s*/\s*|\s*,\s*|\s+in\s+|[_\s]+)"
@@ -43,7 +43,8 @@ class Likeness(IntEnum):
     WORD = 2  # A word of it is a name
     WORD_IN_UNIT = 3  # Beside a unit of the kind
     MAYBE = 4
-    SURE = 5  # It is the column's name
+    SYMBOL = 5  # It is the column's letter, in the case that tells it from another's
+    SURE = 6  # It is the column's name
 
 
 _LONGEST = 200
@@ -114,9 +115,12 @@ def find_header(key: str, headers: Sequence[str], source: str, option: str) -> s
     """Find the header that a user means."""
     matches = matching_headers(key, headers)
     if len(matches) != 1:
-        raise TableError(
-            f"{source} has no single column {quoted(key)!r} for {option}; its columns are "
-            f"{listing((header for header in headers if header.strip()), 20) or 'without names (give --columns)'}."
+        raise refused(
+            "no-such-column",
+            source=source,
+            key=quoted(key),
+            option=option,
+            headers=listing((header for header in headers if header.strip()), 20) or "without names (give --columns)",
         )
     return matches[0]
 
@@ -134,7 +138,9 @@ def score(header: Header, column: str) -> int:
     names = {re.sub("[_-]", "", stem).casefold(), *names_of(column)}
     named = names.intersection(header.words)
     if header.name in names and header.name not in NEEDS_UNIT:
-        return Likeness.SURE if fits or len(header.name) > 1 else Likeness.MAYBE
+        capital = header.name.upper() in header.text
+        symbol = header.name in CAPITALS and capital == (CAPITALS[header.name] == column)
+        return Likeness.SURE if fits or len(header.name) > 1 else Likeness.SYMBOL if symbol else Likeness.MAYBE
     if fits and (header.name in names or (named and named.issuperset(header.words))):
         return Likeness.MAYBE
     return (Likeness.WORD_IN_UNIT if fits else Likeness.WORD) if named or header.name in names else int(fits)

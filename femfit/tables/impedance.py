@@ -17,7 +17,7 @@ from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import amount, quoted
 from femfit.tables.columns import BENCH_COLUMNS
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import OF_CIRCUITS, column_of, parse_header, parts_of
 from femfit.tables.raw_table import RawTable
 from femfit.tables.reading import ReadTable, Wants
@@ -127,9 +127,12 @@ def _one_in_series(
     elif not series:
         form = next(iter(held))
         second = [column_of(name, circuit) for pair in _FORMS if form in pair for name in pair if name != form]
-        raise TableError(
-            f"An impedance must have two numbers at each frequency; {source} has {listing(held.values())}. Add "
-            f"{' or '.join(second)}, or say what a column is with --column HEADER={second[0]}."
+        raise refused(
+            "half-impedance",
+            source=source,
+            columns=listing(held.values()),
+            lacking=" or ".join(second),
+            second=second[0],
         )
     inductance = series.get("inductance_H", np.zeros(0))
     wrong = inductance <= 0.0  # above the winding's own resonance
@@ -137,10 +140,7 @@ def _one_in_series(
         return series, findings
     column = column_of("inductance_H", circuit)
     if wrong[np.isfinite(inductance)].all():
-        raise TableError(
-            f"An impedance of a coil must have an inductance > 0; {source} has none in {column}. If its imaginary "
-            "part or its phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
-        )
+        raise refused("no-inductance", source=source, name=column)
     lowest, count = amount(float(np.min(frequency[wrong])), "frequency_Hz"), int(wrong.sum())
     findings.append(finding("resonance", size=float(count), column=column, readings=count, frequency=lowest))
     return {name: np.where(wrong, np.nan, values) for name, values in series.items()}, findings

@@ -13,9 +13,10 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.text import quoted
+from femfit.tables.checks import BENCH_CHECKS, RECORD_CHECKS, checked, copies
 from femfit.tables.columns import BENCH_COLUMNS, column_option, match_column
 from femfit.tables.containers import SUFFIXES
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import OF_CIRCUITS, parse_header, parts_of
 from femfit.tables.impedance import IMPEDANCES, in_series
 from femfit.tables.measurement import (
@@ -29,18 +30,13 @@ from femfit.tables.measurement import (
     InductanceTable,
     Measurement,
     TimeSeries,
-)
-from femfit.tables.measurement_checks import (
     branch_from_order,
     check_clock,
-    check_readings,
-    checked,
     in_measuring_order,
-    without_copies,
 )
 from femfit.tables.raw_table import RawTable, clock_seconds
 from femfit.tables.reading import ReadTable, Wants, Words, declared_noise, read_columns, read_raw_table, words_of
-from femfit.tables.units import suspected_by_size, unit_factor
+from femfit.tables.units import unit_factor
 
 BENCH = Wants(
     "bench table",
@@ -98,10 +94,7 @@ def read_measurement(
     ('force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V')
     """
     if not isinstance(path, str | Path):
-        raise TableError(
-            f"A measurement must be what read_measurement returns, or the path of a file; instead received "
-            f"{type(path).__name__}. Give the path of a .csv or .parquet file."
-        )
+        raise refused("no-measurement", received=type(path).__name__)
     words = words_of(Path(path), Words(columns or {}, units or {}, table, noise or {}, settings or {}))
     raw = read_raw_table(Path(path), kinds=(BENCH, SERIES, IMPEDANCES), words=words)
     if IMPEDANCES.fits(raw, words):
@@ -129,7 +122,8 @@ def _step_of_moments(raw: RawTable, header: str) -> float:
     moments = clock_seconds(raw.texts(place), header)
     if moments is None and factor >= 60.0:
         moments = factor * raw.column(place)
-    return 0.0 if moments is None or len(moments) < 2 else float(np.nanmedian(np.diff(np.sort(moments))))
+    rising = np.zeros(0) if moments is None else np.sort(moments[np.isfinite(moments)])
+    return float(np.median(np.diff(rising))) if len(rising) > 1 else 0.0
 
 
 def read_bench_table(path: str | Path, *, planned: bool = False, **words: Any) -> BenchTable:
@@ -157,15 +151,16 @@ def _bench_table(raw: RawTable, words: Words, planned: bool = False) -> BenchTab
     rows = pd.DataFrame(columns, index=table.rows.index, dtype=np.float64)
     run = rows["run"].fillna(rows["run"].ffill().fillna(1.0))
     rows = rows.assign(run=run, branch=np.sign(rows["branch"].fillna(0.0)))
-    rows, copies = (rows, []) if planned else without_copies(rows, filled)
-    rows, remarks = in_measuring_order(rows, "run" in filled)
+    once, remarks = checked(rows[list(filled)], () if planned else (copies,))
+    rows, odd = in_measuring_order(rows.loc[once.index], "run" in filled)
+    remarks += odd
     if "branch" not in filled and not impedance:
         branch, assumed = branch_from_order(rows)
         remarks += assumed
         rows = rows if branch is None else rows.assign(branch=branch)
-    rows, findings = rows.assign(mount=rows["mount"].fillna(rows["run"])), (*table.findings, *copies, *remarks, *unused)
-    bench = BenchTable(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
-    return bench if planned else checked(bench)
+    rows, doubts = checked(rows.assign(mount=rows["mount"].fillna(rows["run"])), () if planned else BENCH_CHECKS)
+    findings = (*table.findings, *remarks, *unused, *doubts)
+    return BenchTable(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
 
 
 def _time_series(raw: RawTable, words: Words) -> TimeSeries:
@@ -181,9 +176,10 @@ def _time_series(raw: RawTable, words: Words) -> TimeSeries:
     rows = rows.iloc[order].reset_index(drop=True)
     untimed = [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
     rows["segment"], clock = check_clock(rows, raw.source)
-    rows, copies = without_copies(rows, filled)
-    rows, readings, clipped = check_readings(rows)
-    findings = (*table.findings, *untimed, *clock, *copies, *readings, *suspected_by_size(rows), *unused)
+    once, repeated = checked(rows[[*filled, "segment"]], (copies,))
+    rows, doubts = checked(rows.loc[once.index].reset_index(drop=True), RECORD_CHECKS)
+    findings = (*table.findings, *untimed, *clock, *repeated, *doubts, *unused)
+    clipped = {remark.column for remark in doubts if remark.code == "clipped"}
     filled = tuple(name for name in filled if name in clipped or rows[name].notna().any())
     return TimeSeries(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
 
@@ -214,10 +210,7 @@ def read_inductance_table(
     """Read measured inductances, a bench table of ``distance_m, current_A, inductance_H`` in these or other units."""
     bench = read_bench_table(path, columns=columns, units=units)
     if lacking := {"current_A", "inductance_H"} - set(bench.given):
-        raise TableError(
-            f"An inductance table must have distance_m, current_A and inductance_H; {path} lacks "
-            f"{' and '.join(sorted(lacking))}. Rename the columns or add them."
-        )
+        raise refused("no-inductance-table", path=path, lacking=" and ".join(sorted(lacking)))
     d, i, inductance = bench.rows[["distance_m", "current_A", "inductance_H"]].to_numpy().T
     good = np.isfinite(d + i + inductance) & (d >= 0.0) & (i != 0.0) & (inductance > 0.0)
     needed, lost = "distance >= 0, current and inductance > 0", int((~good).sum())

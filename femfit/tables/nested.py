@@ -22,8 +22,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from femfit.core.errors import TableError
 from femfit.core.results import listing
+from femfit.tables.findings import refused
 from femfit.tables.header import with_unit
 from femfit.tables.raw_table import RawTable, typed_table
 
@@ -117,10 +117,7 @@ def table_of_columns(name: str, columns: Columns, source: str, kind: str) -> Raw
 def require_library(module: str, package: str, source: str) -> None:
     """Refuse a file where the optional library that its kind needs is not installed."""
     if find_spec(module) is None:
-        raise TableError(
-            f"To read {source}, femfit needs the package {package}, which is not installed. Install it with "
-            "pip install 'femfit[files]', or export the table as CSV."
-        )
+        raise refused("no-library", source=source, package=package)
 
 
 Tree = Mapping[str, Any]

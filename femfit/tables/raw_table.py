@@ -21,6 +21,7 @@ import pandas as pd
 from femfit.core.errors import FemfitError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.text import quoted
+from femfit.tables.findings import refused
 
 MOST_COLUMNS = 2000
 """A table that is wider was read with the wrong delimiter, or is no table of measurements."""
@@ -84,10 +85,7 @@ def typed_table(frame: pd.DataFrame, source: str, dialect: str, name: str = "") 
 def check_width(columns: int, source: str) -> None:
     """Refuse a table with an absurd number of columns."""
     if columns > MOST_COLUMNS:
-        raise TableError(
-            f"{source} has {columns} columns, where at most {MOST_COLUMNS} are read. Check its delimiter, or leave out "
-            "what is not needed."
-        )
+        raise refused("too-wide", source=source, columns=columns, most=MOST_COLUMNS)
 
 
 def typed_numbers(column: "pd.Series[Any]") -> FloatArray:
@@ -111,10 +109,7 @@ def decoding(source: object, kind: str) -> Iterator[None]:
         raise
     except Exception as error:
         reason = quoted(f"{type(error).__name__}: {error}", 300)
-        raise TableError(
-            f"{source} cannot be read as {kind}; it seems to be damaged ({reason}). Write it again, or export it as "
-            "CSV."
-        ) from error
+        raise refused("damaged", source=source, kind=kind, reason=reason) from error
 
 
 def file_content(path: str | Path, what: str) -> bytes:
@@ -218,10 +213,7 @@ def _day(text: str | None, column: str) -> int:
     for pattern in ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y"):
         with contextlib.suppress(ValueError):
             return datetime.strptime(text, pattern).replace(tzinfo=UTC).toordinal()
-    raise TableError(
-        f"Dates of {quoted(column)!r} must be written 2026-03-12 or 12.03.2026; instead received {quoted(text)}. Write "
-        "them so, or give seconds."
-    )
+    raise refused("dates", header=quoted(column), text=quoted(text))
 
 
 def find_decimal(cells: Iterable[str], source: str, otherwise: str | None = None) -> str:
@@ -242,13 +234,7 @@ def find_decimal(cells: Iterable[str], source: str, otherwise: str | None = None
         elif marks and "," in text:
             unsure = unsure or text
     if len(certain) == 2:
-        raise TableError(
-            f"{source} writes numbers both as {quoted(certain['.'])} and as {quoted(certain[','])}; say which mark is "
-            "the decimal one with --decimal '.' or --decimal ','."
-        )
+        raise refused("two-decimal-marks", source=source, point=quoted(certain["."]), comma=quoted(certain[","]))
     if unsure and not certain and otherwise is None:
-        raise TableError(
-            f"{source} holds {quoted(unsure)}, which may mean a decimal comma or thousands; say which with "
-            "--decimal ',' or --decimal '.'."
-        )
+        raise refused("open-decimal", source=source, cell=quoted(unsure))
     return next(iter(certain), (otherwise or ".") if unsure else ".")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -16,17 +16,34 @@ from femfit.core.errors import TableError
 from femfit.core.files import finite_number, read_settings
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
-from femfit.core.text import amount, counted, quoted
+from femfit.core.text import amount, quoted
 from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, remedy_for_columns
 from femfit.tables.containers import parse_table
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 from femfit.tables.header import circuit_columns, matching_headers, parts_of
 from femfit.tables.measurement import OF_RUNS, SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
 
 _EXAMPLE = "force_N = 2e-4"
-_OF_DRAWINGS = frozenset({"schema", "sweep"})
-"""Keys that an actuator file has and a sidecar does not."""
+_OF_OTHERS = frozenset({"schema", "sweep", "sample_rate_Hz"})
+"""Keys that an actuator file, or the layout of a raw coil record, has and a sidecar does not."""
+
+_LINES: dict[str, tuple[str, tuple[type, ...]]] = {
+    "columns": ('"Kanal 3" = "force_N"', (str,)),
+    "units": ('"Kanal 3" = "gf", or "channel 1" = 2.5', (str, int, float)),
+    "noise": (_EXAMPLE, (object,)),
+    "settings": ("distance_mm = 2.0", (object,)),
+}
+"""What a user says of columns: lines like this one, with values of these types."""
+
+
+def _lines(value: Any, key: str, what: str) -> dict[str, Any]:
+    """What is said of columns by name, in a sidecar or a call; refused where it is of another form."""
+    example, kinds = _LINES[key]
+    named = isinstance(value, Mapping) and all(isinstance(name, str) for name in value)
+    if not named or not all(isinstance(meant, kinds) for meant in value.values()):
+        raise TableError(f"{what} must hold lines like {example}; instead received {quoted(value)}.")
+    return dict(value)
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,11 @@ class Words:
     sidecar: Path | None = None
     noted: Mapping[str, Any] = field(default_factory=dict)  # What else the sidecar says, the noise among it
 
+    def __post_init__(self) -> None:
+        """Refuse what cannot be read, whoever says it."""
+        for key in _LINES:
+            _lines(getattr(self, key), key, key)
+
     @property
     def texts(self) -> dict[str, str]:
         """What the sidecar says of the test object, and its notes."""
@@ -48,58 +70,44 @@ class Words:
 
 
 NO_WORDS = Words()
+Said = TypeVar("Said", bound=Words)
 
 
-def words_of(measurement: Path, caller: Words) -> Words:
+def words_of(measurement: Path, caller: Said) -> Said:
     """Return what the caller says of a table, before what ``NAME.csv.toml`` or else ``NAME.toml`` beside it says."""
     file, noted = _sidecar(measurement)
-    columns = _table(noted, "columns", file, '"Kanal 3" = "force_N"', str)
-    units = _table(noted, "units", file, '"Kanal 3" = "gf", or "channel 1" = 2.5', str, int, float)
-    beside = constant_settings(noted.pop("settings", {}), str(file))
-    settings = beside | constant_settings(caller.settings, "the options")
+    columns, units, settings = (
+        _lines(noted.pop(key, {}), key, f"[{key}] of {file}") for key in ("columns", "units", "settings")
+    )
+    settings = constant_settings(settings, str(file)) | constant_settings(caller.settings, "the options")
     table = noted.pop("table", None)
     if not isinstance(table, str | None):
         raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(table)}.')
     table = table if caller.table is None else caller.table
     columns, units = columns | dict(caller.columns), units | dict(caller.units)
-    return Words(columns, units, table, caller.noise, settings, file, noted)
+    return replace(caller, columns=columns, units=units, table=table, settings=settings, sidecar=file, noted=noted)
 
 
 def _sidecar(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
-    """The sidecar and what is in it; a drawing of the same name is none."""
+    """The sidecar and what is in it; a drawing or a raw record's layout of the same name is none."""
     if not measurement.is_file():  # a directory such as . has no name
         return None, {}
     for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
         if file.is_file() and file != measurement:
             data = read_settings(file, _EXAMPLE)
-            if not _OF_DRAWINGS.intersection(data):
+            if not _OF_OTHERS.intersection(data):
                 return file, data
     return None, {}
 
 
-def _table(data: dict[str, Any], key: str, file: Path | None, example: str, *kinds: type) -> dict[str, Any]:
-    """Take a table out of a sidecar's keys; empty where there is none."""
-    value = data.pop(key.rpartition(".")[2], {})
-    if not isinstance(value, dict) or not all(isinstance(meant, kinds or object) for meant in value.values()):
-        raise TableError(f"[{key}] of {file} must hold lines like {example}; instead received {quoted(value)}.")
-    return value
-
-
-def constant_settings(settings: object, where: str) -> dict[str, float]:
+def constant_settings(settings: Mapping[str, Any], where: str) -> dict[str, float]:
     """Column to value in SI of what a sidecar or an option says: ``distance_mm = 2.0``."""
-    if not isinstance(settings, Mapping):
-        raise TableError(
-            f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(settings)}."
-        )
     names = (*SETTINGS, *filter(is_current, circuit_columns(map(str, settings), fewest=1)))
     result = {}
     for key, value in settings.items():
         column, number = match_column(str(key), names), finite_number(value)
         if column is None or column.assumed or number is None:
-            raise TableError(
-                f"A setting in {where} must be like distance_mm = 2.0, one of {', '.join(SETTINGS)} in any unit, and a "
-                f"number; instead received {quoted(f'{key} = {value}')}."
-            )
+            raise refused("no-setting", where=where, settings=", ".join(SETTINGS), line=quoted(f"{key} = {value}"))
         result[column.name] = column.factor * number
     return result
 
@@ -114,8 +122,8 @@ def declared_noise(
     ``run.force_N``. What the caller declares counts in its place.
     """
     beside = {key: value for key, value in words.noted.items() if key not in words.texts}
-    listed = dict(_table(beside, "noise", words.sidecar, _EXAMPLE))
-    of_runs = _table(listed, "noise.run", words.sidecar, _EXAMPLE)
+    listed = _lines(beside.pop("noise", {}), "noise", f"[noise] of {words.sidecar}")
+    of_runs = _lines(listed.pop("run", {}), "noise", f"[noise.run] of {words.sidecar}")
     listed |= {OF_RUNS + key: value for key, value in of_runs.items()}
     findings, loose = [], {key: value for key, value in beside.items() if key not in listed}
     for key, value in list(loose.items()):
@@ -130,15 +138,9 @@ def declared_noise(
         for key, value in entries.items():
             column, sigma = _channel(key, channels, used), finite_number(value)
             if column is None:
-                raise TableError(
-                    f"{quoted(key)!r} in {where} is no channel of this kind of file, so that its noise would be lost. "
-                    f"The channels are {', '.join(channels)}."
-                )
+                raise refused("noise-of-no-channel", key=quoted(key), where=where, channels=", ".join(channels))
             if sigma is None or sigma <= 0.0:
-                raise TableError(
-                    f"The noise {quoted(key)} in {where} must be a standard deviation > 0 in the unit of its name, for "
-                    f"example 2e-4; instead received {quoted(value)}."
-                )
+                raise refused("no-noise", key=quoted(key), where=where, value=quoted(value))
             noise[column.name] = sigma * column.factor
     return noise, findings
 
@@ -202,11 +204,15 @@ class Wants:
         reasons = [remark.text for remark in findings if remark.column and remark.column not in columns]
         remedy = remedy_for_columns(unused, [*chain(*missing.values())])
         remedies = [remedy, *(self.hints[name] for name in missing if name in self.hints)]
-        raise TableError(
-            f"A {self.what} must have {', '.join(self.needs)}{' and at least one channel' if self.one_of else ''}, "
-            f"with numbers in them; {source} lacks {' and '.join(missing)} (it has "
-            f"{', '.join(columns) or 'none of the known columns'}). "
-            f"{' '.join([*reasons[:4], *remedies])}"
+        raise refused(
+            "lacking-columns",
+            what=self.what,
+            needs=", ".join(self.needs),
+            channel=" and at least one channel" if self.one_of else "",
+            source=source,
+            lacking=" and ".join(missing),
+            columns=", ".join(columns) or "none of the known columns",
+            remedies=" ".join([*reasons[:4], *remedies]),
         )
 
 
@@ -232,16 +238,16 @@ def read_raw_table(
     )
     if not raw.headers:
         width = len(raw.cells)
-        raise TableError(
-            f"{path} must have as many column names as columns; there is no line of {counted(width, 'name')} above "
-            f"its rows of {counted(width, 'cell')}. Complete the line of names."
-        )
-    twice = [header for k, header in enumerate(raw.headers) if header and header in raw.headers[:k]]
-    if twice:
-        raise TableError(
-            f"{path} has more than one column named {listing(dict.fromkeys(twice))}. Rename or remove one."
-        )
+        raise refused("lacking-names", path=path, names=width, cells=width)
+    require_single_names(raw.headers, str(path))
     return raw
+
+
+def require_single_names(headers: Sequence[str], source: str) -> None:
+    """Refuse a table with two columns of one name."""
+    twice = [header for k, header in enumerate(headers) if header and header in headers[:k]]
+    if twice:
+        raise refused("same-names", source=source, headers=listing(dict.fromkeys(twice)))
 
 
 def read_columns(raw: RawTable, wants: Wants, words: Words) -> ReadTable:
@@ -256,10 +262,7 @@ def read_columns(raw: RawTable, wants: Wants, words: Words) -> ReadTable:
     findings = [*notes, *findings, *conversions, *remarks]
     for name, value in words.settings.items():
         if name in rows and rows[name].notna().any():
-            raise TableError(
-                f"{raw.source} has a column {name}, so that it is no constant setting. Leave out the setting of "
-                f"{amount(value, name, 4)}."
-            )
+            raise refused("setting-and-column", source=raw.source, name=name, value=amount(value, name, 4))
         rows = rows.assign(**{name: value})
         findings.append(finding("constant-setting", column=name, value=amount(value, name, 4)))
     wants.require(list(map(str, rows)), raw.headers, raw.source, used, findings)

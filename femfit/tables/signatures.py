@@ -134,8 +134,8 @@ def read_slopes(directory: Path) -> ImpedanceSlopes | None:
     TableError
         If the file is damaged.
     """
-    return read_arrays(directory / SLOPES_NAME, _of_arrays, _REMEDY)
-
-
-def _of_arrays(arrays: dict[str, Any]) -> ImpedanceSlopes:
-    return ImpedanceSlopes(**arrays | {"numbers": _NUMBERS.validate_json(str(arrays["numbers"]))})
+    return read_arrays(
+        directory / SLOPES_NAME,
+        lambda arrays: ImpedanceSlopes(**arrays | {"numbers": _NUMBERS.validate_json(str(arrays["numbers"]))}),
+        _REMEDY,
+    )

@@ -19,6 +19,7 @@ from femfit.core.results import Plotted, listing
 from femfit.core.sweep_columns import VARIANT, is_current
 from femfit.core.text import counted, quoted
 from femfit.tables.eddy_table import NAME, EddyTable, read_eddy
+from femfit.tables.findings import refused
 from femfit.tables.signatures import (
     SLOPES_NAME,
     ImpedanceSlopes,
@@ -169,17 +170,17 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     content = file_content(file, "sweep table")
     raw = parse_table(content, str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
     if raw.ragged:
-        raise TableError(
-            f"Sweep table {file} must have as many cells in a row as column names; line {listing(raw.ragged)} has more "
-            "or fewer. Repair it."
-        )
+        raise refused("sweep-cells", file=file, lines=listing(raw.ragged))
     table, manifest_file = SweepTable(raw.frame()), file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     required = (*(current_names(table.rows) or REQUIRED[:1]), *REQUIRED[1:])
     if missing := [name for name in required if name not in table.rows]:
-        raise TableError(
-            f"Sweep table {file} must have the columns {', '.join(REQUIRED)}; {', '.join(missing)} missing "
-            f"(it has {listing(table.rows.columns, 20)}). For a table of another program use femfit import."
+        raise refused(
+            "sweep-columns",
+            file=file,
+            required=", ".join(REQUIRED),
+            lacking=", ".join(missing),
+            columns=listing(table.rows.columns, 20),
         )
     usable = table.valid_rows()
     if usable.empty:
@@ -210,10 +211,7 @@ def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatAr
         raise TableError(f"Column {name}{source} must be numeric; it holds {held!r}.")
     if not np.all(np.isfinite(values)):
         where = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise TableError(
-            f"Column {name}{source} must hold finite numbers in every row with status ok; row {where + 1} holds "
-            f"{values[where]}. Remove the row, give it another status, or drop the column."
-        )
+        raise refused("sweep-numbers", name=name, source=source, row=where + 1, value=values[where])
     return values
 
 
@@ -245,22 +243,28 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
         if name not in axes:
             axes_text = f"its parameters are {', '.join(axes)}" if axes else "it has none: leave --where out"
             raise TableError(f"{name!r} is no parameter of the table; {axes_text}.")
-        matching = rows[[_same(cell, value) for cell in rows[name]]]
+        texts = isinstance(value, str) or any(isinstance(cell, str) for cell in rows[name])
+        close = (
+            str(cell) == _shown(value) if texts else math.isclose(float(cell), float(value), rel_tol=SAME)
+            for cell in rows[name]
+        )
+        matching = rows[list(close)]
         if matching.empty:
-            raise TableError(
-                f"No row has {name} = {_shown(value)} with what else was chosen; {name} {_values(rows[name])} there. "
-                "Choose one of these."
-            )
+            raise refused("no-variant", name=name, value=_shown(value), values=_values(rows[name]))
         rows = matching
     if not axes:
         return table
     variants = rows[axes].drop_duplicates()
     if len(variants) > 1:
         varying = "; ".join(f"{name} {_values(variants[name])}" for name in axes if len(set(variants[name])) > 1)
-        raise TableError(
-            f"One actuator's rows are needed; the table holds {len(variants)} variants ({varying}). Choose "
-            f"one with --where {VARIANT}={variants[VARIANT].iloc[0]}, or by its parameters, for example "
-            f"--where {axes[-1]}={_shown(variants[axes[-1]].iloc[0])}; repeat --where for more of them."
+        raise refused(
+            "several-variants",
+            variants=len(variants),
+            varying=varying,
+            parameter=VARIANT,
+            first=variants[VARIANT].iloc[0],
+            axis=axes[-1],
+            level=_shown(variants[axes[-1]].iloc[0]),
         )
     chosen = {name: variants[name].tolist()[0] for name in axes}
     manifest = {name: value for name, value in table.manifest.items() if name not in {"variants", "parameters"}}
@@ -268,12 +272,6 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
         if entry.get(VARIANT) == chosen[VARIANT]:
             manifest |= {name: value for name, value in entry.items() if name in manifest}
     return SweepTable(rows.drop(columns=axes).reset_index(drop=True), manifest | {"variant": chosen})
-
-
-def _same(cell: float | str, value: float | str) -> bool:
-    if isinstance(cell, str) or isinstance(value, str):
-        return str(cell) == _shown(value)
-    return math.isclose(cell, value, rel_tol=SAME)
 
 
 def _shown(value: float | str) -> str:

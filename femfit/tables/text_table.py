@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from femfit.core.errors import TableError
 from femfit.core.results import listing
+from femfit.tables.findings import refused
 from femfit.tables.header import Likeness, parse_header, score
 from femfit.tables.raw_table import RawTable, check_width, find_decimal, looks_measured, looks_numeric
 from femfit.tables.units import CHANNELS, is_unit
@@ -109,21 +110,19 @@ def _readings(layout: Layout) -> tuple[list[Line], list[str]]:
     body = [line for line in layout.below if any(line.cells) and line.cells not in header]
     notes = [f"repeated header at line {listing(repeated)} passed over"] if repeated else []
     end = len(body)
-    while end and _is_no_reading(body[end - 1].cells, layout.width):
+    while end:
+        # A footnote, or a mean or sum of the lines above, is no reading
+        cells = body[end - 1].cells
+        word = re.search(r"[^\W\d_]+", next(filter(None, cells), ""))
+        summary = word is not None and word[0].casefold() in _SUMMARY_WORDS.split()
+        if not summary and (len(cells) == layout.width or _is_data(cells)):
+            break
         end -= 1
     if 0 < end < len(body):
         numbers, texts = listing(line.number for line in body[end:]), listing(line.text.strip() for line in body[end:])
         notes.append(f"line {numbers} below the readings passed over ({texts})")
         body = body[:end]
     return body, notes
-
-
-def _is_no_reading(cells: Sequence[str], width: int) -> bool:
-    """Whether a line at the end of a table is a footnote, or a mean or sum of the lines above."""
-    word = re.search(r"[^\W\d_]+", next(filter(None, cells), ""))
-    return (word is not None and word[0].casefold() in _SUMMARY_WORDS.split()) or (
-        len(cells) != width and not _is_data(cells)
-    )
 
 
 def split(text: str, delimiter: str) -> tuple[str, ...]:
@@ -151,10 +150,7 @@ def find_layout(text: str, source: str, delimiter: str | None = None) -> Layout:
     check_width(max(map(len, rows)), source)
     widths = Counter(len(cells) for cells in rows if _is_data(cells))
     if not widths:
-        raise TableError(
-            f"{source} holds no rows of at least two numbers; it needs one row a reading below one line of column "
-            "names. Check the file and its delimiter."
-        )
+        raise refused("no-numbers", source=source)
     return _headed(lines, widths.most_common(1)[0][0], delimiter)
 
 

@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
-from femfit.tables.findings import finding
+from femfit.tables.findings import finding, refused
 
 
 @dataclass(frozen=True)
@@ -42,11 +40,13 @@ class Channel:
 
 _ENTRIES = tomllib.loads((files("femfit.tables") / "channels.toml").read_text(encoding="utf-8"))
 
+_NAMES = {name: entry.get("names", "").split() for name, entry in _ENTRIES.items()}
+
 CHANNELS: dict[str, Channel] = {
     name: Channel(
         **entry
         | {
-            "names": tuple(word.lstrip("?") for word in entry.get("names", "").split()),
+            "names": tuple(word.lstrip("?").casefold() for word in _NAMES[name]),
             "units": tuple(entry.get("units", ())),
         }
     )
@@ -54,10 +54,11 @@ CHANNELS: dict[str, Channel] = {
 }
 """Channel to its row."""
 
-NEEDS_UNIT = frozenset(
-    word[1:] for entry in _ENTRIES.values() for word in entry.get("names", "").split() if word.startswith("?")
-)
+NEEDS_UNIT = frozenset(word[1:] for words in _NAMES.values() for word in words if word.startswith("?"))
 """Names that mean their channel only beside a unit of its kind."""
+
+CAPITALS = {word.casefold(): name for name, words in _NAMES.items() for word in words if word.isupper()}
+"""Letter to the channel whose symbol it is as a capital: F is a force, and f a frequency."""
 
 _FOLDED_PREFIXES = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 _CASED_PREFIXES = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}
@@ -81,6 +82,9 @@ UNITS = {si_unit: _FOLDED[si_unit] | _spellings(kind, _CASED_PREFIXES) for si_un
 
 
 _PLAIN = str.maketrans({"μ": "u", **dict.fromkeys(" .-*·⋅_", "")})
+
+SMALLEST_FACTOR = 1e-15
+"""Conventional: units of what is measured lie between a femto of SI and as much beyond it."""
 
 POSITION_IN_VOLTS = (
     "Readings in volts belong in the column position_V (--column HEADER=position_V): the gain and offset, or the "
@@ -116,14 +120,11 @@ def given_factor(unit: str, si_unit: str, header: str, source: str, column: str)
             factor = float(unit)
         except ValueError:
             factor = math.nan
-    if not math.isfinite(factor) or factor == 0.0:
+    if not SMALLEST_FACTOR <= abs(factor) <= 1.0 / SMALLEST_FACTOR:  # nor is NaN
         examples = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
-        volts = si_unit == "m" and unit_factor(unit, "V") is not None
-        raise TableError(
-            f"{source}: {quoted(unit)!r} is not a unit of column {quoted(header)!r}. Give {examples}a number that "
-            f"multiplies it{' to ' + si_unit if si_unit else ''}, with --unit {column}=UNIT."
-            + (f" {POSITION_IN_VOLTS}" if volts else "")
-        )
+        volts = POSITION_IN_VOLTS if si_unit == "m" and unit_factor(unit, "V") is not None else ""
+        facts = {"unit": quoted(unit), "header": quoted(header), "examples": examples, "volts": volts}
+        raise refused("no-unit", source=source, to=f" to {si_unit}" if si_unit else "", option=column, **facts)
     return factor
 
 
@@ -152,9 +153,6 @@ _KELVIN = (200.0, 400.0)
 _LARGEST_STEP_S = 0.5
 """Assumed: a usual step of a record's clock above it is more likely milliseconds."""
 
-_LEAST_SHARE = 0.05
-"""Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
-
 LEAST_READINGS = 8
 """Assumed: fewer readings are no ground for a suspicion."""
 
@@ -171,7 +169,7 @@ def suspicion(column: str, unit: str, why: str) -> Finding:
     return finding("suspected-unit", column=column, unit=unit, why=why)
 
 
-def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Finding]:
+def suspected_by_size(rows: pd.DataFrame, _model: object = None, *, solved: bool = False) -> list[Finding]:
     """Suspect the units of columns from the sizes of their numbers alone.
 
     In a table that was computed (``solved``) one impossible number is enough: it is no outlier.
@@ -201,21 +199,6 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
     if step > _LARGEST_STEP_S:
         findings.append(suspicion("time_s", "ms", f"its usual step is {step:.4g}"))
     return findings
-
-
-def suspected_by_range(name: str, values: FloatArray, low: float, high: float) -> Finding | None:
-    """Suspect a setting that lies outside of a model's range, and inside once its unit or sign is taken for another."""
-    slack, values = 0.05 * (high - low), values[np.isfinite(values)]
-    now = (values >= low - slack) & (values <= high + slack)
-    for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
-        converted = factor * values
-        then = (converted >= low - slack) & (converted <= high + slack)
-        few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
-        reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
-        if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
-            why = "few rows lie in the model's range, but then they would"
-            return other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why)
-    return None
 
 
 def other_sign(why: str, name: str = "current_A") -> Finding:

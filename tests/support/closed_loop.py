@@ -12,8 +12,7 @@ from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, SensorErrors
 from femfit.simulation.targets import Reference, reference_steps
-from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
-from femfit.tables.measurement_checks import check_clock
+from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries, check_clock
 
 
 def run(design, experiment, *, runs=4, steps=600, seed=1, supported_steps=300, plant=None):

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.tables.measurement_checks import branch_from_order, without_outliers
+from femfit.tables.checks import without_outliers
+from femfit.tables.measurement import branch_from_order
 from femfit.tables.measurement_file import read_bench_table
 from femfit.tables.outliers import isolated_outliers
 

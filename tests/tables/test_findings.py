@@ -37,7 +37,7 @@ def calls():
     for path, tree in TREES.items():
         for node in ast.walk(tree):
             name = getattr(getattr(node, "func", None), "attr", getattr(getattr(node, "func", None), "id", ""))
-            if name in {"finding", "say"} and node.args and isinstance(node.args[0], ast.Constant):
+            if name in {"finding", "say", "refused"} and node.args and isinstance(node.args[0], ast.Constant):
                 facts = {word.arg for word in node.keywords}
                 yield pytest.param(node.args[0].value, facts, id=f"{path.stem}:{node.lineno}")
 

@@ -17,17 +17,7 @@ from typing import Any, NamedTuple
 from femfit.core.errors import FemFileError
 from femfit.core.text import counted
 from femfit.tables.femm import model
-
-UNITS_MM = {
-    "inches": 25.4,
-    "millimeters": 1.0,
-    "centimeters": 10.0,
-    "mils": 0.0254,
-    "microns": 1e-3,
-    "micrometers": 1e-3,
-    "meters": 1e3,
-}
-"""FEMM's length units in mm (the inch is exact)."""
+from femfit.tables.units import unit_factor
 
 DIGITS = 6
 """Decimals of a millimetre that coordinates are kept with: a nanometre, beyond any drawing."""
@@ -61,16 +51,8 @@ def _label(flags: int = 0, material: model.FemMaterial | None = None, **values: 
     return model.FemLabel(0, material=material or model.NO_MESH, external=external, default=default, **values)
 
 
-_RECORDS: Mapping[str, Callable[..., Any]] = {
-    "pointprops": model.FemPointProperty,
-    "bdryprops": model.FemBoundary,
-    "blockprops": model.FemMaterial,
-    "circuitprops": model.FemCircuit,
-    "numpoints": model.FemPoint,
-    "numsegments": model.FemLine,
-    "numarcsegments": model.FemLine,
-    "numblocklabels": _label,
-    "numholes": _label,
+_RECORDS: dict[str, Callable[..., Any]] = {
+    name: getattr(model, part.get("record", ""), _label) for name, part in _PARTS.items()
 }
 
 
@@ -213,9 +195,10 @@ def parse_fem(content: bytes, source: str) -> model.FemModel:
         what = f"it is no FEMM magnetics file of format 4.0: {lacks} missing."
         raise FemFileError(source, [f"{what} Give a .fem file as FEMM saves it."])
     unit = header.get("lengthunits", "inches").lower()
-    if unit not in UNITS_MM:
-        reader.fault(f"[LengthUnits] must be one of {', '.join(UNITS_MM)}; instead received {unit[:40]!r}.")
-    reader.unit_mm = UNITS_MM.get(unit, 1.0)
+    if (unit_m := unit_factor(unit, "m")) is None:
+        needed = "inches, millimeters, centimeters, mils, microns, micrometers or meters"
+        unit_m = reader.fault(f"[LengthUnits] must be {needed}; instead received {unit[:40]!r}.", 1.0)
+    reader.unit_mm = 1e3 * unit_m
     for name, kind in _PARTS.items():
         numbered = enumerate(entries.get(name, ()), kind.get("first", 0))
         reader.made[name] = [reader.record(name, n, entry) for n, entry in numbered]

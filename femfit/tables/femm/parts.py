@@ -52,7 +52,8 @@ _PERIODIC = {4, 5}
 
 def drop_surroundings(model: FemModel, faces: Sequence[FemPiece], notes: Notes) -> list[FemPiece]:
     """The faces of the actuator, without air, boundary shells and holes."""
-    meshed = _interior([face for face in faces if face.label.meshed], notes)
+    solved = [face for face in faces if face.label.meshed]
+    meshed = _interior(solved, notes)
     domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
     for face in faces:
         if not face.label.meshed and Polygon(domain.exterior).contains(face.polygon.representative_point()):
@@ -64,7 +65,9 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemPiece], notes: Notes) 
     for face in parts:
         if face.polygon.distance(rim) <= GRID:
             notes.say("surroundings rim", place=face.label.place)
-    _check_boundaries(model, domain, notes)
+    joined = _check_boundaries(model, domain, notes)
+    if outside := len(solved) - len(meshed):
+        notes.say("kelvin" if joined else "kelvin apart", blocks=outside)
     return parts
 
 
@@ -77,8 +80,6 @@ def _interior(meshed: Sequence[FemPiece], notes: Notes) -> list[FemPiece]:
         notes.stop("surroundings pieces", pieces=len(holding), places=places)
     if not holding:
         notes.stop("mover nothing")
-    if outside := len(meshed) - len(holding[0]):
-        notes.say("kelvin", blocks=outside)
     return holding[0]
 
 
@@ -112,8 +113,8 @@ def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
     return shapely.union_all(outlines).difference(LineString([(0.0, z0 - 1.0), (0.0, z1 + 1.0)]))
 
 
-def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> None:
-    """Report what cannot be left out of the boundaries on the domain's lines."""
+def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> bool:
+    """Report what cannot be left out of the boundaries on the domain's lines; whether any joins it to an outside."""
     rim = _off_axis(domain)
     places: dict[FemBoundary, bool] = {}
     joined = False  # to the outside that a Kelvin transformation draws
@@ -136,6 +137,7 @@ def _check_boundaries(model: FemModel, domain: Polygon, notes: Notes) -> None:
         }
         for fault in [name for name, wrong in faults.items() if wrong][:1]:
             notes.say(f"boundary {fault}", name=boundary.name, kind=boundary.kind)
+    return joined
 
 
 @dataclass(frozen=True)

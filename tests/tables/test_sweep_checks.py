@@ -1,9 +1,12 @@
 """Noise, reciprocity and sign of imported forces: silent on true tables, with size and factor on wrong ones."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from femfit.tables.foreign_checks import check_noise, check_reciprocity, settle_force_sign
+from femfit.tables.checks import checked
+from femfit.tables.sweep_checks import force_noise, force_sign, reciprocity
 
 GRIDS = {
     "fine": np.linspace(5e-3, 25e-3, 41),
@@ -22,7 +25,7 @@ def only(findings):
 @pytest.mark.parametrize("saturating", [True, False])
 @pytest.mark.parametrize("grid", GRIDS)
 def test_a_true_table_is_reciprocal(make_law, magnet, saturating, grid):
-    finding = only(check_reciprocity(make_law(magnet, saturating).table(distances=GRIDS[grid]))[1])
+    finding = only(reciprocity(make_law(magnet, saturating).table(distances=GRIDS[grid]), None))
     assert finding.severity == "info"
     # Integrals of cubic splines over 7 distances and 4 currents: below 1 % on these laws.
     assert finding.size < (1e-4 if grid == "fine" and not saturating else 1e-2)
@@ -32,7 +35,7 @@ def test_noise_that_is_the_same_at_every_current_and_holes_do_not_disturb_it(law
     noisy = law.table(distances=GRIDS["fine"])
     noisy["force_N"] += np.tile(np.random.default_rng(1).normal(0, 0.3 * np.abs(noisy["force_N"]).min(), 41), 4)
     for table in (noisy, law.table().drop(index=[3, 30, 50]).reset_index(drop=True)):
-        finding = only(check_reciprocity(table)[1])
+        finding = only(reciprocity(table, None))
         assert finding.severity == "info"
         assert finding.size < 1e-3
 
@@ -51,7 +54,7 @@ def test_noise_that_is_the_same_at_every_current_and_holes_do_not_disturb_it(law
 def test_a_wrong_unit_is_refused_with_its_factor(make_law, magnet, column, factor, ratio):
     table = make_law(magnet).table()
     table[column] *= factor
-    finding = only(check_reciprocity(table)[1])
+    finding = only(reciprocity(table, None))
     assert finding.severity == "error"
     assert finding.size == pytest.approx(ratio, rel=0.02)  # loops of cubic splines are right within 1 %
 
@@ -61,7 +64,7 @@ def test_a_flux_of_another_model_and_an_inductance_are_refused_and_a_constant_on
     shuffled = np.random.default_rng(2).permutation(table["flux_linkage_Wb"])
     inductance = table["flux_linkage_Wb"] / table["current_A"].where(table["current_A"] > 0)
     fluxes = (shuffled, make_law(magnet=False).table()["flux_linkage_Wb"], inductance, 1e-3)
-    severities = [only(check_reciprocity(table.assign(flux_linkage_Wb=flux))[1]).severity for flux in fluxes]
+    severities = [only(reciprocity(table.assign(flux_linkage_Wb=flux), None)).severity for flux in fluxes]
     assert severities == ["error", "error", "error", "warning"]
 
 
@@ -70,11 +73,11 @@ def test_a_flux_of_another_model_and_an_inductance_are_refused_and_a_constant_on
 def test_the_noise_of_a_force_is_its_scatter_and_a_smooth_force_has_none(make_law, magnet, share):
     table = make_law(magnet).table(currents=(0.4, 0.8), distances=GRIDS["fine"])
     noise = share * table["force_N"] * np.random.default_rng(3).standard_normal(len(table))
-    checked, findings = check_noise(table.assign(force_N=table["force_N"] + noise))
+    judged, findings = checked(table.assign(force_N=table["force_N"] + noise), (force_noise,))
     assert only(findings).severity == ("warning" if share else "info")
     # Of 300 draws 98 % lie within 0.57 to 1.37 of the truth, and the larger one of two curves counts.
     assert only(findings).size == pytest.approx(share, rel=0.45, abs=1e-4)
-    assert checked["force_error_N"].median() == pytest.approx(share * table["force_N"].median(), rel=0.6, abs=1e-4)
+    assert judged["force_error_N"].median() == pytest.approx(share * table["force_N"].median(), rel=0.6, abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -84,22 +87,22 @@ def test_the_noise_of_a_force_is_its_scatter_and_a_smooth_force_has_none(make_la
 )
 def test_a_force_counted_away_from_the_magnet_is_turned(make_law, magnet, currents):
     table = make_law(magnet).table(currents)
-    turned, findings = settle_force_sign(table.assign(force_N=-table["force_N"]))
+    turned, findings = checked(table.assign(force_N=-table["force_N"]), (force_sign,))
     np.testing.assert_array_equal(turned["force_N"], table["force_N"])
     assert only(findings).code == "force-sign"
-    same, findings = settle_force_sign(table)
+    same, findings = checked(table, (force_sign,))
     np.testing.assert_array_equal(same["force_N"], table["force_N"])
     assert findings == []
 
 
 def test_the_users_word_on_the_sign_decides_and_other_polarities_are_said_and_not_changed(law):
     table = law.table()
-    kept, _ = settle_force_sign(table.assign(force_N=-table["force_N"]), keep=True)
+    kept, _ = checked(table.assign(force_N=-table["force_N"]), (partial(force_sign, keep=True),))
     assert (kept["force_N"] < 0).all()
     weaker = table.assign(force_N=law.force(table["distance_m"], -table["current_A"] / 4))
-    same, findings = settle_force_sign(weaker)
+    same, findings = checked(weaker, (force_sign,))
     np.testing.assert_array_equal(same["force_N"], weaker["force_N"])
     assert "--unit current=-1" in only(findings).remedy
     mirrored = table.assign(distance_m=0.03 - table["distance_m"]).sort_values(["current_A", "distance_m"])
-    _, findings = settle_force_sign(mirrored.reset_index(drop=True))
+    _, findings = checked(mirrored.reset_index(drop=True), (force_sign,))
     assert only(findings).code == "distance-direction"

@@ -34,9 +34,9 @@ from scipy.stats import norm
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding, listing
+from femfit.tables.checks import Check, Expected, changing
 from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import AXES, REQUIRED, SWEPT
-from femfit.tables.sweep_table import snap_axis
 from femfit.tables.units import column_unit, suspected_by_size
 
 _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh
@@ -68,38 +68,27 @@ _SAME_SHAPE = 0.10
 _LARGE = 0.05  # rectangles whose work is below this share of the largest hold more noise than information
 
 
-Checked = tuple[pd.DataFrame, list[Finding]]
-"""The points as they are gone on with, and what was remarked on them."""
-
-
-def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[Finding]]:
-    """Part the rows that have current, distance and force from the others, which come second."""
-    finite = np.isfinite(points[list(REQUIRED)].to_numpy(dtype=float)).all(axis=1)
-    good, bad = points[finite].reset_index(drop=True), points[~finite]
+def incomplete_rows(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Rows without a current, a distance or a force, which are left out."""
+    complete = np.isfinite(points[list(REQUIRED)].to_numpy(dtype=float)).all(axis=1)
+    bad = points[~complete]
+    if bad.empty:
+        return []
     facts = {"bad": len(bad), "rows": len(points), "places": rows_of(bad)}
-    return good, bad, [finding("cells foreign", size=float(len(bad)), **facts)] if len(bad) else []
+    remark = finding("cells foreign", size=float(len(bad)), **facts)
+    return [changing(remark, lambda frame: frame[complete].reset_index(drop=True))]
 
 
-def check_points(points: pd.DataFrame, *, keep_force: bool) -> Checked:
-    """The points of a grid, once each and in order, with the force's noise and sign."""
+def gaps(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Optional columns with gaps, which are left out: a fit that met them would have to invent numbers."""
     findings: list[Finding] = []
-    force_sign = partial(settle_force_sign, keep=keep_force)
-    for step in (tidy_grid, force_sign, check_reciprocity, drop_incomplete, check_noise):
-        points, remarks = step(points)
-        findings += remarks
-    return points, findings
-
-
-def drop_incomplete(points: pd.DataFrame) -> Checked:
-    """Leave out optional columns that have gaps: a fit that met them would have to invent numbers."""
-    findings = []
-    for name in SWEPT[len(REQUIRED) :]:
-        gaps = points[~np.isfinite(points[name].to_numpy(dtype=float))] if name in points else points[:0]
-        if len(gaps):
-            points = points.drop(columns=name)
-            facts = {"quantity": column_unit(name)[0].replace("_", " "), "cells": len(gaps), "places": rows_of(gaps)}
-            findings.append(finding("gaps", size=float(len(gaps)), **facts))
-    return points, findings
+    for name in (name for name in SWEPT[len(REQUIRED) :] if name in points):
+        lacking = points[~np.isfinite(points[name].to_numpy(dtype=float))]
+        if len(lacking):
+            facts = {"quantity": column_unit(name)[0].replace("_", " "), "places": rows_of(lacking)}
+            remark = finding("gaps", size=float(len(lacking)), cells=len(lacking), **facts)
+            findings.append(changing(remark, partial(pd.DataFrame.drop, columns=name)))
+    return findings
 
 
 def rows_of(points: pd.DataFrame) -> str:
@@ -109,30 +98,43 @@ def rows_of(points: pd.DataFrame) -> str:
     return "; ".join([*parts[:4], *(["..."] if len(parts) > 4 else [])])
 
 
-def check_units(points: pd.DataFrame) -> list[Finding]:
-    """Suspect units by sizes that no actuator has; current and distance, on which all else depends, are errors."""
-    findings = [
-        replace(remark, severity="error") if remark.column in AXES else remark
-        for remark in suspected_by_size(points[[name for name in SWEPT if name in points]], solved=True)
-    ]
+def solved_sizes(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Sizes that no actuator has, and distances that do not count from its face; of what all depends on, errors."""
+    remarks = suspected_by_size(points[[name for name in SWEPT if name in points]], solved=True)
+    findings = [replace(remark, severity="error") if remark.column in AXES else remark for remark in remarks]
     behind = points[points["distance_m"] <= 0]
     if len(behind):
         findings.append(finding("distance", size=float(behind["distance_m"].min()), places=rows_of(behind)))
     return findings
 
 
-def tidy_grid(points: pd.DataFrame) -> Checked:
-    """Snap, merge and sort the rows: by current, then distance, one row a point.
+def repeated_points(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Points that stand in a table more than once; of contradictory rows the mean is taken where they are accepted."""
+    repeated = points.duplicated(list(AXES))
+    if not repeated.any():
+        return []
+    numeric = [str(name) for name in points if name not in {"source", "line", *AXES}]
+    groups = points.groupby(list(AXES), sort=False)[numeric]
+    spread = groups.transform("max") - groups.transform("min")
+    differs = (spread / points[numeric].abs().max().replace(0.0, 1.0)).max(axis=1)
+    contradictory, identical = points[differs > _SAME_VALUE], int((repeated & (differs <= _SAME_VALUE)).sum())
+    findings: list[Finding] = []
+    if identical:
+        findings.append(finding("duplicates", size=float(identical), rows=identical))
+    means = groups.transform("mean") if len(contradictory) else points[numeric]
+    if len(contradictory):
+        count, worst = len(contradictory.drop_duplicates(list(AXES))), float(differs.max())
+        facts = {"points": count, "percent": 100 * worst, "places": rows_of(contradictory)}
+        findings.append(finding("contradictions", size=worst, **facts))
+    findings[-1] = changing(findings[-1], lambda frame: frame.assign(**means)[~repeated].reset_index(drop=True))
+    return findings
 
-    Contradictory rows of one point stop the import; where that is accepted, their mean is taken.
-    """
-    points = points.assign(**{name: snap_axis(points[name].to_numpy(dtype=float)) for name in AXES})
-    points, findings = _merge_duplicates(points)
-    points = points.sort_values(list(AXES), kind="stable").reset_index(drop=True)
+
+def holes_of_grid(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Points that a grid of all currents and distances lacks, and axes of one level."""
     currents, distances = np.unique(points["current_A"]), np.unique(points["distance_m"])
-    for key, axis in (("one-current", currents), ("one-distance", distances)):
-        if len(axis) == 1:
-            findings.append(finding(key, size=1.0, level=axis[0]))
+    axes = (("one-current", currents), ("one-distance", distances))
+    findings = [finding(key, size=1.0, level=axis[0]) for key, axis in axes if len(axis) == 1]
     count = len(currents) * len(distances)
     missing = count - len(points)
     if missing > count / 2:
@@ -140,29 +142,10 @@ def tidy_grid(points: pd.DataFrame) -> Checked:
         findings.append(finding("scattered", size=float(missing), **counts))
     elif missing:
         present = set(zip(points["current_A"], points["distance_m"], strict=True))
-        holes = [f"({i:g} A, {d * 1e3:g} mm)" for i, d in product(currents, distances) if (i, d) not in present]
-        findings.append(finding("holes", size=missing, holes=missing, points=count, places=listing(holes)))
-    return points, findings
-
-
-def _merge_duplicates(points: pd.DataFrame) -> Checked:
-    repeated = points.duplicated(list(AXES))
-    if not repeated.any():
-        return points, []
-    numeric = [str(name) for name in points if name not in {"source", "line", *AXES}]
-    groups = points.groupby(list(AXES), sort=False)[numeric]
-    spread = groups.transform("max") - groups.transform("min")
-    differs = (spread / points[numeric].abs().max().replace(0.0, 1.0)).max(axis=1)
-    contradictory, identical = points[differs > _SAME_VALUE], int((repeated & (differs <= _SAME_VALUE)).sum())
-    findings = []
-    if identical:
-        findings.append(finding("duplicates", size=float(identical), rows=identical))
-    if len(contradictory):
-        count, worst = len(contradictory.drop_duplicates(list(AXES))), float(differs.max())
-        places = rows_of(contradictory)
-        findings.append(finding("contradictions", size=worst, points=count, percent=100 * worst, places=places))
-        points = points.assign(**groups.transform("mean"))
-    return points[~repeated].reset_index(drop=True), findings
+        grid = product(currents, distances)
+        places = listing(f"({i:g} A, {d * 1e3:g} mm)" for i, d in grid if (i, d) not in present)
+        findings.append(finding("holes", size=missing, holes=missing, points=count, places=places))
+    return findings
 
 
 def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
@@ -182,8 +165,8 @@ def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArr
     return index[rows], header[columns], [table.to_numpy(dtype=float)[np.ix_(rows, columns)] for table in tables]
 
 
-def settle_force_sign(points: pd.DataFrame, *, keep: bool = False) -> Checked:
-    """Negate the force where it obviously counts away from the electromagnet, and say what was concluded.
+def force_sign(points: pd.DataFrame, _model: Expected | None, *, keep: bool = False) -> list[Finding]:
+    """Whether the force counts away from the electromagnet, which turns it, or other axes count the other way.
 
     A current of growing magnitude attracts more. Where all forces are negative and grow in magnitude with the current,
     the sign is a matter of the axis and is flipped; where force and change have different signs, either the current's
@@ -191,38 +174,28 @@ def settle_force_sign(points: pd.DataFrame, *, keep: bool = False) -> Checked:
     """
     findings: list[Finding] = []
     distances, currents, (force,) = complete_grid(points, ["force_N"])
-    change, share = _growth(currents, force)
+    # Summed over distances, the force that is gained with current, and how one-signed it is
+    strength = np.where((currents >= 0) | ((currents >= 0).sum() < 2), np.abs(currents), np.nan)
+    gained = np.zeros(1)
+    if len(currents) > 1 and len(distances):
+        gained = force[:, int(np.nanargmax(strength))] - force[:, int(np.nanargmin(strength))]
+    change, share = float(gained.sum()), float(abs(gained.sum()) / (np.abs(gained).sum() or 1.0))
     negative = float(-np.minimum(force, 0).sum() / (np.abs(force).sum() or 1.0))
     if not keep and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
-        points, force, change = points.assign(force_N=-points["force_N"]), -force, -change
         reason = "its magnitude grows with the current" if share else "there is one current only"
-        findings.append(finding("force-sign", why=reason))
+        turned = finding("force-sign", why=reason)
+        findings.append(changing(turned, lambda frame: frame.assign(force_N=-frame["force_N"])))
     elif share > _AGREEMENT and change < 0:
         findings.append(finding("force-sign falling", size=share))
-    return points, findings + _direction(force)
-
-
-def _growth(currents: FloatArray, force: FloatArray) -> tuple[float, float]:
-    """Sum over distances of the force gained with current, and how one-signed it is (0 unknown)."""
-    candidates = currents >= 0 if (currents >= 0).sum() > 1 else np.ones(len(currents), bool)
-    magnitudes = np.where(candidates, np.abs(currents), np.nan)
-    if len(currents) < 2 or force.shape[0] == 0 or np.nanmax(magnitudes) == np.nanmin(magnitudes):
-        return 0.0, 0.0
-    gained = force[:, int(np.nanargmax(magnitudes))] - force[:, int(np.nanargmin(magnitudes))]
-    total = float(np.abs(gained).sum())
-    return float(gained.sum()), abs(float(gained.sum())) / total if total else 0.0
-
-
-def _direction(force: FloatArray) -> list[Finding]:
     size = np.median(np.abs(force), axis=1)
     rising = float(np.mean(np.diff(size) > 0)) if len(size) >= 4 else 0.0
-    if rising < _AGREEMENT or size[-1] < 2 * size[0]:
-        return []
-    return [finding("distance-direction", size=rising, times=size[-1] / (size[0] or np.inf))]
+    if rising >= _AGREEMENT and size[-1] >= 2 * size[0]:
+        findings.append(finding("distance-direction", size=rising, times=size[-1] / (size[0] or np.inf)))
+    return findings
 
 
-def check_noise(points: pd.DataFrame) -> Checked:
-    """Warn of noise with its size, and fill ``force_error_N`` with the estimated noise of each row.
+def force_noise(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """The noise of the force with its size, which becomes the ``force_error_N`` of each row where there is none.
 
     The estimate is a lower bound: an error that changes slowly with the distance leaves no roughness.
     """
@@ -235,16 +208,19 @@ def check_noise(points: pd.DataFrame) -> Checked:
             noise[current] = roughness[0]
         coarse |= roughness is not None and not roughness[1]
     if not noise:
-        return points, [finding("noise coarse") if coarse else finding("noise few", fewest=MIN_DISTANCES)]
-    if "force_error_N" not in points:
-        relative = np.interp(points["current_A"], sorted(noise), [noise[current] for current in sorted(noise)])
-        size = points["force_N"].abs()
-        points = points.assign(force_error_N=np.maximum(relative * size, _ROUNDING * float(size.max())))
+        return [finding("noise coarse") if coarse else finding("noise few", fewest=MIN_DISTANCES)]
     worst = max(noise, key=lambda current: noise[current])
     percent = 100.0 * noise[worst]
     if noise[worst] <= NOISY:
-        return points, [finding("noise smooth", size=noise[worst], percent=percent)]
-    return points, [finding("noise", size=noise[worst], percent=percent, current=worst)]
+        remark = finding("noise smooth", size=noise[worst], percent=percent)
+    else:
+        remark = finding("noise", size=noise[worst], percent=percent, current=worst)
+    if "force_error_N" in points:
+        return [remark]
+    relative = np.interp(points["current_A"], sorted(noise), [noise[current] for current in sorted(noise)])
+    size = points["force_N"].abs()
+    error = np.maximum(relative * size, _ROUNDING * float(size.max()))
+    return [changing(remark, partial(pd.DataFrame.assign, force_error_N=error))]
 
 
 def measure_roughness(distances: FloatArray, force: FloatArray) -> tuple[float, bool] | None:
@@ -278,29 +254,27 @@ def _spread(contrasts: FloatArray) -> float:
     return float(np.sqrt(np.mean(contrasts[np.abs(contrasts) <= 3 * robust] ** 2)))
 
 
-def check_reciprocity(points: pd.DataFrame) -> Checked:
+def reciprocity(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     """Compare the force's work with the flux linkage's.
 
     It is said where reciprocity holds or cannot be judged, a warning up to 10 %, an error beyond; without a column of
     flux linkages only that an inductance beside the force is not taken for one.
     """
     if "flux_linkage_Wb" not in points:
-        return points, [finding("inductance")] if "inductance_H" in points else []
+        return [finding("inductance")] if "inductance_H" in points else []
     distances, currents, (force, flux) = complete_grid(points, ["force_N", "flux_linkage_Wb"])
     if len(distances) < 3 or len(currents) < 2:
-        return points, [finding("reciprocity unchecked")]
+        return [finding("reciprocity unchecked")]
     factor, spread, loops = _compare_loops(distances, currents, force, flux)
     error = abs(factor - 1)
     if loops == 0:
-        remark = finding("reciprocity still")
-    elif spread >= _SAME_SHAPE:
-        remark = finding("reciprocity shape", size=spread, factor=factor, percent=100 * spread, loops=loops)
-    elif error >= _WRONG:
-        remark = finding("reciprocity factor", size=factor, percent=100 * spread, loops=loops)
-    else:
-        key = "reciprocity holds" if error < max(_AGREES, spread) else "reciprocity rough"
-        remark = finding(key, size=error, percent=100 * error, loops=loops)
-    return points, [remark]
+        return [finding("reciprocity still")]
+    if spread >= _SAME_SHAPE:
+        return [finding("reciprocity shape", size=spread, factor=factor, percent=100 * spread, loops=loops)]
+    if error >= _WRONG:
+        return [finding("reciprocity factor", size=factor, percent=100 * spread, loops=loops)]
+    key = "reciprocity holds" if error < max(_AGREES, spread) else "reciprocity rough"
+    return [finding(key, size=error, percent=100 * error, loops=loops)]
 
 
 def _compare_loops(
@@ -333,3 +307,10 @@ def _compare_loops(
 def _blocks(count: int) -> list[IntArray]:
     """Indices of an axis at its ends, and at the ends of its halves, quarters and eighths."""
     return [np.unique(np.linspace(0, count - 1, pieces + 1).round().astype(int)) for pieces in (1, 2, 4, 8)]
+
+
+ROW_CHECKS: tuple[Check, ...] = (incomplete_rows, solved_sizes)
+"""Of an imported table's rows, before its grid is looked at."""
+
+GRID_CHECKS: tuple[Check, ...] = (reciprocity, gaps, force_noise)
+"""Of a grid on which each point stands once, and whose force counts as it shall."""

@@ -1,0 +1,296 @@
+"""Checks of measured tables: each a function of a frame in SI, and of what a model says beside it or None.
+
+A check returns findings. What it sets aside, NaN in place of a reading or a row that is left out, is said and done by
+its finding: a :class:`Change`. Checks of imported sweeps stand in ``sweep_checks.py``, those of
+a record beside a model in ``estimate/record_checks.py``.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from math import comb
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
+from femfit.core.results import Finding
+from femfit.core.sweep_columns import is_current
+from femfit.tables.findings import finding
+from femfit.tables.header import parts_of
+from femfit.tables.measurement import BenchTable
+from femfit.tables.outliers import isolated_outliers
+from femfit.tables.units import (
+    CHANNELS,
+    LEAST_READINGS,
+    OTHER_SIGN,
+    Channel,
+    common_factors,
+    other_sign,
+    suspected_by_size,
+    suspicion,
+)
+
+_LEAST_STUCK = 8
+"""Assumed: consecutive equal readings from which a channel may be stuck."""
+
+USUAL_OUTLIERS = 0.02
+"""Assumed: part of a channel that a loose contact or a slip may be; more are warned of."""
+
+_SETTINGS = frozenset({"distance_m", "branch", "frequency_Hz"})  # beside the currents
+_FEW = 5
+"""Assumed: other readings that show whether a channel has noise."""
+
+_STUCK_CHANCE = 1e-3
+"""Conventional: expected number of such stretches by chance, from how often repeats are equal."""
+
+_LEAST_STUCK_SAMPLES, _MUCH_LONGER = 50, 20
+"""Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
+
+_LEAST_SHARE = 0.05
+"""Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
+
+_MOST_IMPOSSIBLE = 0.02
+"""Assumed: largest part of a channel that can be impossible by single faults."""
+
+_LEAST_CLIPPED, _PILED = 20, 5
+"""Assumed: samples at the end of a range, and how many times those of the next hundredth of the range that must be."""
+
+_EFFECTIVE_BITS, _DIFFERENCES = 20, 7
+"""Conventional: noise of the best converters is 2^-20 of their range; differences in which smooth motion dies out."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a model says beside the rows of a frame: readings by channel, NaN where none, and the limits of settings."""
+
+    predicted: Mapping[str, FloatArray] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change(Finding):
+    """A finding of a check that goes on with another table: without some readings, or with their sign turned."""
+
+    then: Callable[[pd.DataFrame], pd.DataFrame] = field(compare=False, repr=False)
+
+
+Check = Callable[[pd.DataFrame, Expected | None], list[Finding]]
+
+
+def checked(
+    frame: pd.DataFrame, checks: Iterable[Check], model: Expected | None = None
+) -> tuple[pd.DataFrame, list[Finding]]:
+    """What checks say of a frame, each going on with what the one before leaves of it."""
+    findings = []
+    for check in checks:
+        for remark in check(frame, model):
+            frame = remark.then(frame) if isinstance(remark, Change) else frame
+            findings.append(Finding(**{part.name: getattr(remark, part.name) for part in fields(Finding)}))
+    return frame, findings
+
+
+def changing(remark: Finding, then: Callable[[pd.DataFrame], pd.DataFrame]) -> Change:
+    """A finding after which the table is what ``then`` makes of it."""
+    return Change(**vars(remark), then=then)
+
+
+def set_aside(remark: Finding, cells: BoolArray) -> Change:
+    """A finding beside which cells of its column count as missing."""
+    return changing(remark, lambda frame: frame.assign(**{remark.column: frame[remark.column].mask(cells)}))
+
+
+def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> BenchTable:
+    """A table without single readings that contradict all their neighbours, by what a model leaves of each channel."""
+    rows, findings = checked(table.rows, (outliers,), Expected(predicted))
+    return replace(table, rows=rows, findings=(*table.findings, *findings))
+
+
+def outliers(rows: pd.DataFrame, model: Expected | None) -> list[Finding]:
+    """Single readings whose deviation from a model contradicts that of all neighbours.
+
+    Without a model a steep curve's true end looks like an outlier, so that readings are compared by what the model
+    leaves of them.
+    """
+    predicted = model.predicted if model else {}
+    placed = rows[["distance_m", "current_A"]].notna().all(axis=1).to_numpy()
+    settings = pd.DataFrame({"distance": even_scale(rows["distance_m"].to_numpy()), "current": rows["current_A"]})
+    scaled = (settings - settings.min()) / (settings.max() - settings.min()).clip(lower=1e-300)
+    places = scaled.assign(branch=0.1 * rows["branch"]).to_numpy()  # the branches a little apart
+    findings: list[Finding] = []
+    for name in (name for name in map(str, rows) if name in predicted):
+        values, expected = rows[name].to_numpy(), predicted[name]
+        readable = np.flatnonzero(np.isfinite(values - expected) & placed)
+        if len(readable) < 2:
+            continue
+        # The smallest usual distance between the levels of a coarse channel
+        levels = np.unique(values[readable])
+        step = float(np.quantile(np.diff(levels), 0.1)) if 1 < len(levels) < 0.9 * len(readable) else 0.0
+        run, residual = pd.factorize(rows["run"].to_numpy()[readable])[0], (values - expected)[readable]
+        lone = readable[isolated_outliers(residual, places[readable], run, expected[readable], step)]
+        if not len(lone):
+            continue
+        shown = [
+            f"{values[k]:.5g} at {1e3 * rows['distance_m'][k]:.4g} mm and {rows['current_A'][k]:.4g} A "
+            f"(run {rows['run'][k]:g}, order {rows['order'][k]:g})"
+            for k in lone[:3].tolist()
+        ]
+        facts = {"readings": len(lone), "shown": "; ".join(shown + ["and so on"] * (len(lone) > 3))}
+        code = "outliers many" if len(lone) > USUAL_OUTLIERS * len(readable) else "outliers"
+        remark = finding(code, size=float(len(lone)), column=name, **facts)
+        findings.append(set_aside(remark, np.isin(np.arange(len(rows)), lone)))
+    return findings
+
+
+def beyond_limits(rows: pd.DataFrame, model: Expected | None) -> list[Finding]:
+    """Settings that lie outside of a model's limits, and inside once their unit or sign is taken for another."""
+    findings: list[Finding] = []
+    for name, (low, high) in (model.limits if model else {}).items():
+        slack, values = 0.05 * (high - low), rows[name].dropna().to_numpy()
+        now = (values >= low - slack) & (values <= high + slack)
+        for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
+            converted = factor * values
+            then = (converted >= low - slack) & (converted <= high + slack)
+            few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
+            reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
+            if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
+                why = "few rows lie in the model's range, but then they would"
+                findings.append(other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why))
+                break
+    return findings
+
+
+def copies(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Rows that stand twice in every column that the file has: a file joined with itself makes the noise look smaller.
+
+    Without numbers of run and order rows may be equal by chance, and are kept; but not where all of a table follows
+    itself once more. Of a record whole segments are copies.
+    """
+    given = rows.drop(columns="segment", errors="ignore").reset_index(drop=True)
+    repeated = given.duplicated().to_numpy()
+    if "segment" in rows:
+        repeated = pd.Series(repeated).groupby(rows["segment"].to_numpy()).transform("all").to_numpy()
+    elif not {"run", "order"} <= set(given):
+        as_first = (given == given.iloc[0]) | (given.isna() & given.iloc[0].isna())
+        length = int(np.r_[np.flatnonzero(as_first.all(axis=1)), len(given)][1])
+        before = given[: len(given) - length]
+        pasted = _LEAST_STUCK <= length <= len(given) // 2 and given[length:].reset_index(drop=True).equals(before)
+        numbers = before.to_numpy(dtype=np.float64).ravel()
+        # Three digits may repeat by themselves
+        pasted = pasted and any(float(f"{x:.3g}") != x for x in numbers[np.isfinite(numbers)])
+        repeated = (np.arange(len(given)) >= length) & pasted
+    count = int(repeated.sum())
+    remark = finding("copies", size=float(count), rows=count)
+    return [changing(remark, lambda frame: frame[~repeated])] if count else []
+
+
+def stuck_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Stretches of one and the same reading of a bench over settings that change, where others show its noise.
+
+    Where a reading equals the one before with the chance p, n p^(L - 1) stretches of n readings are longer than L by
+    chance. Without a current, where there is one elsewhere, what is computed may be constant; a reading of zero may be
+    below the channel's step; a voltage may be commanded.
+    """
+    findings: list[Finding] = []
+    currents = [name for name in map(str, rows) if is_current(name)]
+    settings = [*currents, *(name for name in rows if name in _SETTINGS)]
+    quantities = {str(name): parts_of(str(name))[0] for name in rows}
+    read = {name: CHANNELS.get(quantity, Channel()).bench == "reading" for name, quantity in quantities.items()}
+    for name in (name for name, quantity in quantities.items() if read[name] and quantity != "voltage_V"):
+        readable = rows[rows[name].notna()]
+        values = readable[name].to_numpy()
+        length, stretch = equal_stretches(values, readable["run"].to_numpy())
+        driven = (readable[currents].fillna(0.0) != 0.0).any(axis=1).to_numpy()
+        moves = (readable[settings].diff().fillna(0.0) != 0.0).any(axis=1).to_numpy() & (driven | ~driven.any())
+        steps = np.diff(values)[length[stretch[1:]] < _LEAST_STUCK]
+        equal = (np.sum(steps == 0.0) + 1.0) / (len(steps) + 2.0)
+        least = max(_LEAST_STUCK, 1.0 + np.log(_STUCK_CHANCE / max(len(values), 1)) / np.log(equal))
+        long = np.bincount(stretch, moves & (values != 0.0), len(length)) >= least
+        stuck = long[stretch] & (len(steps) >= _FEW)
+        for value in dict.fromkeys(values[stuck].tolist()):
+            members = stuck & (values == value)
+            counts = length[np.unique(stretch[members])]
+            facts = {"value": value, "rows": " and ".join(map(str, counts))}
+            remark = finding("stuck bench", size=float(counts.sum()), column=name, **facts)
+            findings.append(set_aside(remark, rows.index.isin(readable.index[members])))
+    return findings
+
+
+def impossible_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Single samples that no actuator has, such as 1e30 A; many of them are a wrong unit, and stay."""
+    findings: list[Finding] = []
+    for name in map(str, rows):
+        limit, values = CHANNELS.get(parts_of(name)[0], Channel()).possible, rows[name].to_numpy()
+        beyond = np.abs(values) > limit
+        if beyond.any() and beyond.mean() <= _MOST_IMPOSSIBLE:
+            first = int(np.argmax(beyond))
+            facts = {"limit": limit, "first": values[first], "time": rows["time_s"].iloc[first]}
+            count = int(beyond.sum())
+            remark = finding("outliers impossible", size=float(count), column=name, readings=count, **facts)
+            findings.append(set_aside(remark, beyond))
+    return findings
+
+
+def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Samples of a record's sensors that are missing, stuck or clipped; what was computed may stand still."""
+    findings: list[Finding] = []
+    time = rows["time_s"].to_numpy()
+    for name in (name for name in map(str, rows) if CHANNELS.get(parts_of(name)[0], Channel()).sensor):
+        values = rows[name].to_numpy()
+        readable = np.isfinite(values)
+        if not readable.any():
+            continue
+        if count := int((~readable).sum()):
+            findings.append(finding("cells missing", size=count, column=name, cells=count))
+        length, stretch = equal_stretches(values)
+        if _is_computed(values[readable & (length[stretch] <= _DIFFERENCES)]):
+            continue
+        clipped = _clipped(values)
+        usual = float(np.quantile(length, 0.95)) if len(length) > 1 else 0.0  # nothing moves it at all
+        long = length > max(_LEAST_STUCK_SAMPLES, _MUCH_LONGER * usual)
+        stuck = long[stretch] & readable & (values != 0.0)  # a current that is off rests at zero
+        for faulty, fault in ((stuck & ~clipped, "stuck"), (clipped, "clipped")):
+            if faulty.any():
+                levels = [f"{level:.4g}" for level in np.unique(values[faulty])]
+                shown = " and ".join(levels[:2] + ["others"] * (len(levels) > 2))
+                facts = {"samples": int(faulty.sum()), "levels": shown, "time": time[np.argmax(faulty)]}
+                remark = finding(fault, size=float(faulty.sum()), column=name, **facts)
+                findings.append(set_aside(remark, faulty))
+    return findings
+
+
+BENCH_CHECKS: tuple[Check, ...] = (suspected_by_size, stuck_readings)
+"""Of readings at rest, once their copies are left out and they stand in order."""
+
+RECORD_CHECKS: tuple[Check, ...] = (impossible_readings, faulty_samples, suspected_by_size)
+"""Of samples over time, once their clock and their copies are known."""
+
+
+def equal_stretches(values: FloatArray, run: FloatArray | None = None) -> tuple[IntArray, IntArray]:
+    """Length of each stretch of one and the same reading, within a run, and the stretch of each sample."""
+    changes = np.diff(values, prepend=values[:1]) != 0.0
+    if run is not None:
+        changes |= np.diff(run, prepend=run[:1]) != 0.0
+    stretch = np.cumsum(changes)
+    return np.bincount(stretch), stretch
+
+
+def _is_computed(moving: FloatArray) -> bool:
+    """Whether samples that move scatter by less than any sensor's: differences of white noise grow as the binomials."""
+    scatter = np.abs(np.diff(moving, _DIFFERENCES))
+    growth = 0.6745 * comb(2 * _DIFFERENCES, _DIFFERENCES) ** 0.5  # the median of |normal| in standard deviations
+    return len(scatter) > _LEAST_CLIPPED and bool(np.median(scatter) < growth * 2.0**-_EFFECTIVE_BITS * np.ptp(moving))
+
+
+def _clipped(values: FloatArray) -> BoolArray:
+    """Samples at an end of the range that are far more than those beside it."""
+    result = np.zeros(len(values), dtype=bool)
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    length, stretch = equal_stretches(values)
+    for end in (end for end in (low, high) if high > low and end != 0.0):
+        at_end, apart = values == end, np.abs(values - end)
+        next_level = np.nanmin(apart[~at_end])  # of a coarse converter
+        near = max(int((apart[~at_end] <= 0.01 * (high - low)).sum()), int((apart == next_level).sum()))
+        lasting = int(length[stretch[at_end]].max()) >= _LEAST_CLIPPED // 2
+        if lasting and at_end.sum() >= max(_LEAST_CLIPPED, _PILED * near + 1):
+            result |= at_end
+    return result
