@@ -15,7 +15,7 @@ from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
-from femfit.fit.rows import FitRows
+from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.magnetics import CoenergySpline
 
@@ -43,11 +43,11 @@ class CoenergyFit:
     # Rms error by which the basis was chosen, the larger of force (relative to itself) and flux linkage (relative to
     # its change over the distance): on held-out rows, or on all rows where that is larger
     held_out: float
-    # Error of the force at each row with inner rows predicted by the others, at least that of the fit; shape (rows,)
-    left_out_N: FloatArray
-    # What a finer sweep must lower: the same where the iron saturates, for a spline may meet its own table and swing
-    # between, and else the error of the fit; shape (rows,)
-    missed_N: FloatArray
+    # Errors of force in N and, where the iron saturates, inductance in H at each row: of the fit, and with inner rows
+    # predicted by the others, at least those of the fit; shape (rows,) each. And the table's rms of each quantity
+    fitted: dict[str, FloatArray]
+    left_out: dict[str, FloatArray]
+    sizes: dict[str, float]
     constraints: tuple[str, ...]
     active: tuple[str, ...]
     qp: QPSolution
@@ -77,14 +77,27 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
         square = np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0]
         coefficients = coefficients + 0.5 * open_inductance_H * square[None, :]
     magnetics = spline_of(basis, coefficients, rows)
-    missed = np.abs(magnetics.force(rows.distance, rows.circuit_currents) - rows.force)
-    left_out = np.maximum(missed, system.left_out_force_errors(basis))
+    force_left_out, *linked_left_out = system.left_out_errors(basis)
+    fitted = {"force": np.abs(magnetics.force(rows.distance, rows.circuit_currents) - rows.force)}
+    predicted, sizes = {"force": force_left_out}, {"force": rows.rms_force}
+    if rows.saturates:
+        sizes["inductance"] = rms(rows.inductances)
+    if rows.inductance is not None:
+        errors = magnetics.inductance(rows.distance, rows.circuit_currents) - rows.inductance
+        fitted["inductance"] = np.abs(np.nan_to_num(errors[:, 0, 0]))
+        predicted["inductance"] = linked_left_out[1]
+    elif rows.saturates:  # a flux linkage that is off bends the slopes beside it
+        step = np.gradient(rows.currents)[np.searchsorted(rows.currents, rows.current)]
+        errors = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
+        fitted["inductance"] = np.abs(errors[:, 0]) / step
+        predicted["inductance"] = linked_left_out[0] / step
     return CoenergyFit(
         magnetics=magnetics,
         basis=basis,
         held_out=held_out,
-        left_out_N=left_out,
-        missed_N=left_out if rows.saturates else missed,
+        fitted=fitted,
+        left_out={name: np.maximum(errors, predicted[name]) for name, errors in fitted.items()},
+        sizes=sizes,
         constraints=names,
         active=active,
         qp=qp,

@@ -28,8 +28,9 @@ STRAIGHT = 1e-3
 
 # How good a model is
 
-COARSE = 0.01
-"""Conventional: misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of."""
+COARSE, COARSE_INDUCTANCE = 0.01, 0.02
+"""Conventional: misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of; and of the
+inductance, of its rms: where a point left out is missed by that, some of the inductances between are off by a fifth."""
 
 POOR_CIRCUIT = 0.1
 """Conventional: misfit of flux linkage or inductance, over the rms of the table's, or over the inductance's change with

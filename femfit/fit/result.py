@@ -9,7 +9,7 @@ from femfit.core.results import Plotted
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.law_fit import LawFit
-from femfit.fit.ranking import Ranking, finer_settings
+from femfit.fit.ranking import Ranking, between_points
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.fit.words import printed
@@ -107,6 +107,7 @@ class FitResult(Plotted, Fits):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
+        between = asdict(between_points(self.spline, self.rows)) if self.spline else None
         return {
             "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
@@ -117,7 +118,8 @@ class FitResult(Plotted, Fits):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": None if self.hall is None else self.hall.to_dict(),
-            "finer_sweep": finer_settings(self.spline.missed_N, self.rows) if self.spline else None,
+            "finer_sweep": between.pop("finer") if between else None,
+            "between_points": between,
             "notes": [*self.of_data, *self.notes],
         }
 
@@ -129,7 +131,7 @@ def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
         "cells": [fit.basis.u_cells, *splines.cells],
         "current_degree": splines.degrees[0],
         "held_out_relative_rms": fit.held_out,
-        "left_out_force_rms_N": rms(fit.left_out_N),
+        "left_out_force_rms_N": rms(fit.left_out["force"]),
         "constraints": list(fit.constraints),
         "active": list(fit.active),
         "condition_scaled": fit.qp.condition_scaled,
