@@ -13,7 +13,7 @@ from femfit.core.numerics import FloatArray
 from femfit.fit.basis import CoenergyBasis
 from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
-from femfit.fit.coenergy_system import coenergy_system
+from femfit.fit.coenergy_system import coenergy_system, held_out_masks
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import TensorSpline, basis_matrix
@@ -77,7 +77,8 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
         square = np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0]
         coefficients = coefficients + 0.5 * open_inductance_H * square[None, :]
     magnetics = spline_of(basis, coefficients, rows)
-    force_left_out, *linked_left_out = system.left_out_errors(basis)
+    judged = replace(system, folds=held_out_masks(rows, ends=True))
+    force_left_out, *linked_left_out = judged.left_out_errors(basis)
     fitted = {"force": np.abs(magnetics.force(rows.distance, rows.circuit_currents) - rows.force)}
     predicted, sizes = {"force": force_left_out}, {"force": rows.rms_force}
     if rows.saturates:
@@ -86,8 +87,8 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
         errors = magnetics.inductance(rows.distance, rows.circuit_currents) - rows.inductance
         fitted["inductance"] = np.abs(np.nan_to_num(errors[:, 0, 0]))
         predicted["inductance"] = linked_left_out[1]
-    elif rows.saturates:  # a flux linkage that is off bends the slopes beside it
-        step = np.gradient(rows.currents)[np.searchsorted(rows.currents, rows.current)]
+    elif rows.saturates:  # a flux linkage that is off bends the slopes up to half a step beside it
+        step = 0.5 * np.gradient(rows.currents)[np.searchsorted(rows.currents, rows.current)]
         errors = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
         fitted["inductance"] = np.abs(errors[:, 0]) / step
         predicted["inductance"] = linked_left_out[0] / step

@@ -165,7 +165,7 @@ class CoenergySystem:
         return np.sqrt(np.fmax([np.mean(a) for a in fitted], squares) if self.grid else squares)
 
     def left_out_errors(self, basis: CoenergyBasis) -> list[FloatArray]:
-        """Error of each channel with each inner row predicted by the others; outermost rows as fitted; (rows,) each.
+        """Error of each channel with each row that is ever left out predicted by the others, the rest as fitted; (rows,) each.
 
         Zero in rows of the table that lack the channel.
         """
@@ -278,13 +278,14 @@ def _smooth_tensor(basis: CoenergyBasis, weighted: FloatArray) -> Iterator[tuple
             yield weight * size / np.linalg.norm(penalty) * penalty, 1.0
 
 
-def held_out_masks(rows: FitRows) -> list[BoolArray]:
+def held_out_masks(rows: FitRows, ends: bool = False) -> list[BoolArray]:
     """Rows of one circuit to leave out, fold by fold.
 
     The extremes of distance and current stay in, because beyond them a model extrapolates, which its validity domain
-    forbids. Between them every fourth distance is left out, and each single current; where the iron saturates,
-    single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves
-    with the distance is narrower than what a whole distance or current would leave open.
+    forbids. Between them every fourth distance is left out, and each single current. Where the iron saturates it is
+    single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves with the distance is
+    narrower than what a whole distance or current would leave open. It is sharpest at the least distance: ``ends``
+    leaves out rows there, too, and at the largest, which lie between two currents.
     """
     distances, currents = rows.distances, rows.currents
     if not rows.saturates or len(currents) <= constants.FEWEST_CURRENTS:
@@ -294,6 +295,8 @@ def held_out_masks(rows: FitRows) -> list[BoolArray]:
             masks += [rows.current == i for i in currents[1:-1]]
     else:
         j, k = np.searchsorted(distances, rows.distance), np.searchsorted(currents, rows.current)
-        inner = (j > 0) & (j < len(distances) - 1) & (k > 0) & (k < len(currents) - 1)
+        inner = (k > 0) & (k < len(currents) - 1)
+        if not ends:
+            inner &= (j > 0) & (j < len(distances) - 1)
         masks = [inner & ((j + 2 * k) % constants.SCATTERED_FOLDS == fold) for fold in range(constants.SCATTERED_FOLDS)]
     return [mask for mask in masks if mask.any()]

@@ -21,7 +21,7 @@ import numpy as np
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
 from femfit.fit.coenergy import CoenergyFit
-from femfit.fit.constants import COARSE, COARSE_INDUCTANCE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
+from femfit.fit.constants import BETWEEN_INDUCTANCE, BETWEEN_LEFT_OUT, COARSE, COARSE_INDUCTANCE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.model_parts import validity_of
@@ -115,10 +115,10 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | No
 class BetweenPoints:
     """What a co-energy misses between the points of its sweep, where it misses most, and the settings that help there."""
 
-    # Rms errors of force and inductance over their rms: with inner points left out where the iron saturates, for a
-    # spline may meet its own table and swing between, else as fitted
+    # Rms errors of force and inductance over their rms: where the iron saturates what is to be expected between the
+    # points by those left out, for a spline may meet its own table and swing between, else as fitted
     shares: dict[str, float]
-    left_out: bool
+    saturates: bool
     coarse: bool  # Whether one of them is more than its user should not know of
     distance_m: float
     current_A: float
@@ -132,8 +132,9 @@ def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
     points there help between the points too, where points at the smallest forces do not.
     """
     missed = coenergy.left_out if rows.saturates else coenergy.fitted
-    shares = {name: rms(errors) / (coenergy.sizes[name] or 1.0) for name, errors in missed.items()}
-    excess = {name: share / allowed for (name, share), allowed in zip(shares.items(), (COARSE, COARSE_INDUCTANCE), strict=False)}
+    expected = {"force": BETWEEN_LEFT_OUT, "inductance": BETWEEN_INDUCTANCE} if rows.saturates else {"force": 1.0}
+    shares = {name: part * rms(missed[name]) / (coenergy.sizes[name] or 1.0) for name, part in expected.items()}
+    excess = {name: share / (COARSE if name == "force" else COARSE_INDUCTANCE) for name, share in shares.items()}
     most = max(excess, key=excess.__getitem__)
     worst = int(np.argmax(missed[most]))
     distance, current = float(rows.distance[worst]), float(rows.current[worst])

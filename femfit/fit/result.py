@@ -8,6 +8,7 @@ import numpy as np
 from femfit.core.results import Plotted
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
+from femfit.fit.constants import DOMAIN_GRID
 from femfit.fit.law_fit import LawFit
 from femfit.fit.ranking import Ranking, between_points
 from femfit.fit.rows import FitRows, rms
@@ -97,10 +98,8 @@ class FitResult(Plotted, Fits):
         return printed("fit.txt.j2", result=self, derived=derived, shapes=SHAPES, rms=rms)
 
     def _ranges(self) -> dict[str, tuple[float, float] | None]:
-        """Motional constant and inductance over the swept points and all of the domain, where they are known."""
-        swept = self.rows.distance, self.rows.circuit_currents
-        between = self.model.validity.grid(101, 101)
-        state = self.model.magnetics.state(*(np.concatenate(pair) for pair in zip(swept, between, strict=True)))
+        """Motional constant and inductance over all of the domain, where they are known."""
+        state = self.model.magnetics.state(*self.model.validity.grid(*DOMAIN_GRID))
         constant, inductance = ((np.min(x), np.max(x)) for x in (state.motional_constant, state.inductance))
         unknown = self.model.circuit is None and self.rows.flux_linkage is None
         return {"motional_constant": constant, "inductance": None if unknown else inductance}
