@@ -101,12 +101,12 @@ def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
 def _between_points(model: ActuatorModel) -> list[AuditFinding]:
     """What is to be expected between the points of its sweep of a co-energy that saturates."""
     fit = model.provenance.get("fit") or {}
-    between = fit.get("between_points")
+    between = fit.get("missed_between")
     if not between or not between["saturates"]:
         return []
     severity: Severity = "note" if between["coarse"] else "stated"
     numbers = between | {"finer": fit["finer_sweep"]}
-    return [AuditFinding("between_points", severity, "co-energy", None, max(between["shares"].values()), numbers)]
+    return [AuditFinding("missed_between", severity, "co-energy", None, max(between["shares"].values()), numbers)]
 
 
 def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:

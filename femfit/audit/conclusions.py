@@ -11,7 +11,11 @@ from femfit.core.text import rounded
 from femfit.device.electrics import REMEDY
 from femfit.fit.words import note
 
-words = Words("femfit.audit", rounded, names={"REMEDY": REMEDY, **{name: partial(note, name) for name in ("missed_between", "to_be_added")}}).sentence
+words = Words(
+    "femfit.audit",
+    rounded,
+    names={"REMEDY": REMEDY, **{name: partial(note, name) for name in ("missed_shares", "to_be_added")}},
+).sentence
 
 Severity = Literal["holds", "stated", "note", "wrong"]
 _SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")

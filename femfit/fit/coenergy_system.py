@@ -165,7 +165,7 @@ class CoenergySystem:
         return np.sqrt(np.fmax([np.mean(a) for a in fitted], squares) if self.grid else squares)
 
     def left_out_errors(self, basis: CoenergyBasis) -> list[FloatArray]:
-        """Error of each channel with each row that is ever left out predicted by the others, the rest as fitted; (rows,) each.
+        """Error of each channel, of rows that are left out predicted by the others, else as fitted; (rows,) each.
 
         Zero in rows of the table that lack the channel.
         """
@@ -283,9 +283,9 @@ def held_out_masks(rows: FitRows, ends: bool = False) -> list[BoolArray]:
 
     The extremes of distance and current stay in, because beyond them a model extrapolates, which its validity domain
     forbids. Between them every fourth distance is left out, and each single current. Where the iron saturates it is
-    single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves with the distance is
-    narrower than what a whole distance or current would leave open. It is sharpest at the least distance: ``ends``
-    leaves out rows there, too, and at the largest, which lie between two currents.
+    single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves with the distance
+    is narrower than what a whole distance or current would leave open. It is sharpest at the least distance:
+    ``ends`` leaves out rows there, too, and at the largest, which lie between two currents.
     """
     distances, currents = rows.distances, rows.currents
     if not rows.saturates or len(currents) <= constants.FEWEST_CURRENTS:

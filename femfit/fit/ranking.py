@@ -21,7 +21,15 @@ import numpy as np
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
 from femfit.fit.coenergy import CoenergyFit
-from femfit.fit.constants import BETWEEN_INDUCTANCE, BETWEEN_LEFT_OUT, COARSE, COARSE_INDUCTANCE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
+from femfit.fit.constants import (
+    BETWEEN_INDUCTANCE,
+    BETWEEN_LEFT_OUT,
+    COARSE,
+    COARSE_INDUCTANCE,
+    DISTANCE_BLOCKS,
+    POOR_CIRCUIT,
+    TARGET,
+)
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.model_parts import validity_of
@@ -113,7 +121,7 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | No
 
 @dataclass(frozen=True)
 class BetweenPoints:
-    """What a co-energy misses between the points of its sweep, where it misses most, and the settings that help there."""
+    """What a co-energy misses between the points of its sweep, where most, and the settings that help there."""
 
     # Rms errors of force and inductance over their rms: where the iron saturates what is to be expected between the
     # points by those left out, for a spline may meet its own table and swing between, else as fitted
@@ -133,7 +141,7 @@ def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
     """
     missed = coenergy.left_out if rows.saturates else coenergy.fitted
     expected = {"force": BETWEEN_LEFT_OUT, "inductance": BETWEEN_INDUCTANCE} if rows.saturates else {"force": 1.0}
-    shares = {name: part * rms(missed[name]) / (coenergy.sizes[name] or 1.0) for name, part in expected.items()}
+    shares = {name: part * rows.share(name, missed[name]) for name, part in expected.items()}
     excess = {name: share / (COARSE if name == "force" else COARSE_INDUCTANCE) for name, share in shares.items()}
     most = max(excess, key=excess.__getitem__)
     worst = int(np.argmax(missed[most]))

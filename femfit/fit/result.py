@@ -95,7 +95,7 @@ class FitResult(Plotted, Fits):
     def __str__(self) -> str:
         """The lines that ``femfit fit`` prints, the answer first."""
         derived = None if self.circuits or self.rows.without_current else self._ranges()
-        return printed("fit.txt.j2", result=self, derived=derived, shapes=SHAPES, rms=rms)
+        return printed("fit.txt.j2", result=self, derived=derived, shapes=SHAPES)
 
     def _ranges(self) -> dict[str, tuple[float, float] | None]:
         """Motional constant and inductance over all of the domain, where they are known."""
@@ -118,7 +118,7 @@ class FitResult(Plotted, Fits):
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": None if self.hall is None else self.hall.to_dict(),
             "finer_sweep": between.pop("finer") if between else None,
-            "between_points": between,
+            "missed_between": between,
             "notes": [*self.of_data, *self.notes],
         }
 

@@ -106,6 +106,10 @@ class FitRows:
         """Root mean square of the force, N."""
         return rms(self.force)
 
+    def share(self, quantity: str, errors: FloatArray) -> float:
+        """Rms of errors of the force or, where the iron saturates, of the inductance, over the table's rms of it."""
+        return rms(errors) / ((self.rms_force if quantity == "force" else rms(self.inductances)) or 1.0)
+
     @property
     def error_scale(self) -> tuple[float, str]:
         """What a law's errors are a part of, in N, and its name: the weight where the part can hang, or the rms."""
