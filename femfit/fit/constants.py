@@ -32,8 +32,8 @@ COARSE = 0.01
 """Conventional: misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of."""
 
 COARSE_INDUCTANCE = 0.025
-"""Calibrated, November 2026, on 33 sweeps of 11 devices that saturate: misfit of the inductance, of its rms, that the user
-is warned of as well. In 26 of them an inductance between the points was off by a quarter or more; with what is said of
+"""Calibrated, November 2026, on 33 sweeps of 11 devices that saturate: misfit of the inductance, of its rms, that users
+are warned of as well. In 26 of them an inductance between the points was off by a quarter or more; with what is said of
 the force 23 of these are warned of, and two of the others. A solenoid of 15 currents that is met within 2 % has 0.020.
 """
 
