@@ -35,7 +35,7 @@ def test_points_that_a_coarse_sweep_is_told_to_add_twice_make_the_model_better_b
         quantities = "force", "inductance"
         missed.append([rms(getattr(model, name)(d, i) - getattr(device, name)(d, i)) for name in quantities])
         currents, distances = np.union1d(currents, finer["current_A"]), np.union1d(distances, finer["distance_m"])
-    assert missed[2][0] < 0.2 * missed[0][0]
+    assert missed[2][0] < 0.25 * missed[0][0]
     assert missed[2][1] < 0.6 * missed[0][1]
 
 
