@@ -13,7 +13,7 @@ from femfit.core.sweep_columns import current_columns
 from femfit.device.electrics import where_clipped
 from femfit.device.parts import REFERENCE_TEMPERATURE, copper_growth
 from femfit.estimate.holding import bias_currents, holding_currents
-from femfit.fit.constants import POOR_POINT
+from femfit.fit.constants import DOMAIN_GRID, POOR_POINT
 from femfit.fit.ranking import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
@@ -22,11 +22,6 @@ from femfit.model.json_file import read_model
 from femfit.model.magnetics import LawMagnetics
 from femfit.model.sensors import HALL, reading_of
 from femfit.tables.sweep_table import TABLE_STEM, current_names, read_sweep_table
-
-_GRID = (41, 15)
-
-_EACH = 5
-"""Currents of each of several circuits."""
 
 _LARGE_MISFIT = 0.1
 """Share of a quantity's rms from which a model that misses its table by it is wrong; conventional."""
@@ -54,8 +49,8 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
                 findings.append(AuditFinding("table", "note", "table", numbers={"cause": str(error)}))
     if table is not None:
         rows = _rows_of(Path(table), model)
-    d, i = model.validity.grid(*_GRID, several=_EACH)
-    findings += _misfit(model, rows, d, i)
+    d, i = model.validity.grid(*DOMAIN_GRID)
+    findings += [*_misfit(model, rows, d, i), *_between_points(model)]
     if rows is not None and rows.several:
         findings.append(_worst_point(model, rows))
     if model.has_winding:
@@ -101,6 +96,17 @@ def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
     }
     severity: Severity = "wrong" if missed[k] > _LARGE_MISFIT else "note" if missed[k] > POOR_POINT else "holds"
     return AuditFinding("point_misfit", severity, "force", float(rows.force[k]), float(force[k]), numbers)
+
+
+def _between_points(model: ActuatorModel) -> list[AuditFinding]:
+    """What is to be expected between the points of its sweep of a co-energy that saturates."""
+    fit = model.provenance.get("fit") or {}
+    between = fit.get("missed_between")
+    if not between or not between["saturates"]:
+        return []
+    severity: Severity = "note" if between["coarse"] else "stated"
+    numbers = between | {"finer": fit["finer_sweep"]}
+    return [AuditFinding("missed_between", severity, "co-energy", None, max(between["shares"].values()), numbers)]
 
 
 def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:

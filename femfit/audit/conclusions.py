@@ -2,14 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 from femfit.core.files import json_ready
 from femfit.core.results import Printed, Words
 from femfit.core.text import rounded
 from femfit.device.electrics import REMEDY
+from femfit.fit.words import note
 
-words = Words("femfit.audit", rounded, names={"REMEDY": REMEDY}).sentence
+words = Words(
+    "femfit.audit",
+    rounded,
+    names={"REMEDY": REMEDY, **{name: partial(note, name) for name in ("missed_shares", "to_be_added")}},
+).sentence
 
 Severity = Literal["holds", "stated", "note", "wrong"]
 _SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")

@@ -13,7 +13,7 @@ from femfit.core.numerics import FloatArray
 from femfit.fit.basis import CoenergyBasis
 from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
-from femfit.fit.coenergy_system import coenergy_system
+from femfit.fit.coenergy_system import coenergy_system, held_out_masks
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
@@ -43,11 +43,10 @@ class CoenergyFit:
     # Rms error by which the basis was chosen, the larger of force (relative to itself) and flux linkage (relative to
     # its change over the distance): on held-out rows, or on all rows where that is larger
     held_out: float
-    # Error of the force at each row with inner rows predicted by the others, at least that of the fit; shape (rows,)
-    left_out_N: FloatArray
-    # What a finer sweep must lower: the same where the iron saturates, for a spline may meet its own table and swing
-    # between, and else the error of the fit; shape (rows,)
-    missed_N: FloatArray
+    # Errors of force in N and, where the iron saturates, inductance in H at each row: of the fit, and with inner rows
+    # predicted by the others, at least those of the fit; shape (rows,) each
+    fitted: dict[str, FloatArray]
+    left_out: dict[str, FloatArray]
     constraints: tuple[str, ...]
     active: tuple[str, ...]
     qp: QPSolution
@@ -77,18 +76,36 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
         square = np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0]
         coefficients = coefficients + 0.5 * open_inductance_H * square[None, :]
     magnetics = spline_of(basis, coefficients, rows)
-    missed = np.abs(magnetics.force(rows.distance, rows.circuit_currents) - rows.force)
-    left_out = np.maximum(missed, system.left_out_force_errors(basis))
+    errors = _errors(rows, magnetics, replace(system, folds=held_out_masks(rows, ends=True)).left_out_errors(basis))
     return CoenergyFit(
         magnetics=magnetics,
         basis=basis,
         held_out=held_out,
-        left_out_N=left_out,
-        missed_N=left_out if rows.saturates else missed,
+        fitted={name: fitted for name, (fitted, _) in errors.items()},
+        left_out={name: np.maximum(*pair) for name, pair in errors.items()},
         constraints=names,
         active=active,
         qp=qp,
     )
+
+
+def _errors(
+    rows: FitRows, magnetics: CoenergySpline, left_out: Sequence[FloatArray]
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Sizes of the errors of force and, where the iron saturates, inductance at each row: as fitted, and left out.
+
+    Where the table has no inductances a flux linkage that is off bends the slopes up to half a step beside it.
+    """
+    point = rows.distance, rows.circuit_currents
+    errors = {"force": (np.abs(magnetics.force(*point) - rows.force), left_out[0])}
+    if rows.inductance is not None:
+        fitted = np.nan_to_num(magnetics.inductance(*point) - rows.inductance)[:, 0, 0]
+        errors["inductance"] = np.abs(fitted), left_out[2]
+    elif rows.saturates:
+        half = 0.5 * np.gradient(rows.currents)[np.searchsorted(rows.currents, rows.current)]
+        fitted = (magnetics.flux_linkage(*point) - rows.linked)[:, 0]
+        errors["inductance"] = np.abs(fitted) / half, left_out[1] / half
+    return errors
 
 
 def _solve_with_shapes(

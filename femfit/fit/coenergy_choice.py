@@ -33,14 +33,14 @@ def choose_basis(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyBasis, 
             f"{counted(currents, 'current')} and {counted(len(rows.distances), 'distance')}. Sweep more "
             + ("currents." if currents < constants.FEWEST_CURRENTS else "distances, or fit a law.")
         )
-    counts = [n for n in constants.DISTANCE_CELLS if n <= constants.MOST_CELLS or rows.inductance is None]
+    counts = [n for n in constants.DISTANCE_CELLS if n <= constants.MOST_CELLS or not rows.saturates]
     along = chain(*splines_along(rows.distances, counts, fewest - constants.U_DEGREE - 1, breaks="following"))
     in_distance: list[dict[str, Any]] = [{"coordinate": coordinate, "u_knots": knots} for coordinate, knots in along]
     in_current: list[dict[str, Any]] = [{"functions": functions} for functions in _current_trials(rows)]
     # A bend that is not resolved hides what the distances show
-    start = in_current[0 if rows.inductance is None else -1]
+    start = in_current[-1 if rows.saturates else 0]
     basis, error, size_of = CoenergyBasis(**in_distance[0], **start), np.inf, attrgetter("size")
-    nearly = constants.NEARLY_BEST if rows.inductance is None else constants.NEARLY_BEST_BENT
+    nearly = constants.NEARLY_BEST_BENT if rows.saturates else constants.NEARLY_BEST
     for _ in range(constants.ROUNDS):
         before = basis.functions
         for trials in (in_distance, in_current):
@@ -111,7 +111,7 @@ def _current_trials(rows: FitRows) -> list[CurrentSplines]:
     forms += [(degree, n) for degree in (3, 4) for n in constants.CELLS_IN_CURRENT if degree + n + 2 <= count]
     even = [(degree, np.linspace(rows.currents[0], rows.currents[-1], n + 1)) for degree, n in forms]
     following = []
-    if rows.inductance is not None:
+    if rows.saturates:
         thirds = np.interp(np.arange(3 * last + 1) / 3.0, np.arange(last + 1), rows.currents)
         finest = 3 * last if 3 * last <= constants.MOST_BENT_CELLS else min(last, constants.MOST_BENT_CELLS)
         for n in sorted({min(n, finest) for n in (*constants.BENT_CELLS, finest)}):

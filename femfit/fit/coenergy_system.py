@@ -164,11 +164,17 @@ class CoenergySystem:
         squares = np.array([np.sum(b) / np.sum(n) for b, n in zip(left_out, times, strict=True)])
         return np.sqrt(np.fmax([np.mean(a) for a in fitted], squares) if self.grid else squares)
 
-    def left_out_force_errors(self, basis: CoenergyBasis) -> FloatArray:
-        """Error of the force in N with each inner row predicted by the others; outermost rows as fitted; (rows,)."""
-        fitted, left_out, times = self._squared_errors(basis)[:, : self._ends[0]]
-        squares = np.where(times > 0, left_out / np.maximum(times, 1.0), fitted)
-        return np.asarray(np.sqrt(squares) * self.channels[0].scale)
+    def left_out_errors(self, basis: CoenergyBasis) -> list[FloatArray]:
+        """Error of each channel, of rows that are left out predicted by the others, else as fitted; (rows,) each.
+
+        Zero in rows of the table that lack the channel.
+        """
+        fitted, left_out, times = self._squared_errors(basis)
+        squares = np.split(np.where(times > 0, left_out / np.maximum(times, 1.0), fitted), self._ends[:-1])
+        errors = [np.zeros(len(self.distance)) for _ in self.channels]
+        for column, of_channel, channel in zip(errors, squares, self.channels, strict=True):
+            column[channel.which] = np.sqrt(of_channel) * channel.scale
+        return errors
 
     def places(self, out: BoolArray) -> IntArray:
         """Which of all channels' rows are those of a mask of the table's."""
@@ -214,7 +220,7 @@ def coenergy_system(rows: FitRows) -> CoenergySystem:
         pairs = combinations_with_replacement(circuits, 2)
         channels += [_channel(rows, (j, k), rows.inductance[:, j, k]) for j, k in pairs]
     folds = [rows.distance == d for d in rows.distances[1:-1]] if rows.several else held_out_masks(rows)
-    smooth = _smooth_tensor if rows.several else None if rows.inductance is None else partial(_smooth_plane, rows)
+    smooth = _smooth_tensor if rows.several else partial(_smooth_plane, rows) if rows.saturates else None
     return CoenergySystem(rows.distance, rows.circuit_currents, tuple(channels), folds, smooth, grid=not rows.several)
 
 
@@ -241,19 +247,19 @@ def _divisor(scale: FloatArray) -> FloatArray:
 
 
 def _smooth_plane(rows: FitRows, basis: CoenergyBasis, _weighted: FloatArray) -> Iterator[tuple[FloatArray, float]]:
-    """Of one circuit with inductances: d^3W'/di^3, and d^4W'/du^3 di in u itself, with sigmas that only fill gaps.
+    """Of one circuit that saturates: d^3W'/di^3, and d^4W'/du^3 di in u itself, with sigmas that only fill gaps.
 
     In the middle of a cell in i, and at as many places of it in u as fix a polynomial there.
     """
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
-    if degree != constants.SMOOTHED_DEGREE or rows.inductance is None:
+    if degree != constants.SMOOTHED_DEGREE:
         return
     u, i = np.unique(basis.u_knots), np.unique(knots)
     middles = 0.5 * (i[1:] + i[:-1])
     places = (
         u[:-1, None] + np.diff(u)[:, None] * (np.arange(constants.U_DEGREE + 1.0) + 0.5) / (constants.U_DEGREE + 1.0)
     ).ravel()
-    largest, wide = float(np.nanmax(np.abs(rows.inductance))), float(np.ptp(rows.current))
+    largest, wide = float(np.abs(rows.inductances).max()), float(np.ptp(rows.current))
     slope, bend = largest / wide, largest * wide / float(np.ptp(basis.u_knots)) ** 3
     for in_u, in_i, typical in ((0, 3, constants.FREE_SLOPE * slope), (3, 1, constants.FREE_BEND * bend)):
         along_u = np.linalg.qr(basis_matrix(places, basis.u_knots, constants.U_DEGREE, in_u), mode="r")
@@ -272,22 +278,25 @@ def _smooth_tensor(basis: CoenergyBasis, weighted: FloatArray) -> Iterator[tuple
             yield weight * size / np.linalg.norm(penalty) * penalty, 1.0
 
 
-def held_out_masks(rows: FitRows) -> list[BoolArray]:
+def held_out_masks(rows: FitRows, ends: bool = False) -> list[BoolArray]:
     """Rows of one circuit to leave out, fold by fold.
 
     The extremes of distance and current stay in, because beyond them a model extrapolates, which its validity domain
-    forbids. Between them every fourth distance is left out, and each single current; where inductances stand beside
-    the flux linkages, single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves
-    with the distance is narrower than what a whole distance or current would leave open.
+    forbids. Between them every fourth distance is left out, and each single current. Where the iron saturates it is
+    single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves with the distance
+    is narrower than what a whole distance or current would leave open. It is sharpest at the least distance:
+    ``ends`` leaves out rows there, too, and at the largest, which lie between two currents.
     """
     distances, currents = rows.distances, rows.currents
-    if rows.inductance is None or len(currents) <= constants.FEWEST_CURRENTS:
+    if not rows.saturates or len(currents) <= constants.FEWEST_CURRENTS:
         every = constants.DISTANCE_FOLDS
         masks = [np.isin(rows.distance, distances[1:-1][k::every]) for k in range(every)]
         if len(currents) > constants.FEWEST_CURRENTS:
             masks += [rows.current == i for i in currents[1:-1]]
     else:
         j, k = np.searchsorted(distances, rows.distance), np.searchsorted(currents, rows.current)
-        inner = (j > 0) & (j < len(distances) - 1) & (k > 0) & (k < len(currents) - 1)
+        inner = (k > 0) & (k < len(currents) - 1)
+        if not ends:
+            inner &= (j > 0) & (j < len(distances) - 1)
         masks = [inner & ((j + 2 * k) % constants.SCATTERED_FOLDS == fold) for fold in range(constants.SCATTERED_FOLDS)]
     return [mask for mask in masks if mask.any()]

@@ -21,7 +21,15 @@ import numpy as np
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
 from femfit.fit.coenergy import CoenergyFit
-from femfit.fit.constants import COARSE, DISTANCE_BLOCKS, POOR_CIRCUIT, TARGET
+from femfit.fit.constants import (
+    BETWEEN_INDUCTANCE,
+    BETWEEN_LEFT_OUT,
+    COARSE,
+    COARSE_INDUCTANCE,
+    DISTANCE_BLOCKS,
+    POOR_CIRCUIT,
+    TARGET,
+)
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.model_parts import validity_of
@@ -101,15 +109,9 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | No
     assert misfit is not None  # noqa: S101  every fit computes it
     notes = []
     if coenergy is not None:
-        # The largest error in newtons is asked for even where errors relative to each point's own force are poor:
-        # points there help between the points too, where points at the smallest forces do not. Of iron that saturates
-        # it is where a point left out is missed most, whatever the misfit to all points says.
-        missed, finer = coenergy.missed_N, finer_settings(coenergy.missed_N, rows)
-        of_rms, worst = rms_share(missed, rows.force) or 0.0, int(np.argmax(missed))
-        of_each = misfit.force_rms_relative, "each point's own force (rms)", False
-        coarse = (of_rms, "its rms", rows.saturates) if of_rms >= COARSE else of_each
-        if coarse[0] >= COARSE:
-            notes.append(note("coarse_sweep", *coarse, rows.distance[worst], rows.current[worst], finer))
+        between, of_each = between_points(coenergy, rows), misfit.force_rms_relative
+        if between.coarse or of_each >= COARSE:
+            notes.append(note("coarse_sweep", between, of_each))
     shares = {"flux linkage": misfit.flux_linkage_share, "inductance": misfit.inductance_share}
     poor = {name: share for name, share in shares.items() if share is not None and share > POOR_CIRCUIT}
     if poor:
@@ -117,11 +119,36 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | No
     return tuple(notes)
 
 
-def finer_settings(missed: FloatArray, rows: FitRows) -> dict[str, list[float]]:
-    """The ``distance_m`` and ``current_A`` that halve the intervals around the largest error of the force."""
-    worst = int(np.argmax(missed))
-    around = {"distance_m": (rows.distances, rows.distance[worst]), "current_A": (rows.currents, rows.current[worst])}
-    return {name: middles(axis, place).tolist() for name, (axis, place) in around.items()}
+@dataclass(frozen=True)
+class BetweenPoints:
+    """What a co-energy misses between the points of its sweep, where most, and the settings that help there."""
+
+    # Rms errors of force and inductance over their rms: where the iron saturates what is to be expected between the
+    # points by those left out, for a spline may meet its own table and swing between, else as fitted
+    shares: dict[str, float]
+    saturates: bool
+    coarse: bool  # Whether one of them is more than its user should not know of
+    distance_m: float
+    current_A: float
+    finer: dict[str, list[float]]  # The ``distance_m`` and ``current_A`` that halve the intervals around that place
+
+
+def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
+    """The place is that of the quantity that is missed most beside what is allowed.
+
+    The largest error in newtons or henries is asked for even where errors relative to each point's own force are poor:
+    points there help between the points too, where points at the smallest forces do not.
+    """
+    missed = coenergy.left_out if rows.saturates else coenergy.fitted
+    expected = {"force": BETWEEN_LEFT_OUT, "inductance": BETWEEN_INDUCTANCE} if rows.saturates else {"force": 1.0}
+    shares = {name: part * rows.share(name, missed[name]) for name, part in expected.items()}
+    excess = {name: share / (COARSE if name == "force" else COARSE_INDUCTANCE) for name, share in shares.items()}
+    most = max(excess, key=excess.__getitem__)
+    worst = int(np.argmax(missed[most]))
+    distance, current = float(rows.distance[worst]), float(rows.current[worst])
+    around = {"distance_m": (rows.distances, distance), "current_A": (rows.currents, current)}
+    finer = {name: middles(axis, place).tolist() for name, (axis, place) in around.items()}
+    return BetweenPoints(shares, rows.saturates, excess[most] >= 1.0, distance, current, finer)
 
 
 def middles(axis: FloatArray, place: float) -> FloatArray:

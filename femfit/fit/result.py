@@ -8,8 +8,9 @@ import numpy as np
 from femfit.core.results import Plotted
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
+from femfit.fit.constants import DOMAIN_GRID
 from femfit.fit.law_fit import LawFit
-from femfit.fit.ranking import Ranking, finer_settings
+from femfit.fit.ranking import Ranking, between_points
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.fit.words import printed
@@ -94,19 +95,18 @@ class FitResult(Plotted, Fits):
     def __str__(self) -> str:
         """The lines that ``femfit fit`` prints, the answer first."""
         derived = None if self.circuits or self.rows.without_current else self._ranges()
-        return printed("fit.txt.j2", result=self, derived=derived, shapes=SHAPES, rms=rms)
+        return printed("fit.txt.j2", result=self, derived=derived, shapes=SHAPES)
 
     def _ranges(self) -> dict[str, tuple[float, float] | None]:
-        """Motional constant and inductance over the swept points and all of the domain, where they are known."""
-        swept = self.rows.distance, self.rows.circuit_currents
-        between = self.model.validity.grid(101, 101)
-        state = self.model.magnetics.state(*(np.concatenate(pair) for pair in zip(swept, between, strict=True)))
+        """Motional constant and inductance over all of the domain, where they are known."""
+        state = self.model.magnetics.state(*self.model.validity.grid(*DOMAIN_GRID))
         constant, inductance = ((np.min(x), np.max(x)) for x in (state.motional_constant, state.inductance))
         unknown = self.model.circuit is None and self.rows.flux_linkage is None
         return {"motional_constant": constant, "inductance": None if unknown else inductance}
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
+        between = asdict(between_points(self.spline, self.rows)) if self.spline else None
         return {
             "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
@@ -117,7 +117,8 @@ class FitResult(Plotted, Fits):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": None if self.hall is None else self.hall.to_dict(),
-            "finer_sweep": finer_settings(self.spline.missed_N, self.rows) if self.spline else None,
+            "finer_sweep": between.pop("finer") if between else None,
+            "missed_between": between,
             "notes": [*self.of_data, *self.notes],
         }
 
@@ -129,7 +130,7 @@ def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
         "cells": [fit.basis.u_cells, *splines.cells],
         "current_degree": splines.degrees[0],
         "held_out_relative_rms": fit.held_out,
-        "left_out_force_rms_N": rms(fit.left_out_N),
+        "left_out_force_rms_N": rms(fit.left_out["force"]),
         "constraints": list(fit.constraints),
         "active": list(fit.active),
         "condition_scaled": fit.qp.condition_scaled,

@@ -75,9 +75,15 @@ class FitRows:
         """Whether the inductance, or the flux linkage's slope where none is given, changes with the current."""
         if self.inductance is not None or self.flux_linkage is None:
             return self.inductance is not None
-        slopes = self.slopes(self.flux_linkage[:, 0])
-        bends = [np.ptp(of_distance) for of_distance in slopes if len(of_distance)]
-        return bool(max(bends, default=0.0) > constants.STRAIGHT * np.abs(np.concatenate(slopes)).max(initial=0.0))
+        bends = [np.ptp(slopes) for slopes in self.slopes(self.flux_linkage[:, 0]) if len(slopes)]
+        return bool(max(bends, default=0.0) > constants.STRAIGHT * np.abs(self.inductances).max(initial=0.0))
+
+    @property
+    def inductances(self) -> FloatArray:
+        """Those of the table's only circuit, where it has them, or else the slopes of its flux linkage."""
+        if self.inductance is None:
+            return np.concatenate(self.slopes(self.linked[:, 0]))
+        return self.inductance[np.isfinite(self.inductance)]
 
     def slopes(self, flux_linkage: FloatArray) -> list[FloatArray]:
         """Of each distance, the changes of a flux linkage (rows,) over those of the current, from one to the next."""
@@ -99,6 +105,10 @@ class FitRows:
     def rms_force(self) -> float:
         """Root mean square of the force, N."""
         return rms(self.force)
+
+    def share(self, quantity: str, errors: FloatArray) -> float:
+        """Rms of errors of the force or, where the iron saturates, of the inductance, over the table's rms of it."""
+        return rms(errors) / ((self.rms_force if quantity == "force" else rms(self.inductances)) or 1.0)
 
     @property
     def error_scale(self) -> tuple[float, str]:

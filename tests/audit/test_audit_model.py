@@ -14,6 +14,7 @@ from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
 from femfit.tables.sweep_table import write_sweep_table
+from support.closed_forms import FEW, NARROW, VALVE
 from support.command import femfit
 from support.sweeps import full_table
 
@@ -120,6 +121,17 @@ def test_a_model_is_compared_with_the_table_beside_it_where_it_holds(fitted, lev
     write_model(narrower, directory / "narrower.json")
     inside = audit_model(directory / "narrower.json")
     assert {one.severity for one in inside.findings if one.code == "misfit"} == {"holds"}
+
+
+def test_an_audit_says_of_a_coarse_sweep_and_of_inductances_what_the_fit_says():
+    """A knee between six currents."""
+    fit = fit_model(VALVE.table(FEW, NARROW))
+    (between,) = (finding for finding in audit_model(fit.model).findings if finding.code == "missed_between")
+    (note,) = (note for note in fit.notes if "too coarse" in note)
+    assert between.severity == "note"
+    assert between.sentence.partition(" Add ")[2] == note.partition(" Add ")[2] != ""
+    (inductance,) = (finding for finding in audit_model(fit.model).findings if finding.code == "inductance")
+    assert inductance.sentence.removeprefix("the inductance is ").rstrip(".") in str(fit)
 
 
 def test_a_damaged_table_beside_a_model_is_said(fitted, tmp_path):

@@ -132,9 +132,9 @@ def test_what_the_import_warned_of_is_passed_on():
 
 
 @pytest.mark.parametrize(("flux_linkage", "law", "wanted"), [
-    # Flux linkages that the model misses: of a law, of a co-energy with too few currents
+    # Flux linkages that the model misses: of a law, and of a co-energy since they turn from one distance to the next
     (lambda d, i: 3e-3 * np.tanh(i), "shifted-multipoles", "without --model"),
-    (lambda d, i: 3e-3 * np.tanh(30.0 * i), None, "Add currents"),
+    (lambda d, i: 3e-3 * np.sin(4e3 * d) * i, None, "a sign or a unit"),
 ])  # fmt: skip
 def test_a_circuit_that_the_model_does_not_hold_is_said_with_what_to_do(flux_linkage, law, wanted):
     table = voice_coil(flux_linkage)

@@ -195,7 +195,8 @@ def test_currents_have_three_cells_from_each_to_the_next_while_these_are_few(dev
     assert rms(flat(fit.magnetics).force(rows.distance, rows.current) - rows.force) < 0.005 * rows.rms_force
 
 
-def test_inductances_tell_the_bend_that_flux_linkages_leave_open():
+def test_a_bend_between_six_currents_is_met_with_inductances_with_holes_in_them_and_without_any():
+    """Without inductances the splines had six cells of equal length, which missed the force by 6 %."""
     table, device = DEVICES["pot from six currents"].table, DEVICES["pot from six currents"]
     d, i = device.between
     holes = np.random.default_rng(3).choice(len(table.rows), 8, replace=False)
@@ -208,9 +209,7 @@ def test_inductances_tell_the_bend_that_flux_linkages_leave_open():
             fit_model(type(table)(table.rows.drop(columns="inductance_H"), table.manifest)).model,
         )
     ]
-    assert missed[0] < 0.015
-    assert missed[1] < 0.02
-    assert missed[2] > 2.0 * missed[0]
+    assert max(missed) < 0.02
 
 
 @pytest.mark.parametrize("inductance_H", [
