@@ -115,7 +115,11 @@ class Campaign(WithoutCache):
             return None
         other_source = [now.source.get(name) != before.source.get(name) for name in now.channels]
         less |= dict.fromkeys(OF_SIGMA, less["sigma"] | other_source) | {"mount_assumed": less["mount_m"]}
-        taken = {name: np.where(which, vars(now)[name], vars(before)[name])[()] for name, which in less.items()}
+        taken = {
+            name: vars(now)[name] if np.all(which) else np.where(which, vars(now)[name], vars(before)[name])
+            for name, which in less.items()
+            if np.any(which)
+        }
         return self.whitened_by(replace(self.whitening, noise=replace(before, source=now.source, **taken)))
 
     def whitened_by(self, whitening: Whitening) -> "Campaign":
