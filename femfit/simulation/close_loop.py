@@ -178,7 +178,7 @@ def choose(design: LoopDesign, observer: ObserverName) -> dict[ControllerName, M
 
     Every controller is designed, since that takes seconds. Of those that are stable with their filter, delays and
     drivers the one with the largest margins at its worst point of rest is the first, cut where noise takes too much of
-    the commands' room; then come those that grow.
+    the commands' room; then come those that hardly use their sensors, and those that grow.
 
     Raises
     ------
@@ -190,9 +190,9 @@ def choose(design: LoopDesign, observer: ObserverName) -> dict[ControllerName, M
     if not margins:
         raise DomainError(" ".join(dict.fromkeys(loop.refusal for loop in judged)))
 
-    def rank(name: ControllerName) -> tuple[bool, float, float, float]:
+    def rank(name: ControllerName) -> tuple[bool, bool, float, float, float]:
         worst = margins[name]
-        return worst.stable, worst.kept, worst.modulus, worst.slowest_pole_rad_s
+        return worst.stable, worst.uses_sensors, worst.kept, worst.modulus, worst.slowest_pole_rad_s
 
     return {name: margins[name] for name in sorted(margins, key=rank, reverse=True)}
 
@@ -246,6 +246,10 @@ def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummar
         findings.append(
             finding("limit-cycle", size=growth, growth_per_s=growth, grown=grown, tracking_rms_m=tracking.median)
         )
+    margins = loop.design.judged(loop.experiment.controller, loop.experiment.observer).margins
+    if margins is not None and margins.stable and not margins.uses_sensors:
+        gain = margins.largest_gain
+        findings.append(finding("unused-sensors", size=gain, gain=gain))
     if squared is not None and squared > UNCERTAIN:
         findings.append(finding("innovations", size=squared, excess=squared))
     return LoopSummary(

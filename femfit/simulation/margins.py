@@ -10,6 +10,10 @@ With the loop's gain L(z), broken where the commands enter the drivers, and S = 
 With several commands gain, phase and delay margin hold for each command with the others closed, L_k = 1 / S_kk - 1; the
 worst is stated.
 
+All of them hold of commands that act otherwise than they are told. A loop whose gain is below one at every frequency,
+the largest eigenvalue of L in magnitude, has no phase and no delay margin: a body that is stable by itself bears any
+lag of what hardly acts. Such a loop goes by its model, and its sensors correct little of what the model does not know.
+
 References
 ----------
 S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), sections 2.4 and 9.6.
@@ -24,8 +28,10 @@ from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.simulation.constants import NOISE_ROOM, THIN_MODULUS, THIN_PHASE_DEG, WANTED_MODULUS, WANTED_PHASE_DEG
 from femfit.simulation.linear_loop import LinearController, LinearPlant, closed_loop_matrix
 
-FREQUENCIES, LOWEST = 600, 1e-4
-"""Conventional: points of the frequency response, and the lowest over the Nyquist frequency."""
+FREQUENCIES, LOWEST, BELOW_SLOWEST, LEAST = 600, 1e-4, 0.1, 1e-9
+"""Conventional: points of the frequency response, and the lowest over the Nyquist frequency; it is lower where the loop
+moves more slowly, a tenth of the rate of its slowest pole, where the response has its value at rest to 1 %, and no
+lower than rounding allows."""
 
 ON_AXIS = 0.1
 """Derived: at an angle of less than this to the real axis an end of the response lies within 0.5 % of its value on the
@@ -42,6 +48,7 @@ class Margins:
     phase_rad: float
     delay_s: float
     modulus: float  # 0 where the loop is unstable
+    largest_gain: float  # Of the loop over all frequencies, of all commands together; below one it hardly uses its sensors
     slowest_pole_rad_s: float  # Rate at which the loop's slowest motion decays; negative where one grows
     # Rms of each command that the sensors' noise makes, over the way from the resting command to the nearer limit
     noise_share: float
@@ -61,11 +68,16 @@ class Margins:
         """Whether it is stable with less margin than is usual as the least."""
         return self.stable and (self.modulus < THIN_MODULUS or np.degrees(self.phase_rad) < THIN_PHASE_DEG)
 
+    @property
+    def uses_sensors(self) -> bool:
+        """Whether its gain reaches one at some frequency, without which there is no phase margin."""
+        return not self.largest_gain < 1.0
+
 
 def worst_of(margins: Sequence[Margins]) -> Margins:
-    """The least of each margin over the points of rest."""
+    """The least of each margin over the points of rest, and the largest gain of the loop at any of them."""
     least = {name: min(getattr(point, name) for point in margins) for name in Margins.__dataclass_fields__}
-    most = {name: max(getattr(point, name) for point in margins) for name in ("gain_below", "noise_share")}
+    most = {name: max(getattr(point, name) for point in margins) for name in ("gain_below", "largest_gain", "noise_share")}
     return Margins(**{**least, **most})
 
 
@@ -87,22 +99,24 @@ def margins(
     """
     largest = float(np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller))).max())
     slowest = float(-np.log(max(largest, 1e-300)) / sample_time_s)
-    w = np.pi / sample_time_s * np.geomspace(LOWEST, 1.0, points)
+    nyquist = np.pi / sample_time_s
+    w = nyquist * np.geomspace(np.clip(BELOW_SLOWEST * abs(slowest) / nyquist, LEAST, LOWEST), 1.0, points)
     z = np.exp(1j * w * sample_time_s)
     K, G = controller.response(z), plant.response(z, controller.latency)
-    S = np.linalg.inv(np.eye(K.shape[1]) - K @ G)
+    minus_L = K @ G
+    S = np.linalg.inv(np.eye(K.shape[1]) - minus_L)
     from_noise = (S @ K) * plant.noise
     power = np.sum(np.abs(from_noise) ** 2, axis=2)  # of each command, (frequencies, n)
     variance = np.trapezoid(power, w, axis=0) * sample_time_s / np.pi
     share = float(np.max(np.sqrt(variance) / np.maximum(room, 1e-12)))
     if not largest < 1.0:
-        return Margins(False, np.nan, np.nan, 0.0, 0.0, 0.0, slowest, share)
+        return Margins(False, np.nan, np.nan, 0.0, 0.0, 0.0, np.nan, slowest, share)
     modulus = 1.0 / float(np.linalg.norm(S, ord=2, axis=(1, 2)).max())
-    of_commands = []
+    largest_gain, of_commands = float(np.abs(np.linalg.eigvals(minus_L)).max()), []
     for sensitivity in np.diagonal(S, axis1=1, axis2=2).T:
         L = np.asarray(1.0 / sensitivity - 1.0, dtype=np.complex128)
         edges = *gain_margins(L), *phase_and_delay_margin(w, L)
-        of_commands.append(Margins(True, *edges, modulus, slowest, share))
+        of_commands.append(Margins(True, *edges, modulus, largest_gain, slowest, share))
     return worst_of(of_commands)
 
 

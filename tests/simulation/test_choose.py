@@ -22,10 +22,10 @@ from support.readings import LASER_10_V as LASER
 
 
 def with_margins(monkeypatch, design, **each):
-    """The design, whose controllers have margins as given: stable, modulus, share of the noise, rate of decay."""
+    """The design, whose controllers have margins as given: stable, modulus, noise's share, rate of decay, gain."""
     found = {
-        name.replace("_", "-"): Margins(stable, 0.5, 2.0, 1.0, 1e-3, modulus, rate, noise)
-        for name, (stable, modulus, noise, rate) in each.items()
+        name.replace("_", "-"): Margins(stable, 0.5, 2.0, 1.0, 1e-3, modulus, *(gain or [3.0]), rate, noise)
+        for name, (stable, modulus, noise, rate, *gain) in each.items()
     }
     monkeypatch.setattr(LoopDesign, "margins", lambda _, name, __: (found[name],))
     return choose(design, "ukf4")
@@ -37,6 +37,8 @@ def with_margins(monkeypatch, design, **each):
         ((True, 0.2, 0.1, 9.0), (True, 0.1, 0.1, 9.0), (True, 0.3, 0.1, 9.0), "state-feedback pid backstepping"),
         # Noise in the command cuts the margin: 0.05 of backstepping's are left, of the PID's 0.03
         ((True, 0.3, 1.1, 9.0), (True, 0.1, 0.2, 9.0), (False, 0.0, 0.01, -3.0), "backstepping pid state-feedback"),
+        # A loop whose gain stays below one hardly uses its sensors: its margins are of no use
+        ((True, 0.2, 0.1, 9.0), (True, 0.9, 0.1, 9.0, 0.7), (False, 0.0, 0.1, -3.0), "pid backstepping state-feedback"),
     ],
 )
 def test_the_largest_margin_decides_and_a_loop_that_grows_comes_last(

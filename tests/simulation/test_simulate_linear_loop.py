@@ -113,6 +113,25 @@ def test_margins_of_a_closed_form():
     assert delay == pytest.approx(phase / crossover, rel=1e-4)
 
 
+def test_the_margin_of_a_loop_that_moves_more_slowly_than_a_ten_thousandth_of_its_sampling():
+    """x' = a x + u with u = -k x crosses at sqrt(k^2 - a^2), where its lag is pi - atan(w/a)."""
+    a, k = 0.02, 0.0212
+    slow = sampled(np.array([[a]]), np.array([1.0]))
+    kept = margins(slow, pid(k, 0.0, 0.0, 400.0), STEP, np.ones(1))
+    assert kept.phase_rad == pytest.approx(np.arctan(np.sqrt(k**2 - a**2) / a), rel=1e-3)
+    assert kept.largest_gain == pytest.approx(k / a, rel=1e-2)
+    assert kept.uses_sensors
+
+
+def test_a_stable_body_whose_loop_has_no_gain_has_no_phase_margin():
+    """400 N/m of its own against 100 of the loop: a quarter at rest, where the gain of a damped body is largest."""
+    idle = margins(DAMPED, pid(100.0, 0.0, 0.0, 400.0), STEP, np.ones(1))
+    assert idle.stable
+    assert idle.largest_gain == pytest.approx(0.25, rel=1e-3)
+    assert not idle.uses_sensors
+    assert margins(DAMPED, pid(800.0, 0.0, 8.0, 400.0), STEP, np.ones(1)).uses_sensors
+
+
 def test_gains_of_ones_own_take_the_place_of_the_designed_in_both_forms(design):
     other = adjusted(design, "pid", gains={"kp": 400.0})
     assert other.controller("pid").parts["kp"] == pytest.approx(400.0)
