@@ -42,13 +42,14 @@ UNKNOWN = 2.0
 class NoiseEstimate:
     """A standard deviation or density from a record."""
 
-    name: str  # acceleration, voltage, or a sensor's
+    name: str  # acceleration or voltage of the process, or a sensor's name, which may be the same
     unit: str
     value: float
     assumed: float  # What the filter was given
     low: float  # 95 % interval
     high: float
     known: bool  # False where the record only says that it is no larger than ``high``
+    of_sensor: bool
 
     @property
     def tells(self) -> bool:
@@ -71,19 +72,22 @@ class FoundNoise:
 
 def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:
     """The model with the noises that a record showed; what the record could not tell stays."""
-    deviations = {estimate.name: estimate.value for estimate in noise.estimates if estimate.known}
-    process = ProcessNoise(
-        deviations["acceleration"] ** 2 if "acceleration" in deviations else None, deviations.get("voltage")
-    )
+    known = [estimate for estimate in noise.estimates if estimate.known]
+    process = {estimate.name: estimate.value for estimate in known if not estimate.of_sensor}
+    sensors = {estimate.name: estimate.value for estimate in known if estimate.of_sensor}
 
     def changed(quiet: ActuatorModel) -> ActuatorModel:
-        own = {  # what is left of the noise beside the converter's rounding
-            name: float(np.sqrt(max(deviations[name] ** 2 - reading_of(quiet, name).rounding ** 2, 0.0)))
-            for name in deviations.keys() & sensors_of(quiet)
+        white = {  # what is left of the noise beside the converter's rounding
+            name: float(np.sqrt(max(sensors[name] ** 2 - reading_of(quiet, name).rounding ** 2, 0.0)))
+            for name in sensors.keys() & sensors_of(quiet)
         }
-        sensors = tuple(replace(sensor, noise=own.get(sensor.name, sensor.noise)) for sensor in quiet.other_sensors)
-        hall = quiet.sensor and replace(quiet.sensor, noise_V=own.get(HALL, quiet.sensor.noise_V))
-        return replace(quiet, other_sensors=sensors, sensor=hall, process_noise=process)
+        hall = quiet.sensor and replace(quiet.sensor, noise_V=white.get(HALL, quiet.sensor.noise_V))
+        quieter = tuple(replace(each, noise=white.get(each.name, each.noise)) for each in quiet.other_sensors)
+        recorded = quiet.process_noise or ProcessNoise()
+        if "acceleration" in process:
+            recorded = replace(recorded, acceleration_density=process["acceleration"] ** 2)
+        recorded = replace(recorded, voltage_V=process.get("voltage", recorded.voltage_V))
+        return replace(quiet, other_sensors=quieter, sensor=hall, process_noise=recorded)
 
     held = changed(model)
     return held if model.base is None else replace(held, base=changed(model.base))
@@ -109,11 +113,12 @@ class Stretches(NamedTuple):
 class Source(NamedTuple):
     """A noise as the filter was given it."""
 
-    name: str  # acceleration, voltage, or a sensor's
+    name: str  # As of a :class:`NoiseEstimate`
     unit: str
     assumed: float  # Standard deviation or density
     motion: FloatArray  # Its part of Q; (n, n)
     readings: FloatArray  # And of the sensors' variances; (sensors,)
+    of_sensor: bool
 
 
 def find_noise(run: OneFilter) -> FoundNoise | None:
@@ -133,7 +138,9 @@ def find_noise(run: OneFilter) -> FoundNoise | None:
         value, known = float(source.assumed * np.exp(log)), uncertain < UNKNOWN
         low = value * float(np.exp(-1.96 * uncertain)) if known else 0.0
         high = value * float(np.exp(1.96 * min(uncertain, 3.0)))
-        estimates.append(NoiseEstimate(source.name, source.unit, value, source.assumed, low, high, known))
+        estimates.append(
+            NoiseEstimate(source.name, source.unit, value, source.assumed, low, high, known, source.of_sensor)
+        )
     model, (steps, pieces, _) = run.prepared.model, windows.innovation.shape
     rate = motion_rate(model, operating_distance(model))
     force = model.require_motion().mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate))
@@ -178,13 +185,13 @@ def _sources(run: OneFilter) -> list[Source]:
     motion, silent = np.zeros((3, process.order, process.order)), np.zeros(len(process.outputs))
     motion[0, :2, :2] = process.process_covariance[:2, :2]
     motion[1] = np.where(np.outer(electrical, electrical), process.process_covariance, 0.0)
-    sources = [Source("acceleration", "m/s^1.5", density, motion[0], silent)]
+    sources = [Source("acceleration", "m/s^1.5", density, motion[0], silent, of_sensor=False)]
     if process.inputs:
         volts = float(np.sqrt(np.mean(np.square(run.noise.voltage_V))))  # rms over several drivers
-        sources.append(Source("voltage", "V", volts, motion[1], silent))
+        sources.append(Source("voltage", "V", volts, motion[1], silent, of_sensor=False))
     for output, own in zip(process.outputs, np.eye(len(silent)), strict=True):
-        name = output.name if output.name not in {"acceleration", "voltage"} else f"sensor {output.name}"
-        sources.append(Source(name, output.unit, output.variance**0.5, motion[2], own * output.variance))
+        deviation = output.variance**0.5
+        sources.append(Source(output.name, output.unit, deviation, motion[2], own * output.variance, of_sensor=True))
     return sources
 
 

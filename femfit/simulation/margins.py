@@ -48,7 +48,9 @@ class Margins:
     phase_rad: float
     delay_s: float
     modulus: float  # 0 where the loop is unstable
-    largest_gain: float  # Of the loop over all frequencies, of all commands together; below one it hardly uses its sensors
+    largest_gain: (
+        float  # Of the loop over all frequencies, of all commands together; below one it hardly uses its sensors
+    )
     slowest_pole_rad_s: float  # Rate at which the loop's slowest motion decays; negative where one grows
     # Rms of each command that the sensors' noise makes, over the way from the resting command to the nearer limit
     noise_share: float
@@ -77,7 +79,9 @@ class Margins:
 def worst_of(margins: Sequence[Margins]) -> Margins:
     """The least of each margin over the points of rest, and the largest gain of the loop at any of them."""
     least = {name: min(getattr(point, name) for point in margins) for name in Margins.__dataclass_fields__}
-    most = {name: max(getattr(point, name) for point in margins) for name in ("gain_below", "largest_gain", "noise_share")}
+    most = {
+        name: max(getattr(point, name) for point in margins) for name in ("gain_below", "largest_gain", "noise_share")
+    }
     return Margins(**{**least, **most})
 
 

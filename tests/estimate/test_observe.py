@@ -14,6 +14,7 @@ from femfit.estimate import run_filter
 from femfit.estimate.filter import FilterOutcome
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
 from femfit.model.sensors import reading_of
+from femfit.model.validity import ProcessNoise
 from femfit.model.with_effects import with_effects
 from support.one_current import within
 from support.replays import STEP_S, TRUE, damped, logs, series
@@ -131,9 +132,31 @@ def test_a_noise_found_is_written_without_the_rounding_that_the_converter_adds()
     model = damped()
     shunt, laser = model.other_sensors
     rounded = replace(model, other_sensors=(replace(shunt, minimum=-2.0, maximum=2.0, bits=10), laser))
-    estimate = NoiseEstimate("current", "A", 4e-3, 4e-3, 3.9e-3, 4.1e-3, known=True)
-    written = with_noise(rounded, FoundNoise((estimate,), 100, None))
+    written = with_noise(rounded, FoundNoise((noise("current", "A", 4e-3, of_sensor=True),), 100, None))
     assert reading_of(written, "current").white == pytest.approx(4e-3)
+
+
+def noise(name, unit, value, *, of_sensor):
+    return NoiseEstimate(name, unit, value, value, 0.9 * value, 1.1 * value, known=True, of_sensor=of_sensor)
+
+
+def test_a_sensor_that_is_called_as_a_noise_of_the_process_keeps_its_own():
+    model = damped()
+    named = replace(
+        model, other_sensors=tuple(replace(sensor, name="acceleration") for sensor in model.other_sensors[:1])
+    )
+    process, reading = (
+        noise("acceleration", "m/s^1.5", 0.3, of_sensor=False),
+        noise("acceleration", "A", 4e-3, of_sensor=True),
+    )
+    for estimates in ((process, reading), (reading, process)):
+        written = with_noise(named, FoundNoise(estimates, 100, None))
+        assert reading_of(written, "acceleration").white == pytest.approx(4e-3)
+        assert written.process_noise.acceleration_density == pytest.approx(0.09)
+    # What the record does not tell stays
+    again = with_noise(written, FoundNoise((noise("voltage", "V", 0.1, of_sensor=False),), 100, None))
+    assert again.process_noise == ProcessNoise(written.process_noise.acceleration_density, 0.1)
+    assert reading_of(again, "acceleration").white == pytest.approx(4e-3)
 
 
 @pytest.mark.nightly
