@@ -49,13 +49,15 @@ class FilterOutcome(IntEnum):
 
 
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to compare with
+_GOES_ON = {RUNNING, int(FilterOutcome.INNOVATIONS_OUT_OF_BAND)}
 
 
 @dataclass(frozen=True, eq=False)
 class FilterState:
     """Estimates of many runs; never changed, every step returns a new one."""
 
-    mean: FloatArray  # Estimated state; NaN from the step at which a run broke down numerically; shape (runs, n)
+    predicted: FloatArray  # Estimated state before the last readings; shape (runs, n)
+    mean: FloatArray  # And after them; NaN from the step at which a run broke down numerically
     # Covariance of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
     covariance: FloatArray
     factor: FloatArray
@@ -181,7 +183,8 @@ class Filter(Printed, ABC):
             )
         sensors = len(self.process.outputs)
         unknown = np.full(count if sensors == 1 else (count, sensors), np.nan)
-        return FilterState(mean, matrices, factor, unknown, unknown, np.zeros(count), np.zeros(count, dtype=np.intp))
+        quiet = np.zeros(count), np.zeros(count, dtype=np.intp)
+        return FilterState(mean, mean, matrices, factor, unknown, unknown, *quiet)
 
     @final
     def predict(self, state: FilterState, voltage: FloatArray | float) -> FilterState:
@@ -236,13 +239,13 @@ class Filter(Printed, ABC):
                 covariance = np.where(read[:, None, None], covariance, state.covariance)
             if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
                 outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
-            return self._next(mean, covariance, (innovation, variance, fraction), outcome)
+            return self._next(mean, covariance, (innovation, variance, fraction), outcome, state.predicted)
 
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         process = self.process
-        if len(state.mean) == 1 and not state.outcome.item() and process.light:
+        if len(state.mean) == 1 and state.outcome.item() in _GOES_ON and process.light:
             plain = isinstance(voltage, float) and process.inputs == 1
             inputs = voltage if plain else _given(state, voltage, process.inputs, "voltage", "circuit")[0]
             readings = _given(state, measurement, len(process.outputs), "reading", "sensor")[0]
@@ -268,7 +271,7 @@ class Filter(Printed, ABC):
 
     @final
     def _next_alone(self, state: FilterState, inputs: Any, readings: FloatArray) -> FilterState | None:
-        """The state of one run that stays healthy; None where anything must be named."""
+        """The state of one run to which nothing happens; None where anything must be named."""
         process, fraction, n = self.process, state.out_of_band.item(), state.mean.shape[1]
         step, variances, places = self._single
         if (missing := np.isnan(readings)).any():
@@ -279,13 +282,13 @@ class Filter(Printed, ABC):
             if not unread:
                 fraction += ((innovation * innovation > BAND_99_9 * spread) - fraction) / self.divergence_steps
         plausible = process.is_plausible(predicted.tolist()) and process.is_plausible(mean.tolist())
-        if fraction > 0.5 or not plausible or not factor[-1] > 0.0:
+        if (fraction > 0.5 and not state.outcome.item()) or not plausible or not factor[-1] > 0.0:
             return None
         if missing.any():
             innovations, spreads = np.where(missing, np.nan, innovations), np.where(missing, np.nan, spreads)
         judged = (innovations, spreads) if len(process.outputs) == 1 else (innovations[None], spreads[None])
         moments = mean[None], covariance.reshape(1, n, n), factor.reshape(n, n).T[None]
-        return FilterState(*moments, *judged, np.array([fraction]), state.outcome)
+        return FilterState(predicted[None], *moments, *judged, np.array([fraction]), state.outcome)
 
     def _next(
         self,
@@ -293,8 +296,9 @@ class Filter(Printed, ABC):
         covariance: FloatArray,
         judged: tuple[FloatArray, FloatArray, FloatArray],
         outcome: IntArray,
+        predicted: FloatArray | None = None,
     ) -> FilterState:
-        """Name what went wrong; the first name of a run stays."""
+        """Name what went wrong; the first name of a run stays. What is not given as predicted is the mean."""
         factor, definite = cholesky(covariance)
         if not (definite.all() and np.isfinite(mean).all()):
             finite = np.isfinite(mean).all(axis=1)
@@ -306,7 +310,7 @@ class Filter(Printed, ABC):
         if not plausible.all():
             # A run that broke down has its name already
             outcome = np.where((outcome == RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
-        return FilterState(mean, covariance, factor, *judged, outcome)
+        return FilterState(mean if predicted is None else predicted, mean, covariance, factor, *judged, outcome)
 
 
 def _given(state: FilterState, value: ArrayLike, width: int, what: str, whose: str) -> FloatArray:

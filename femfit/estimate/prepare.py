@@ -43,7 +43,7 @@ class Prepared:
     inputs: FloatArray  # Held from the sample before; (samples, circuits)
     readings: FloatArray  # NaN where missing; (samples, sensors)
     begins: IntArray  # Indices of the first samples of stretches without a gap, ascending from 0
-    guesses: FloatArray  # First estimate of every sample, of which pieces take theirs; (samples, n)
+    first: FloatArray  # First estimate of every stretch; (stretches, 2 + circuits)
     held: BoolArray  # Whether the body stands still, whatever the forces say; (samples,)
     recorded: dict[str, FloatArray]  # Every channel of the record, one entry a sample
     findings: tuple[Finding, ...]
@@ -117,7 +117,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         inputs=inputs,
         readings=np.stack([values for values, _ in read], axis=1),
         begins=begins,
-        guesses=np.column_stack([placed, np.zeros(len(time)), fed]),
+        first=np.column_stack([placed, np.zeros(len(time)), fed])[begins],
         held=replace(rests, rests=held_rests).held,
         recorded={name: rows[name].to_numpy(copy=True) for name in series.given if name not in {"run", "time_s"}},
         findings=tuple(findings),

@@ -161,7 +161,7 @@ def test_samples_a_second_of_one_filter_over_a_record(name):
     rows = pd.concat([one.rows.assign(run=k + 1.0, segment=k) for k, one in enumerate(runs)], ignore_index=True)
     record = replace(runs[0], rows=rows)
     found, spent = seconds(lambda: ff.observe(damped(), record, filter=name, find=False))
-    print(f"\n{name}: {len(rows) / spent:,.0f} samples a second, {found.filters[0].replayed.turns} turns")
+    print(f"\n{name}: {len(rows) / spent:,.0f} samples a second")
     assert found.filters[0].replayed.mean.shape == (len(rows), 3)
 
 

@@ -10,7 +10,6 @@ from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.text import amount
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.estimate import run_filter
 from femfit.estimate.filter import FilterOutcome
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
 from femfit.model.sensors import reading_of
@@ -37,22 +36,21 @@ def changed(record, **columns):
     return replace(record, rows=record.rows.assign(**columns))
 
 
-def test_pieces_side_by_side_are_the_filter_sample_by_sample(seen, log):
-    one, record = seen.filters[0], log[1].rows
-    state = one.built.start([record["distance_m"][0], 0.0, record["current_A"][0]])
-    state = one.built.update(state, [record["current_A"][0], record["distance_m"][0]])
-    for k in range(1, 1200):  # four pieces
-        state = one.built.step(state, record["voltage_V"][k - 1], [record["current_A"][k], record["distance_m"][k]])
-        difference = (state.mean[0] - one.replayed.mean[k]) / np.sqrt(np.diagonal(state.covariance[0]))
-        assert np.abs(difference).max() < 1e-8
-    assert one.replayed.turns > 1
-
-
-def test_pieces_one_after_the_other_are_those_side_by_side(seen, log, monkeypatch):
-    monkeypatch.setattr(run_filter, "TURNS", 0)
-    again = ff.observe(damped(), log[1], find=False).filters[0].replayed
-    np.testing.assert_allclose(again.mean, seen.filters[0].replayed.mean, rtol=1e-10, atol=1e-14)
-    assert again.turns > seen.filters[0].replayed.turns
+def test_each_stretch_of_a_record_begins_anew_and_goes_on_by_the_general_path(log, seen):
+    """By the step of many runs, which is another than the one of a single run."""
+    rows = log[1].rows[:900].assign(segment=np.repeat([0, 1], [400, 500]))
+    one = ff.observe(damped(), replace(log[1], rows=rows), find=False).filters[0]
+    distance, current, volts = (rows[name].to_numpy() for name in ("distance_m", "current_A", "voltage_V"))
+    for k in range(900):
+        readings = [[current[k], distance[k]]]
+        if k in {0, 400}:
+            state = one.built.update(one.built.start([distance[k], 0.0, current[k]]), readings)
+        else:
+            state = one.built.update(one.built.predict(state, volts[k - 1]), readings)
+        deviation = np.sqrt(np.diagonal(state.covariance[0]))
+        assert np.abs((state.mean[0] - one.replayed.mean[k]) / deviation).max() < 1e-8
+        assert np.abs((state.predicted[0] - one.replayed.predicted[k]) / deviation).max() < 1e-8
+    np.testing.assert_allclose(one.replayed.mean[:400], seen.filters[0].replayed.mean[:400], rtol=1e-9, atol=1e-12)
 
 
 def test_a_filter_that_knows_the_noise_is_consistent_and_as_good_as_it_says(seen, log):
