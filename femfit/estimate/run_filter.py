@@ -34,13 +34,13 @@ def replay(filter_: Filter, record: Prepared, resting: Filter) -> Replayed:
     shapes = (order,), (order,), (order, order), (sensors,), (sensors,)
     predicted, mean, covariance, innovation, variance = (np.empty((samples, *shape)) for shape in shapes)
     result = Replayed(predicted, mean, covariance, innovation, variance, np.empty(samples, np.intp))
-    starts = dict(zip(record.begins.tolist(), record.first, strict=True))
-    steps = [resting.step if held else filter_.step for held in record.held.tolist()]
-    for k, (step, inputs, readings) in enumerate(zip(steps, record.inputs, record.readings, strict=True)):
-        # Nothing moves before a stretch's first sample
-        begins = k in starts
-        state = filter_.update(filter_.start(starts[k]), readings) if begins else step(state, inputs, readings)
-        predicted[k], mean[k], covariance[k] = state.predicted[0], state.mean[0], state.covariance[0]
-        innovation[k], variance[k] = state.innovation[0], state.innovation_variance[0]
-        result.outcome[k] = state.outcome[0]
+    for first, rows in zip(record.first, np.split(np.arange(samples), record.begins[1:]), strict=True):
+        state = filter_.update(filter_.start(first), record.readings[rows[0]])
+        for k in rows.tolist():
+            if k > rows[0]:  # nothing moves before a stretch's first sample
+                step = resting.step if record.held[k] else filter_.step
+                state = step(state, record.inputs[k], record.readings[k])
+            predicted[k], mean[k], covariance[k] = state.predicted[0], state.mean[0], state.covariance[0]
+            innovation[k], variance[k] = state.innovation[0], state.innovation_variance[0]
+            result.outcome[k] = state.outcome[0]
     return result
