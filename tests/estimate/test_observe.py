@@ -12,6 +12,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.filter import FilterOutcome
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
+from femfit.estimate.follow import innovations_of
 from femfit.model.sensors import reading_of
 from femfit.model.validity import ProcessNoise
 from femfit.model.with_effects import with_effects
@@ -51,6 +52,13 @@ def test_each_stretch_of_a_record_begins_anew_and_goes_on_by_the_general_path(lo
         assert np.abs((state.mean[0] - one.replayed.mean[k]) / deviation).max() < 1e-8
         assert np.abs((state.predicted[0] - one.replayed.predicted[k]) / deviation).max() < 1e-8
     np.testing.assert_allclose(one.replayed.mean[:400], seen.filters[0].replayed.mean[:400], rtol=1e-9, atol=1e-12)
+
+
+def test_a_true_filter_is_called_inconsistent_in_one_record_of_a_hundred_at_most():
+    """0.3 % by the mean square and 0.3 % by the autocorrelation: 12 of 2000, and 25 in one of 2000 such sets."""
+    normalised = np.random.default_rng(2).standard_normal((2000, 800))
+    judged = [innovations_of("laser", "m", row, np.ones(800)) for row in normalised]
+    assert sum(not (each.consistent and each.white) for each in judged) <= 25
 
 
 def test_a_filter_that_knows_the_noise_is_consistent_and_as_good_as_it_says(seen, log):
