@@ -1,4 +1,4 @@
-"""The stepping interface that every filter shares, and the state that one step hands to the next.
+"""The stepping interface that every filter shares.
 
 Classes are abstract (this one) or final: a filter supplies its two moment computations; bookkeeping of outcomes and
 innovations is here, once.
@@ -6,8 +6,7 @@ innovations is here, once.
 
 from abc import ABC, abstractmethod
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
-from enum import IntEnum
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, final
@@ -21,6 +20,7 @@ from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Printed
 from femfit.core.tape import Caller
 from femfit.core.text import counted
+from femfit.estimate.filter_state import FilterOutcome, FilterState
 from femfit.estimate.process import FilterProcess
 from femfit.estimate.single_step import MISSING, Terms, in_arrays, step_function
 from femfit.estimate.words import sentence
@@ -33,71 +33,8 @@ DIVERGENCE_STEPS = 200
 a thousand steps."""
 
 
-class FilterOutcome(IntEnum):
-    """How a run ended; the first outcome other than RUNNING stays."""
-
-    RUNNING = 0
-    COVARIANCE_LOST = 1
-    NOT_FINITE = 2
-    LEFT_MODEL = 3
-    INNOVATIONS_OUT_OF_BAND = 4
-
-    @property
-    def sentence(self) -> str:
-        """What happened and what to do about it."""
-        return sentence("filter", "outcome", self.name)
-
-
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to compare with
 _GOES_ON = {RUNNING, int(FilterOutcome.INNOVATIONS_OUT_OF_BAND)}
-
-
-@dataclass(frozen=True, eq=False)
-class FilterState:
-    """Estimates of many runs; never changed, every step returns a new one."""
-
-    predicted: FloatArray  # Estimated state before the last readings; shape (runs, n)
-    mean: FloatArray  # And after them; NaN from the step at which a run broke down numerically
-    # Covariance of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
-    covariance: FloatArray
-    factor: FloatArray
-    # Measurement minus its prediction at the last update, and its expected square; NaN before the first
-    # shape (runs,), and (runs, sensors) where there are several; NaN for a sample that is missing
-    innovation: FloatArray
-    innovation_variance: FloatArray
-    out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
-    outcome: IntArray  # A :class:`FilterOutcome` each; shape (runs,)
-
-    def of_runs(self, which: IntArray | BoolArray) -> "FilterState":
-        """Some of the runs."""
-        return FilterState(*(getattr(self, array.name)[which] for array in fields(self)))
-
-    def with_runs(self, which: IntArray | BoolArray, changed: "FilterState") -> "FilterState":
-        """The same with other states of some runs."""
-        result = FilterState(*(np.array(getattr(self, array.name)) for array in fields(self)))
-        for array in fields(self):
-            getattr(result, array.name)[which] = getattr(changed, array.name)
-        return result
-
-    @property
-    def diverged(self) -> BoolArray:
-        """Which runs have an outcome other than RUNNING."""
-        return np.asarray(self.outcome != 0)
-
-    @property
-    def normalised_innovation_squared(self) -> FloatArray:
-        """Innovation^2 over its variance, shape (runs,).
-
-        In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
-        samples are missing.
-        """
-        ratio = np.atleast_2d((self.innovation**2 / self.innovation_variance).T).T
-        read = np.isfinite(ratio)
-        return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
-
-    def outcomes(self) -> tuple[FilterOutcome, ...]:
-        """The outcome of every run."""
-        return tuple(FilterOutcome(int(code)) for code in self.outcome)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,7 +21,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.estimate.constants import LEAST_JUDGED, NOISE_SAMPLES
-from femfit.estimate.filter import FilterOutcome
+from femfit.estimate.filter_state import FilterOutcome
 from femfit.estimate.follow import OneFilter
 from femfit.estimate.noise import motion_rate, operating_distance
 from femfit.model.actuator_model import ActuatorModel

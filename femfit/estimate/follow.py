@@ -20,7 +20,8 @@ from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
-from femfit.estimate.filter import Filter, FilterOutcome
+from femfit.estimate.filter import Filter
+from femfit.estimate.filter_state import FilterOutcome
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import ConsistencyBand, FilterNoise, consistency_band, default_noise
 from femfit.estimate.prepare import Prepared, prepare

@@ -8,7 +8,8 @@ import pytest
 from femfit.core.errors import FilterError, MissingPartError
 from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along
-from femfit.estimate.filter import Filter, FilterOutcome
+from femfit.estimate.filter import Filter
+from femfit.estimate.filter_state import FilterOutcome
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from femfit.model.json_file import write_model

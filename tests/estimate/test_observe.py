@@ -10,7 +10,7 @@ from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.text import amount
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.estimate.filter import FilterOutcome
+from femfit.estimate.filter_state import FilterOutcome
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
 from femfit.estimate.follow import innovations_of
 from femfit.model.sensors import reading_of
