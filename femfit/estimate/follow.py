@@ -12,12 +12,13 @@ R. K. Mehra, On the identification of variances and adaptive Kalman filtering, I
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import FilterError, MissingPartError, TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
 from femfit.estimate.filter import Filter
@@ -25,7 +26,6 @@ from femfit.estimate.filter_state import FilterOutcome
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import ConsistencyBand, FilterNoise, consistency_band, default_noise
 from femfit.estimate.prepare import Prepared, prepare
-from femfit.estimate.run_filter import Replayed, replay
 from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL, reading_of, sampled_readings, sensors_of
@@ -130,6 +130,42 @@ class Beside:
     used: bool  # Whether the filter read it
     rms: float
     mean: float  # Recorded less estimated
+
+
+@dataclass(frozen=True, eq=False)
+class Replayed:
+    """A record as a filter saw it; arrays have one row a sample."""
+
+    predicted: FloatArray  # Before the sample's readings; (samples, n)
+    mean: FloatArray  # After them; (samples, n)
+    covariance: FloatArray  # (samples, n, n)
+    innovation: FloatArray  # (samples, sensors)
+    variance: FloatArray  # (samples, sensors)
+    outcome: IntArray  # (samples,), a :class:`FilterOutcome` each
+
+    @cached_property
+    def deviation(self) -> FloatArray:
+        """Standard deviations, (samples, n)."""
+        with np.errstate(invalid="ignore"):  # of a run that has lost its covariance
+            return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+
+def replay(filter_: Filter, record: Prepared, resting: Filter) -> Replayed:
+    """Run a filter over all stretches of a record; where the body is held, ``resting`` steps in its place."""
+    (samples, sensors), order = record.readings.shape, filter_.process.order
+    shapes = (order,), (order,), (order, order), (sensors,), (sensors,)
+    predicted, mean, covariance, innovation, variance = (np.empty((samples, *shape)) for shape in shapes)
+    result = Replayed(predicted, mean, covariance, innovation, variance, np.empty(samples, np.intp))
+    for first, rows in zip(record.first, np.split(np.arange(samples), record.begins[1:]), strict=True):
+        state = filter_.update(filter_.start(first), record.readings[rows[0]])
+        for k in rows.tolist():
+            if k > rows[0]:  # nothing moves before a stretch's first sample
+                step = resting.step if record.held[k] else filter_.step
+                state = step(state, record.inputs[k], record.readings[k])
+            predicted[k], mean[k], covariance[k] = state.predicted[0], state.mean[0], state.covariance[0]
+            innovation[k], variance[k] = state.innovation[0], state.innovation_variance[0]
+            result.outcome[k] = state.outcome[0]
+    return result
 
 
 @dataclass(frozen=True, eq=False)

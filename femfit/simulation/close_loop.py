@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from math import ceil
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -190,11 +191,8 @@ def choose(design: LoopDesign, observer: ObserverName) -> dict[ControllerName, M
     if not margins:
         raise DomainError(" ".join(dict.fromkeys(loop.refusal for loop in judged)))
 
-    def rank(name: ControllerName) -> tuple[bool, bool, float, float, float]:
-        worst = margins[name]
-        return worst.stable, worst.uses_sensors, worst.kept, worst.modulus, worst.slowest_pole_rad_s
-
-    return {name: margins[name] for name in sorted(margins, key=rank, reverse=True)}
+    rank = attrgetter("stable", "uses_sensors", "kept", "modulus", "slowest_pole_rad_s")
+    return {name: margins[name] for name in sorted(margins, key=lambda name: rank(margins[name]), reverse=True)}
 
 
 def run_loops(
@@ -248,8 +246,7 @@ def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummar
         )
     margins = loop.design.judged(loop.experiment.controller, loop.experiment.observer).margins
     if margins is not None and margins.stable and not margins.uses_sensors:
-        gain = margins.largest_gain
-        findings.append(finding("unused-sensors", size=gain, gain=gain))
+        findings.append(finding("unused-sensors", size=margins.largest_gain, gain=margins.largest_gain))
     if squared is not None and squared > UNCERTAIN:
         findings.append(finding("innovations", size=squared, excess=squared))
     return LoopSummary(

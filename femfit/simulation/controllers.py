@@ -134,16 +134,6 @@ class Pid(Controller):
     words = 4  # w(k-1), w(k-2), e(k-1), e(k-2)
     name = "pid"
 
-    @classmethod
-    def of_recursion(
-        cls, model: ActuatorModel, p: float, b: tuple[float, float, float], direction: tuple[float, ...], current: float
-    ) -> "Pid":
-        """That of b_0, b_1 and b_2."""
-        step = model.sample_time_s
-        each = -sum(b) / (1.0 - p)
-        kp = (b[2] - b[0] - each) / (1.0 - p)
-        return cls(model, kp, each / step, -(b[2] + kp * p) * step / (1.0 - p), p, direction, current)
-
     @property
     def gains(self) -> tuple[float, float, float]:
         """b_0, b_1 and b_2 in V/m, or A/m for an amplifier, negative in sum."""

@@ -92,7 +92,9 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
     columns[:, 4] = wanted
     right = np.polymul(wanted, [1.0, 0.0])[1:] - np.polymul(integrated, [1.0, 0.0])[1:]
     p, b0, b1, b2, _ = np.linalg.solve(columns, right).tolist()
-    return Pid.of_recursion(model, p, (b0, b1, b2), tuple(point.direction.tolist()), current)
+    each = -(b0 + b1 + b2) / (1.0 - p)  # of the integral in a sample
+    kp = (b2 - b0 - each) / (1.0 - p)
+    return Pid(model, kp, each / step, -(b2 + kp * p) * step / (1.0 - p), p, tuple(point.direction.tolist()), current)
 
 
 def first_pid(model: ActuatorModel, point: OperatingPoint) -> Pid:

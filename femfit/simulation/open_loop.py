@@ -18,8 +18,8 @@ from femfit.model.with_effects import with_parts
 from femfit.simulation.events import Walk
 from femfit.simulation.open_result import OpenLoop, balance, switchings
 from femfit.simulation.operating_point import rest_distance, sensor_columns
-from femfit.simulation.profile import CONDUCTING, Command, Constant, Driver, Interpolation, Profile, commanded
-from femfit.simulation.system import Mode, System
+from femfit.simulation.profile import Command, Constant, Driver, Interpolation, Profile, commanded
+from femfit.simulation.system import System
 from femfit.simulation.words import sentence
 
 DURATION_S = 0.1
@@ -156,7 +156,8 @@ def _table(system: System, walk: Walk, step: float, notes: list[str]) -> dict[st
     for k in np.unique(which):
         rows, stretch = which == k, walk.stretches[k]
         states[:, rows] = stretch.solution(time[rows])
-        volts[:, rows] = _voltages(system, stretch.mode, time[rows], states[:, rows])
+        pairs = zip(time[rows], states[:, rows].T, strict=True)
+        volts[:, rows] = np.array([system.voltages(stretch.mode, at_s, state) for at_s, state in pairs]).T
     d, i = states[0], states[2 : windings.end]
     flux = windings.magnetics.flux_linkage(d, i.T)[:, :circuits]
     motion = {
@@ -171,18 +172,6 @@ def _table(system: System, walk: Walk, step: float, notes: list[str]) -> dict[st
         **dict(zip(flux_columns(names), flux.T, strict=True)),
     }
     return motion | sensor_columns(model, time, states[: model.order].T, notes) | motion
-
-
-def _voltages(system: System, mode: Mode, time: FloatArray, states: FloatArray) -> FloatArray:
-    """Shape (circuits, times)."""
-    if any(feed.mode != CONDUCTING for feed in mode.feeds) or any(d.commands_current for d in system.drivers):
-        each = [system.voltages(mode, t, state) for t, state in zip(time, states.T, strict=True)]
-        return np.array(each).T
-    rows = np.empty((len(mode.feeds), len(time)))
-    for row, driver, feed in zip(rows, system.drivers, mode.feeds, strict=True):
-        command = feed.value + feed.slope * (time - feed.start_s)
-        row[:] = command if driver.diode_V is None else np.where(command > 0.0, command, -driver.diode_V)
-    return rows
 
 
 FIRST_S, LONGEST_S = 0.05, 3.0
