@@ -45,7 +45,7 @@ LAGS = 20
 
 CONFIDENCE = 0.997
 """Conventional: of the band of the mean square, which a true filter leaves as seldom as its innovations look not white.
-Of 40 rests with two sensors whose noise was guessed 8 left bands of 95 %, since the guess moves them as well."""
+Of 600 records of two sensors whose noise was guessed, which adds scatter, 116 left bands of 95 %, and 21 these."""
 
 
 @dataclass(frozen=True, eq=False)
