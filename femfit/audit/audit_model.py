@@ -51,8 +51,6 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
         rows = _rows_of(Path(table), model)
     d, i = model.validity.grid(*DOMAIN_GRID)
     findings += [*_misfit(model, rows, d, i), *_between_points(model)]
-    if rows is not None and rows.several:
-        findings.append(_worst_point(model, rows))
     if model.has_winding:
         findings += _signs(model, d, i)
     findings += _bounds(model)
@@ -64,7 +62,6 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
 
 
 def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
-    motion = model.without_effects.motion
     table, names = read_sweep_table(path), current_columns(model.current_names)
     columns = current_names(table.rows)
     if columns != names:
@@ -72,8 +69,7 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
             f"{path} must have the current of each circuit of the model ({listing(names)}); it has "
             f"{listing(columns)}. Give the table that the model was fitted to."
         )
-    mass, gravity = (motion.mass_kg, motion.gravity_m_s2) if motion else (None, 0.0)
-    rows = rows_of_table(table, mass, gravity, model.kind)
+    rows = rows_of_table(table, kind=model.kind)
     inside = model.validity.contains(rows.distance, rows.circuit_currents[:, : len(model.validity.current_limits_A)])
     within = rows.take(inside)
     if np.mean(inside) < _MOSTLY or not within.force.any():
@@ -82,20 +78,6 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
             f"{len(inside)} rows are. Give the table that the model was fitted to."
         )
     return within
-
-
-def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
-    """The point of the table whose force several circuits' co-energy misses most, beside that force."""
-    force = model.without_effects.magnetics.force(rows.distance, rows.circuit_currents)
-    missed = np.abs(force - rows.force) / rows.force_scale
-    k = int(np.argmax(missed))
-    numbers = {
-        "share": float(missed[k]),
-        "distance_m": float(rows.distance[k]),
-        "currents_A": rows.circuit_currents[k].tolist(),
-    }
-    severity: Severity = "wrong" if missed[k] > _LARGE_MISFIT else "note" if missed[k] > POOR_POINT else "holds"
-    return AuditFinding("point_misfit", severity, "force", float(rows.force[k]), float(force[k]), numbers)
 
 
 def _between_points(model: ActuatorModel) -> list[AuditFinding]:
@@ -112,7 +94,8 @@ def _between_points(model: ActuatorModel) -> list[AuditFinding]:
 def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """How far the model is from its table: recomputed where that is at hand, else as the file states it.
 
-    As rms over the quantities' rms; in files that do not state these, over that of the model itself.
+    As rms over the quantities' rms; in files that do not state these, over that of the model itself. Of several
+    circuits also at the point of the table whose force it misses most, beside that force.
     """
     base, findings = model.without_effects, []
     misfit = base.misfit if rows is None else misfit_to_rows(base, rows)
@@ -130,28 +113,32 @@ def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatA
             numbers = {"against": misfit.against if rows is None else None}
             severity = "wrong" if share > _LARGE_MISFIT else right
             findings.append(AuditFinding("misfit", severity, about, None, share, numbers))
+    if rows is not None and rows.several:
+        force = base.magnetics.force(rows.distance, rows.circuit_currents)
+        missed = np.abs(force - rows.force) / rows.force_scale
+        k = int(np.argmax(missed))
+        place = {"distance_m": float(rows.distance[k]), "currents_A": rows.circuit_currents[k].tolist()}
+        severity = "wrong" if missed[k] > _LARGE_MISFIT else "note" if missed[k] > POOR_POINT else "holds"
+        numbers = {"share": float(missed[k]), **place}
+        findings.append(AuditFinding("point_misfit", severity, "force", float(rows.force[k]), float(force[k]), numbers))
     return findings
 
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
-    state = model.magnetics.state(d, i)
-    if i.shape[1] > 1:
-        # Whether the currents of several circuits have energy, whatever they are
-        least = float(np.linalg.eigvalsh(state.inductance).min())
-        diagonal = np.diagonal(state.inductance, axis1=1, axis2=2)
-        numbers = {"several": True, "least_H": float(diagonal.min()), "largest_H": float(diagonal.max())}
-        severity: Severity = "holds" if least > 0.0 else "wrong"
-        return [AuditFinding("inductance", severity, "flux linkages", None, least, numbers)]
-    # Without a magnet a current of either sign attracts
-    slope = state.motional_constant[:, 0] * (1.0 if model.has_magnet else np.sign(i[:, 0]))
-    pushing = float(np.mean((slope <= 0.0) & (i[:, 0] != 0.0)))  # steel alone has dF/di = 0 without a current
-    severity = "note" if pushing else "holds"
-    everywhere = {"everywhere": bool(slope.min() > 0.0)}
-    attraction = AuditFinding("attraction", severity, "force", None, 1.0 - pushing, everywhere)
-    least = float(state.inductance.min())
-    numbers = {"several": False, "least_H": least, "largest_H": float(state.inductance.max())}
-    severity = "holds" if least > 0.0 else "wrong"
-    return [attraction, AuditFinding("inductance", severity, "flux linkage", None, least, numbers)]
+    state, several, findings = model.magnetics.state(d, i), i.shape[1] > 1, []
+    if not several:
+        # Without a magnet a current of either sign attracts
+        slope = state.motional_constant[:, 0] * (1.0 if model.has_magnet else np.sign(i[:, 0]))
+        pushing = float(np.mean((slope <= 0.0) & (i[:, 0] != 0.0)))  # steel alone has dF/di = 0 without a current
+        severity: Severity = "note" if pushing else "holds"
+        everywhere = {"everywhere": bool(slope.min() > 0.0)}
+        findings.append(AuditFinding("attraction", severity, "force", None, 1.0 - pushing, everywhere))
+    # Whether the currents have energy, whatever they are
+    least = float(np.linalg.eigvalsh(state.inductance).min())
+    diagonal = np.diagonal(state.inductance, axis1=1, axis2=2)
+    numbers = {"several": several, "least_H": float(diagonal.min()), "largest_H": float(diagonal.max())}
+    about, severity = "flux linkages" if several else "flux linkage", "holds" if least > 0.0 else "wrong"
+    return [*findings, AuditFinding("inductance", severity, about, None, least, numbers)]
 
 
 def _bounds(model: ActuatorModel) -> list[AuditFinding]:

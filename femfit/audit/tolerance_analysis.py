@@ -10,19 +10,17 @@ independent numbers, the first-order and the total share are both (slope x stand
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from femfit.audit.conclusions import words
 from femfit.core.errors import MissingPartError, UsageError
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.core.text import amount
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SHOWN = 1e-3
 """Conventional: share of the variance from which a number is printed."""
@@ -109,9 +107,10 @@ def analyse_tolerances(
     if table.signatures is None:
         raise MissingPartError("The sweep must have signatures. Sweep the drawing again with --signatures.")
     rows = table.valid_rows()
-    names = current_names(rows)
-    row = _nearest(rows, names, distance_m, currents_A)
-    point = rows[["distance_m", *names]].to_numpy(dtype=np.float64)[row]
+    settings = ["distance_m", *current_names(rows)]
+    swept = rows[settings].to_numpy(dtype=np.float64)
+    row = _nearest(swept, settings, distance_m, currents_A)
+    point = swept[row]
     if quantity not in table.signatures.channels:
         raise UsageError(f"quantity must be one of {', '.join(table.signatures.channels)}; got {quantity!r}.")
     # The corners of a contour are numbers themselves
@@ -119,8 +118,8 @@ def analyse_tolerances(
     gradients = []
     for number in numbers:
         slopes = table.signatures.of(number)
-        swept = slopes[["distance_m", *names]].to_numpy(dtype=np.float64)
-        gradients.append(float(slopes[quantity].to_numpy()[np.all(swept == point, axis=1)][0]))
+        at_point = np.all(slopes[settings].to_numpy(dtype=np.float64) == point, axis=1)
+        gradients.append(float(slopes[quantity].to_numpy()[at_point][0]))
     scatters = [abs(g) * number.tolerance for g, number in zip(gradients, numbers, strict=True)]
     variance = float(np.sum(np.square(scatters)))
     shares = [
@@ -137,16 +136,16 @@ def analyse_tolerances(
     )
 
 
-def _nearest(rows: "pd.DataFrame", names: list[str], distance_m: float, currents_A: Sequence[float]) -> int:
-    """The row of the swept point next to the one given."""
-    swept = rows[["distance_m", *names]].to_numpy(dtype=np.float64)
+def _nearest(swept: FloatArray, settings: list[str], distance_m: float, currents_A: Sequence[float]) -> int:
+    """The row of the swept point, (rows, settings), next to the one given."""
     varied = [k for k in range(swept.shape[1]) if k == 0 or np.ptp(swept[:, k]) > 0.0]
-    if len(currents_A) not in {len(names), len(varied) - 1}:
-        raise UsageError(f"currents_A must have one number for each of {', '.join(names)}; got {len(currents_A)}.")
+    if len(currents_A) not in {len(settings) - 1, len(varied) - 1}:
+        each = ", ".join(settings[1:])
+        raise UsageError(f"currents_A must have one number for each of {each}; got {len(currents_A)}.")
     wanted = swept[0].copy()
     wanted[varied if len(currents_A) == len(varied) - 1 else slice(None)] = [distance_m, *currents_A]
     low, high = swept.min(axis=0), swept.max(axis=0)
-    for name, value, least, most in zip(("distance_m", *names), wanted, low, high, strict=True):
+    for name, value, least, most in zip(settings, wanted, low, high, strict=True):
         if not least <= value <= most:
             limits = f"{amount(least, name, 4)} to {amount(most, name, 4)}"
             raise UsageError(f"{name} must lie within the sweep, {limits}; got {amount(value, name, 4)}.")
