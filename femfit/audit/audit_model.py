@@ -119,8 +119,8 @@ def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatA
         k = int(np.argmax(missed))
         place = {"distance_m": float(rows.distance[k]), "currents_A": rows.circuit_currents[k].tolist()}
         severity = "wrong" if missed[k] > _LARGE_MISFIT else "note" if missed[k] > POOR_POINT else "holds"
-        numbers = {"share": float(missed[k]), **place}
-        findings.append(AuditFinding("point_misfit", severity, "force", float(rows.force[k]), float(force[k]), numbers))
+        point: dict[str, Any] = {"share": float(missed[k]), **place}
+        findings.append(AuditFinding("point_misfit", severity, "force", float(rows.force[k]), float(force[k]), point))
     return findings
 
 

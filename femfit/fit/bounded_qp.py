@@ -65,6 +65,10 @@ class Inequalities:
     labels: tuple[str, ...]
 
 
+NO_INEQUALITIES = Inequalities(np.zeros((0, 1)), np.zeros(0), ())
+"""None, whatever the number of coefficients is."""
+
+
 @dataclass(frozen=True, eq=False)
 class QPSolution:
     """Solution of a bounded QP."""
@@ -127,7 +131,7 @@ class BoundedQP:
     # Bounds, shape (k,), or one for all; infinite ones bound nothing
     lower: FloatArray | float = -np.inf
     upper: FloatArray | float = np.inf
-    inequalities: Inequalities | None = None
+    inequalities: Inequalities = NO_INEQUALITIES
     names: Sequence[str] | None = None
 
     def solve(self) -> QPSolution:
@@ -149,12 +153,11 @@ class BoundedQP:
             )
         on_bound = [z - problem.lower < _ACTIVE, problem.upper - z < _ACTIVE]
         x = np.select(on_bound, [self.lower, self.upper], problem.unscaled(z))
-        imposed = 0 if self.inequalities is None else len(self.inequalities.right)
         slack = problem.rows @ z - problem.ends
         return QPSolution(
             x=x,
             active=tuple(map(str, np.select(on_bound, ["lower", "upper"], ""))),
-            active_inequalities=slack[len(slack) - imposed :] < _ACTIVE,
+            active_inequalities=slack[len(slack) - len(self.inequalities.right) :] < _ACTIVE,
             residual=self.matrix @ x - self.y,
             condition_scaled=condition_scaled,
         )
@@ -196,21 +199,17 @@ class BoundedQP:
         right = q_factor.T @ target / scale
         low, high = (end * column_scale / scale for end in (low, high))
         below, above = np.isfinite(low), np.isfinite(high)
-        rows, ends = [np.eye(count)[below], -np.eye(count)[above]], [low[below], -high[above]]
-        if self.inequalities is not None:
-            imposed = self.inequalities.matrix / column_scale
-            norms = np.linalg.norm(imposed, axis=1)
-            norms[norms == 0.0] = 1.0
-            rows.append(imposed / norms[:, None])
-            ends.append(self.inequalities.right / scale / norms)
+        imposed = self.inequalities.matrix / column_scale
+        norms = np.linalg.norm(imposed, axis=1)
+        norms[norms == 0.0] = 1.0
         return _ScaledQP(
             triangle=triangle,
             right=right,
             outside=float(np.sum((target / scale - q_factor @ right) ** 2)),
             lower=low,
             upper=high,
-            rows=np.concatenate(rows),
-            ends=np.concatenate(ends),
+            rows=np.concatenate([np.eye(count)[below], -np.eye(count)[above], imposed / norms[:, None]]),
+            ends=np.concatenate([low[below], -high[above], self.inequalities.right / scale / norms]),
             labels=labels,
             column_scale=column_scale,
             scale=scale,

@@ -31,8 +31,8 @@ from femfit.fit.model_parts import (
 )
 from femfit.fit.ranking import as_written, import_notes, misfit_notes, misfit_to_rows, rank_laws
 from femfit.fit.result import FitResult, Fits
-from femfit.fit.rows import FitRows, rows_of_table
-from femfit.fit.sensed_field import HallFit, fit_hall, fit_pickups, fit_sensed
+from femfit.fit.rows import FitRows, rms, rows_of_table
+from femfit.fit.sensed_field import HallFit, SensedFit, fit_hall, fit_pickups, sensed_or_why
 from femfit.fit.soft_iron import fit_network
 from femfit.fit.words import note
 from femfit.laws.catalogue import all_laws, law_by_name
@@ -190,7 +190,7 @@ def _fits(
         if not ranking.reached:
             with suppress(FitError):
                 network = fit_network(rows)
-        if network is None or network.left_out * rows.rms_force >= ranking.recommended.error * rows.error_scale[0]:
+        if network is None or network.left_out * rms(rows.force) >= ranking.recommended.error * rows.error_scale[0]:
             network, law_fit = None, ranking.recommended.fit
     elif law == NETWORK:
         network = fit_network(rows)
@@ -216,11 +216,9 @@ def _hall_field(
         return hall.field if hall else None, hall, (note("no_sensor"),) if lacking else ()
     if not drawn:
         return None, None, ()
-    why, what = "no hall_T", "The field at the Hall element"
+    what = "The field at the Hall element"
+    sensed: SensedFit | str = "no hall_T"
     if rows.hall is not None:
-        try:
-            sensed = fit_sensed(rows.distance, rows.circuit_currents, rows.hall, what)
-            return sensed.field, None, (note("sensed", sensed, what, "T"),)
-        except FitError as error:
-            why = str(error)
-    return None, None, (note("not_in_the_model", "The Hall element", why),)
+        sensed = sensed_or_why(rows.distance, rows.circuit_currents, rows.hall, what)
+    field = None if isinstance(sensed, str) else sensed.field
+    return field, None, (note("sensed", sensed, what, "T", "The Hall element"),)

@@ -11,7 +11,6 @@ import numpy as np
 
 from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.core.results import listing
 from femfit.core.text import amount
 from femfit.fit import constants
 from femfit.fit.basis import (
@@ -54,13 +53,6 @@ class CircuitsFit:
             return []
         return [note("coarse_circuits", self, between)]
 
-    def to_be_added(self) -> str:
-        """The values of the axis that is too coarse first."""
-        axis, values = self.finer
-        if axis == "distance":
-            return f"the distances {listing(f'{1e3 * x:.4g}' for x in values)} mm"
-        return f"the currents {listing(f'{x:.4g}' for x in values)} A of {axis}"
-
 
 def fit_circuits(rows: FitRows) -> CircuitsFit:
     """Fit M(d), or where the iron saturates a spline in the distance and all currents.
@@ -100,7 +92,7 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
         raise FitError(
             f"The iron saturates, and the co-energy misses force or flux linkages by {amount(share, '')} of their "
             "rms: the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances; "
-            f"first of all add {fit.to_be_added()}."
+            f"first of all add {note('values_along', *fit.finer, rows.several)}."
         )
     if share > constants.POOR_CIRCUIT:
         raise FitError(
@@ -238,15 +230,13 @@ def _indefinite(magnetics: CoenergyMatrix | CoenergyTensor, distance: FloatArray
 def _left_out(
     projection: Projection, system: CoenergySystem, name: str, column: FloatArray
 ) -> tuple[float, float, tuple[str, tuple[float, ...]]]:
-    """With each inner value of an axis left out: the force's largest rms, -1 for none, and error, and what to add.
+    """With each inner value of an axis left out: the force's largest rms and error, and what to add.
 
     That is the middles beside all values that are missed at least half as much (rms) as the most missed one.
     """
     values = np.unique(column)
     masks = [column == value for value in values[1:-1]]
     errors = [projection.left_out(system.places(out))[: int(out.sum())] for out in masks]
-    if not errors:
-        return -1.0, 0.0, (name, ())
     sizes = np.array([rms(of_force) for of_force in errors])
     finer = np.unique([place for value in values[1:-1][2.0 * sizes >= sizes.max()] for place in middles(values, value)])
     return float(sizes.max()), float(np.abs(np.concatenate(errors)).max()), (name, tuple(finer.tolist()))

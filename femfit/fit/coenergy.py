@@ -6,6 +6,7 @@ linear in its coefficients, so all columns of the sweep enter one bounded QP, an
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from femfit.fit.coenergy_system import coenergy_system, held_out_masks
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 
 SHAPES: dict[str, str] = {
@@ -63,19 +65,23 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
     basis, held_out = choose_basis(rows, system)
     matrix, value, sigma = system.equations(basis)
     keep = system.determined(basis)
-    shape = _shape_inequalities(basis, rows, names, open_inductance_H)
+    shape = _shape_inequalities(basis, names)
     imposed = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
     qp, active = _solve_with_shapes(matrix[:, keep], value, sigma, imposed, len(names))
     coefficients = np.zeros(basis.size)
     coefficients[keep] = qp.x
     coefficients = coefficients.reshape(basis.shape)
+    (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
     if rows.flux_linkage is None and open_inductance_H:
         # i^2 in the current's B-splines, exact since their degree is at least 2
-        ((knots,), (degree,)) = basis.functions.knots, basis.functions.degrees
         points = np.linspace(knots[0], knots[-1], 4 * basis.shape[1])
         square = np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0]
         coefficients = coefficients + 0.5 * open_inductance_H * square[None, :]
-    magnetics = spline_of(basis, coefficients, rows)
+    magnetics = CoenergySpline(basis.coordinate, TensorSpline(basis.u_knots, knots, U_DEGREE, degree, coefficients))
+    # W' is counted from the largest distance without current
+    origin = np.array([[np.clip(0.0, rows.currents[0], rows.currents[-1])]])
+    offset = magnetics.coenergy(rows.distances[-1:], origin)
+    magnetics = with_coefficients(magnetics, coefficients - offset)
     errors = _errors(rows, magnetics, replace(system, folds=held_out_masks(rows, ends=True)).left_out_errors(basis))
     return CoenergyFit(
         magnetics=magnetics,
@@ -149,9 +155,7 @@ def obeyed_shapes(rows: FitRows) -> list[str]:
     return names
 
 
-def _shape_inequalities(
-    basis: CoenergyBasis, rows: FitRows, names: Sequence[str], open_inductance: float
-) -> Inequalities:
+def _shape_inequalities(basis: CoenergyBasis, names: Sequence[str]) -> Inequalities:
     """The shapes on a grid of points."""
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
     fraction = np.linspace(0.0, basis.u_cells, max(SHAPE_POINTS, 6 * basis.u_cells) + 1)
@@ -160,20 +164,18 @@ def _shape_inequalities(
     i = np.linspace(knots[0], knots[-1], points + 1)
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))
     d = basis.coordinate.distance(grid_u)
-    blocks, right, labels = [np.zeros((0, basis.size))], [np.zeros(0)], []
+    blocks, labels = [np.zeros((0, basis.size))], []
     for name in names:
         along, circuits, sign = _SHAPE_DERIVATIVES[name]
         blocks.append(sign * basis.columns(d, grid_i[:, None], along, circuits))
-        offset = open_inductance if name == "inductance" and rows.flux_linkage is None else 0.0
-        right.append(np.full(len(d), -offset))
         labels += [f"{SHAPES[name]} at {1e3 * a:.4g} mm, {b:.4g} A" for a, b in zip(d, grid_i, strict=True)]
-    return Inequalities(np.concatenate(blocks), np.concatenate(right), tuple(labels))
+    return Inequalities(np.concatenate(blocks), np.zeros(len(labels)), tuple(labels))
 
 
-def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> CoenergySpline:
-    """The spline of coefficients, W' counted from the largest distance without current."""
-    (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
-    spline = TensorSpline(basis.u_knots, knots, U_DEGREE, degree, coefficients)
-    origin = np.array([[np.clip(0.0, rows.currents[0], rows.currents[-1])]])
-    offset = CoenergySpline(basis.coordinate, spline).coenergy(rows.distances[-1:], origin)
-    return CoenergySpline(basis.coordinate, replace(spline, coefficients=coefficients - offset))
+Spline = TypeVar("Spline", CoenergySpline, HallSpline)
+
+
+def with_coefficients(like: Spline, coefficients: FloatArray) -> Spline:
+    """The same functions with other coefficients, flat or not."""
+    spline = replace(like.spline, coefficients=coefficients.reshape(like.spline.coefficients.shape))
+    return replace(like, spline=spline)

@@ -24,28 +24,27 @@ def choose_basis(rows: FitRows, system: CoenergySystem) -> tuple[CoenergyBasis, 
     Distance and current are searched in turn, each with what was chosen for the other. The error is that of
     :class:`femfit.fit.coenergy.CoenergyFit`; FitError if there are too few currents or distances.
     """
-    currents = constants.FEWEST_CURRENTS if rows.without_current else len(rows.currents)
+    count = constants.FEWEST_CURRENTS if rows.without_current else len(rows.currents)
     spare = 2 if rows.flux_linkage is None else 0  # flux linkage gives W' itself beside its slope
     fewest = constants.U_DEGREE + 1 + spare
-    if currents < constants.FEWEST_CURRENTS or len(rows.distances) < fewest:
+    if count < constants.FEWEST_CURRENTS or len(rows.distances) < fewest:
         raise FitError(
             f"A co-energy needs at least {constants.FEWEST_CURRENTS} currents and {fewest} distances; instead received "
-            f"{counted(currents, 'current')} and {counted(len(rows.distances), 'distance')}. Sweep more "
-            + ("currents." if currents < constants.FEWEST_CURRENTS else "distances, or fit a law.")
+            f"{counted(count, 'current')} and {counted(len(rows.distances), 'distance')}. Sweep more "
+            + ("currents." if count < constants.FEWEST_CURRENTS else "distances, or fit a law.")
         )
     counts = [n for n in constants.DISTANCE_CELLS if n <= constants.MOST_CELLS or not rows.saturates]
-    along = chain(*splines_along(rows.distances, counts, fewest - constants.U_DEGREE - 1, breaks="following"))
-    in_distance: list[dict[str, Any]] = [{"coordinate": coordinate, "u_knots": knots} for coordinate, knots in along]
-    in_current: list[dict[str, Any]] = [{"functions": functions} for functions in _current_trials(rows)]
+    in_current = _current_trials(rows)
     # A bend that is not resolved hides what the distances show
     start = in_current[-1 if rows.saturates else 0]
-    basis, error, size_of = CoenergyBasis(**in_distance[0], **start), np.inf, attrgetter("size")
+    in_distance = [*chain(*splines_along(rows.distances, counts, start, spare, breaks="following"))]
+    basis, error, size_of = in_distance[0], np.inf, attrgetter("size")
     nearly = constants.NEARLY_BEST_BENT if rows.saturates else constants.NEARLY_BEST
     for _ in range(constants.ROUNDS):
         before = basis.functions
-        for trials in (in_distance, in_current):
-            bases = sorted((replace(basis, **trial) for trial in trials), key=size_of)
-            alike = (list(group) for _, group in groupby(bases, size_of))
+        for places, currents in ((in_distance, [basis.functions]), ([], in_current)):
+            trials = [replace(place, functions=functions) for place in places or [basis] for functions in currents]
+            alike = (list(group) for _, group in groupby(sorted(trials, key=size_of), size_of))
             basis, error = smallest(alike, system.held_out_errors, nearly=nearly)
             if error < constants.HELD_OUT_TARGET:
                 return basis, error
@@ -120,18 +119,15 @@ def _current_trials(rows: FitRows) -> list[CurrentSplines]:
     return [CurrentSplines((clamped_knots(breaks, degree),), (degree,)) for degree, breaks in even + following]
 
 
-Along = tuple[DistanceCoordinate, FloatArray]
-"""A coordinate of the distance, and the knots in it."""
-
-
 def splines_along(
     distances: FloatArray,
     counts: Sequence[int],
+    functions: CurrentSplines,
     spare: int = 0,
     *,
     degree: int = constants.U_DEGREE,
     breaks: str = "even",
-) -> Iterator[list[Along]]:
+) -> Iterator[list[CoenergyBasis]]:
     """Splines over ascending distances in m, those of as many cells together; ``spare`` distances more than functions.
 
     Breaks lie evenly in the coordinate, or, ``following``, also where the distances do: these leave data in every cell.
@@ -157,7 +153,7 @@ def splines_along(
             spaced = np.geomspace if breaks == "geometric" and coordinate.inverse else np.linspace
             even = spaced(at_rows[0], at_rows[-1], count + 1)
             places = [even, at_rows] if breaks == "following" and count > 1 else [even]
-            alike += [(coordinate, clamped_knots(u, degree)) for u in places]
+            alike += [CoenergyBasis(coordinate, clamped_knots(u, degree), functions, degree) for u in places]
         yield alike
 
 
@@ -175,8 +171,5 @@ def best_along_distance(system: CoenergySystem, functions: CurrentSplines) -> Co
             f"Several circuits need a sweep of at least {constants.U_DEGREE + 1} distances; instead received "
             f"{len(distances)}. Sweep more distances."
         )
-    groups = (
-        [CoenergyBasis(*along, functions) for along in alike]
-        for alike in splines_along(distances, constants.CIRCUIT_CELLS)
-    )
+    groups = splines_along(distances, constants.CIRCUIT_CELLS, functions)
     return smallest(groups, lambda basis: system.held_out_errors(basis).max())[0]

@@ -13,7 +13,7 @@ R. D. Cook and S. Weisberg, Residuals and Influence in Regression (Chapman and H
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations_with_replacement
 
@@ -89,13 +89,10 @@ class CoenergySystem:
     # largest current
     grid: bool = False
 
-    def equations(
-        self, basis: CoenergyBasis, channels: Sequence[Channel] | None = None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Matrix, data and standard deviations, as the table has them; of all channels by default."""
-        channels = self.channels if channels is None else channels
-        blocks, value, sigma = [], [c.value for c in channels], [c.sigma for c in channels]
-        for c in channels:
+    def equations(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Matrix, data and standard deviations, as the table has them."""
+        blocks, value, sigma = [], [c.value for c in self.channels], [c.sigma for c in self.channels]
+        for c in self.channels:
             columns = basis.columns(self.distance[c.which], self.currents[c.which], c.along, c.circuits)
             blocks.append(-columns if c.along else columns)
         if self.penalties is not None:
@@ -132,10 +129,10 @@ class CoenergySystem:
         -------
         array, shape (functions, k)
         """
-        channels = self.channels[: len(values)]
-        (matrix, value, sigma), unknown = self.equations(basis, channels), self.determined(basis)
+        system = replace(self, channels=self.channels[: len(values)])
+        (matrix, value, sigma), unknown = system.equations(basis), self.determined(basis)
         right = np.zeros((len(value), values.shape[2]))
-        stacked = np.concatenate([column[c.which] for column, c in zip(values, channels, strict=True)])
+        stacked = np.concatenate([column[c.which] for column, c in zip(values, system.channels, strict=True)])
         right[: len(stacked)] = stacked
         weighted = matrix[:, unknown] / sigma[:, None]
         norms = np.linalg.norm(weighted, axis=0)
@@ -189,7 +186,7 @@ class CoenergySystem:
         if projection is None:
             return np.stack([np.full(count, np.inf), np.full(count, np.inf), np.ones(count)])
         left_out, times = np.zeros(count), np.zeros(count)
-        for which in self._places:
+        for which in map(self.places, self.folds):
             left_out[which] += projection.left_out(which) ** 2
             times[which] += 1.0
         scale = np.concatenate([channel.sigma / channel.scale for channel in self.channels]) ** 2
@@ -199,10 +196,6 @@ class CoenergySystem:
     def _ends(self) -> IntArray:
         """Where the rows of each channel end among all channels'."""
         return np.cumsum([len(channel.which) for channel in self.channels])
-
-    @cached_property
-    def _places(self) -> list[IntArray]:
-        return [self.places(mask) for mask in self.folds]
 
 
 def coenergy_system(rows: FitRows) -> CoenergySystem:

@@ -9,7 +9,6 @@ Between frequencies g^-1 (dL/dp) g^-T is followed, which varies less than dL/dp 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -19,19 +18,16 @@ from femfit.core.numerics import BoolArray, ComplexArray, FloatArray
 from femfit.core.sweep_columns import is_current
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerances import KINDS
-from femfit.fit.basis import row_products
-from femfit.fit.coenergy import CoenergyFit
+from femfit.fit.coenergy import CoenergyFit, with_coefficients
 from femfit.fit.coenergy_system import coenergy_system
 from femfit.fit.constants import AT_THE_GAP, EDDY_PER_DECADE
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
-from femfit.model.bspline import basis_matrix
 from femfit.model.carried import FieldTerm
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.hall import HallSpline
 from femfit.model.impedance import CUBIC, impedance_change, induced_impedance
-from femfit.model.magnetics import CoenergySpline, Magnetics
+from femfit.model.magnetics import Magnetics
 from femfit.tables.signatures import ImpedanceSlopes, Signatures
 
 
@@ -50,31 +46,21 @@ def drawn_effects(
     rows = rows.take(with_slopes)
     of_fields = 1 if rows.flux_linkage is None else 2
     magnetic = coenergy_system(rows).without_constraints(coenergy.basis, slopes[:of_fields])
-    field = None if hall is None or len(slopes) < 3 else hall.field
-    if field is not None:
-        in_u = basis_matrix(field.coordinate.of(rows.distance), field.spline.x_knots, field.spline.x_degree)
-        in_i = basis_matrix(rows.current, field.spline.y_knots, field.spline.y_degree)
-        sensed = np.linalg.lstsq(row_products(in_u, in_i), slopes[2], rcond=1e-12)[0]
+    field = None
+    if hall is not None and len(slopes) > 2:
+        field, columns = hall.field, hall.basis.columns(rows.distance, rows.circuit_currents)
+        sensed = np.linalg.lstsq(columns, slopes[2], rcond=1e-12)[0]
     effects = []
     for k, number in enumerate(numbers):
         name, reciprocal, terms = parameter_name(number.unit), KINDS[number.kind].reciprocal, list[FieldTerm]()
         if np.any(magnetic[:, k]):
-            change = _with_coefficients(coenergy.magnetics, magnetic[:, k])
+            change = with_coefficients(coenergy.magnetics, magnetic[:, k])
             terms.append(FieldTerm(name, coenergy=change, reciprocal=reciprocal))
         if field is not None:
-            terms.append(FieldTerm(name, hall=_with_coefficients(field, sensed[:, k]), reciprocal=reciprocal))
+            terms.append(FieldTerm(name, hall=with_coefficients(field, sensed[:, k]), reciprocal=reciprocal))
         gap_m = _gap(number, coenergy, rows, slopes[:of_fields, :, k])
         effects.append(replace(drawn_effect(number, tuple(terms)), gap_m=gap_m))
     return tuple(effects)
-
-
-Spline = TypeVar("Spline", CoenergySpline, HallSpline)
-
-
-def _with_coefficients(like: Spline, coefficients: FloatArray) -> Spline:
-    """The same functions with other coefficients, flat."""
-    spline = replace(like.spline, coefficients=coefficients.reshape(like.spline.coefficients.shape))
-    return replace(like, spline=spline)
 
 
 def drawn_effect(number: NumberFacts, terms: tuple[FieldTerm, ...], *, at_rest: bool = False) -> DrawnEffect:
@@ -102,11 +88,8 @@ def _gap(number: NumberFacts, coenergy: CoenergyFit, rows: FitRows, slopes: Floa
 
     The force and the flux linkage count by their slopes along the distance.
     """
-    coefficients = coenergy.magnetics.spline.coefficients.ravel()
-    along = [
-        sign * coenergy.basis.columns(rows.distance, rows.circuit_currents, *order) @ coefficients
-        for sign, order in ((1.0, (2,)), (-1.0, (1, (0,))))
-    ]
+    fitted = coenergy.magnetics.slopes(rows.distance, rows.circuit_currents)
+    along = [-fitted.force_gradient, fitted.motional_constant[:, 0]]
     size = np.array([rms(column) or 1.0 for column in along[: len(slopes)]])[:, None]
     nearer, changed = np.array(along[: len(slopes)]) / size, slopes / size
     gap = float(np.sum(nearer * changed) / np.sum(nearer**2))

@@ -69,7 +69,11 @@ def fit_eddy(
     )
     eddy = _through(combined, coordinate)
     _require_passive(eddy, table.distances_m)
-    errors = _errors(eddy, table, frequencies) + _between(eddy, combined, frequencies)
+    # Of the field itself, and of the model beside it
+    braking = np.array([0.0, np.nan_to_num(table.braking_error), 0.0])
+    of_field = table.error_at(frequencies) if n else braking
+    at_distances = (_departures(as_table(eddy, table), table, frequencies) + of_field).max(axis=(0, 1))
+    errors = at_distances + _between(eddy, combined, frequencies)
     stated = EddyError(
         float(frequencies[0]),
         float(frequencies[-1]),
@@ -215,15 +219,8 @@ def _require_passive(eddy: EddyCurrents, distances: FloatArray) -> None:
         )
 
 
-def _errors(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> FloatArray:
-    """Largest departures (3,) of impedance, force and Hall field from the field, with the field's own errors."""
-    braking = np.array([0.0, np.nan_to_num(table.braking_error), 0.0])
-    of_field = table.error_at(frequencies) if table.circuits else braking
-    return np.asarray((_departures(as_table(eddy, table), table, frequencies) + of_field).max(axis=(0, 1)))
-
-
 def _between(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> FloatArray:
-    """How far the splines may be off between the distances, as :func:`_errors`; nothing of two distances alone.
+    """How far the splines may be off between the distances, (3,) as departures; nothing of two distances alone.
 
     It is a part of what they change by half-way to a distance's neighbours if the distance is left out: of splines of
     the order 2 p, a cell of width a beside one of width b then misses (1 + 2 b / a)^p times what it missed before.

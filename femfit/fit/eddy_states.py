@@ -37,7 +37,7 @@ class _Place:
     driven: FloatArray  # What drives each pattern: flux linkages with the circuits and, by motion, the pull; (q, l)
     size: FloatArray  # Of each response at each frequency, shape (f, k, l)
     target: ComplexArray  # The responses; shape (f, k, l)
-    hall_outputs: int  # Of k, how many do not follow from the energy: the last ones, of the Hall field
+    has_hall: bool  # Whether the last of k, the Hall field, does not follow from the energy
 
     def departures(self, combinations: FloatArray) -> ComplexArray:
         """Of the responses by combinations, over their sizes, shape (f, k, l)."""
@@ -60,21 +60,17 @@ class _Place:
 
     def read(self, combinations: FloatArray) -> "_Place":
         """The same with the Hall field that fits best what orthonormal combinations (q, r) add to it."""
-        if not self.hall_outputs:
+        if not self.has_hall:
             return self
-        target, size = self.target[:, -self.hall_outputs :], self.size[:, -self.hall_outputs :]
+        target, size = self.target[:, -1], self.size[:, -1]  # (f, l)
         moved = np.abs(target).max(axis=0, keepdims=True)  # of what motion drives
         size = np.where(np.isfinite(size), size, np.where(moved > 0.0, EDDY_LOOSER * moved, np.inf))
-        rows = self._driven(combinations).swapaxes(1, 2)[:, None] / size[..., None]  # (f, own, l, r)
-        outputs = combinations.T @ self.outputs[:, -self.hall_outputs :]
-        for k in range(self.hall_outputs):
-            a = rows[:, k].reshape(-1, combinations.shape[1])
-            off = (target[:, k] / size[:, k]).ravel() - a @ outputs[:, k]
-            real = np.concatenate([a.real, a.imag]), np.concatenate([off.real, off.imag])
-            outputs[:, k] += np.linalg.lstsq(*real, rcond=EDDY_SINGULAR)[0]
-        return replace(
-            self, outputs=np.concatenate([self.outputs[:, : -self.hall_outputs], combinations @ outputs], axis=1)
-        )
+        rows = (self._driven(combinations).swapaxes(1, 2) / size[..., None]).reshape(-1, combinations.shape[1])
+        outputs = combinations.T @ self.outputs[:, -1]
+        off = (target / size).ravel() - rows @ outputs
+        real = np.concatenate([rows.real, rows.imag]), np.concatenate([off.real, off.imag])
+        outputs += np.linalg.lstsq(*real, rcond=EDDY_SINGULAR)[0]
+        return replace(self, outputs=np.column_stack([self.outputs[:, :-1], combinations @ outputs]))
 
     def _driven(self, turned: FloatArray) -> ComplexArray:
         """(1 + s T^T N T)^-1 T^T D, shape (f, r, l)."""
@@ -112,16 +108,12 @@ class StateChoice:
         plain = (count for count in range(1, len(unit)) if self.error(unit[:, :count]) <= error)
         most = next(plain, len(unit))
         count = max(1, round(EDDY_FEWER * most))
-        combinations = self._optimal(count)
-        if self.error(combinations) <= error:
-            while count > 1 and self.error(fewer := self._optimal(count - 1)) <= error:
-                count, combinations = count - 1, fewer
-            return combinations
-        for more in range(count + 1, most):
-            combinations = self._optimal(more)
-            if self.error(combinations) <= error:
-                return combinations
-        return unit[:, :most]
+        optimal = map(self._optimal, range(count, max(most, count + 1)))
+        best = next((combinations for combinations in optimal if self.error(combinations) <= error), unit[:, :most])
+        fewest = best.shape[1]
+        while 1 < fewest <= count and self.error(fewer := self._optimal(fewest - 1)) <= error:
+            best, fewest = fewer, fewest - 1
+        return best
 
     def _optimal(self, count: int) -> FloatArray:
         """So many combinations with the least squares of the departures, then of their third powers."""
@@ -168,7 +160,7 @@ class StateChoice:
         rates, vectors = np.linalg.eigh(0.5 * (among + among.T))
         gain = 1.0 / (1.0 + self._s[:, None] * rates)
         target = np.einsum("rk,fr,rl->fkl", vectors.T @ outputs, gain, vectors.T @ driven)
-        return _Place(self._s, among, outputs, driven, self._sizes(k, target), target, hall.shape[1])
+        return _Place(self._s, among, outputs, driven, self._sizes(k, target), target, table.hall is not None)
 
     def _sizes(self, k: int, target: FloatArray) -> FloatArray:
         """What departures are relative to: the whole response to a current, and that to motion when it is slow."""

@@ -164,7 +164,7 @@ def fit_coefficient_function(
     currents: FloatArray,
     values: FloatArray,
     label: str,
-    bounds: FloatArray | None = None,
+    bounds: FloatArray,
     name: str | None = None,
     negligible: float = 0.0,
 ) -> CoefficientFunction:
@@ -178,8 +178,6 @@ def fit_coefficient_function(
     ----------
     L. Breiman et al., Classification and Regression Trees (Wadsworth, 1984), section 3.4.3 (one standard error).
     """
-    if bounds is None:
-        bounds = np.tile(np.reshape([-np.inf, np.inf], (2, 1, 1)), (len(currents), 1))
     squares = _held_out_squares(currents, values, bounds)
     if name is None and not squares:
         raise InfeasibleFitError(

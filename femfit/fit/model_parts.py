@@ -39,11 +39,8 @@ def actuator_entry(
         raise UsageError(f"The supply's lowest voltage must be below its highest; instead received {supply_V}.")
     low, high = supply_V or (None, None)
     options = {"voltage_min_V": low, "voltage_max_V": high, "mass_kg": mass_kg, "resistance_ohm": resistance_ohm}
-    return {
-        **(recorded or {}),
-        **(actuator or {}),
-        **{key: value for key, value in options.items() if value is not None},
-    }
+    given = {key: value for key, value in options.items() if value is not None}
+    return {**(recorded or {}), **(actuator or {}), **given}
 
 
 def hall_sensor_of(element: Mapping[str, Any], field: HallField) -> HallSensor:
@@ -138,12 +135,10 @@ def other_sensors_of(
         sensor: AnySensor = _recorded(AnySensor, "sensor", record)
         if isinstance(sensor, PickupCoil):
             flux, what = linked.get(sensor.name, "no flux"), f"Pickup coil {sensor.name!r}"
-            if isinstance(flux, str):
-                notes.append(note("not_in_the_model", what, flux))
-            else:
+            notes.append(note("sensed", flux, what, "Wb"))
+            if isinstance(flux, SensedFit):
                 shared = {f.name: getattr(sensor, f.name) for f in fields(Sensor)}
                 sensors.append(PickupSensor(**shared, flux=flux.field))
-                notes.append(note("sensed", flux, what, "Wb"))
         elif isinstance(sensor, HallElement):
             halls += 1
             if halls > 1:
@@ -194,10 +189,7 @@ def sample_time(model: ActuatorModel) -> float:
 
 def kind_of(entry: Mapping[str, Any]) -> ActuatorKind | None:
     """What the drawing is made of; None where the manifest does not say."""
-    record = entry.get("kind")
-    if not record:
-        return None
-    return _recorded(ActuatorKind, "kind of actuator", record)
+    return _recorded(ActuatorKind, "kind of actuator", entry["kind"]) if entry.get("kind") else None
 
 
 def number(entry: Mapping[str, Any], key: str) -> float:

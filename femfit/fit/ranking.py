@@ -20,16 +20,8 @@ import numpy as np
 
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
+from femfit.fit import constants
 from femfit.fit.coenergy import CoenergyFit
-from femfit.fit.constants import (
-    BETWEEN_INDUCTANCE,
-    BETWEEN_LEFT_OUT,
-    COARSE,
-    COARSE_INDUCTANCE,
-    DISTANCE_BLOCKS,
-    POOR_CIRCUIT,
-    TARGET,
-)
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.model_parts import validity_of
@@ -56,30 +48,26 @@ def misfit_to_rows(model: ActuatorModel, rows: FitRows) -> Misfit:
     """
     sensor, magnetics = model.sensor, model.magnetics
     error = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
-    flux_rms = flux_share = inductance_rms = inductance_share = hall_rms = None
+    stated = dict[str, float | None](flux_linkage_rms_Wb=None, hall_rms_T=None)
     if rows.flux_linkage is not None:
         linked = magnetics.flux_linkage(rows.distance, rows.circuit_currents)
         missed = linked - rows.flux_linkage
-        flux_rms, flux_share = rms(missed), rms_share(missed, rows.flux_linkage)
+        stated |= {"flux_linkage_rms_Wb": rms(missed), "flux_linkage_share": rms_share(missed, rows.flux_linkage)}
         if not rows.several:
             table, bent = (np.concatenate(rows.slopes(flux[:, 0])) for flux in (rows.flux_linkage, missed))
             if len(table):
-                inductance_rms, inductance_share = rms(bent), rms_share(bent, table)
+                stated |= {"inductance_rms_H": rms(bent), "inductance_share": rms_share(bent, table)}
     if sensor is not None and rows.hall is not None:
-        hall_rms = rms(sensor.field.field(rows.distance, rows.circuit_currents) - rows.hall)
+        stated["hall_rms_T"] = rms(sensor.field.field(rows.distance, rows.circuit_currents) - rows.hall)
     return Misfit(
         force_rms_N=rms(error),
         force_max_N=float(np.max(np.abs(error))),
         force_rms_relative=rms(error / rows.force_scale),
         force_rms_of_weight=None if rows.hanging_weight is None else rms(error) / rows.hanging_weight,
-        flux_linkage_rms_Wb=flux_rms,
-        hall_rms_T=hall_rms,
         rows=len(error),
         against="sweep",
-        inductance_rms_H=inductance_rms,
         force_share=rms_share(error, rows.force),
-        flux_linkage_share=flux_share,
-        inductance_share=inductance_share,
+        **stated,
     )
 
 
@@ -110,10 +98,10 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | No
     notes = []
     if coenergy is not None:
         between, of_each = between_points(coenergy, rows), misfit.force_rms_relative
-        if between.coarse or of_each >= COARSE:
+        if between.coarse or of_each >= constants.COARSE:
             notes.append(note("coarse_sweep", between, of_each))
     shares = {"flux linkage": misfit.flux_linkage_share, "inductance": misfit.inductance_share}
-    poor = {name: share for name, share in shares.items() if share is not None and share > POOR_CIRCUIT}
+    poor = {name: share for name, share in shares.items() if share is not None and share > constants.POOR_CIRCUIT}
     if poor:
         notes.append(note("circuit_misfit", poor, isinstance(model.magnetics, CoenergySpline)))
     return tuple(notes)
@@ -140,9 +128,16 @@ def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
     points there help between the points too, where points at the smallest forces do not.
     """
     missed = coenergy.left_out if rows.saturates else coenergy.fitted
-    expected = {"force": BETWEEN_LEFT_OUT, "inductance": BETWEEN_INDUCTANCE} if rows.saturates else {"force": 1.0}
+    expected = (
+        {"force": constants.BETWEEN_LEFT_OUT, "inductance": constants.BETWEEN_INDUCTANCE}
+        if rows.saturates
+        else {"force": 1.0}
+    )
     shares = {name: part * rows.share(name, missed[name]) for name, part in expected.items()}
-    excess = {name: share / (COARSE if name == "force" else COARSE_INDUCTANCE) for name, share in shares.items()}
+    excess = {
+        name: share / (constants.COARSE if name == "force" else constants.COARSE_INDUCTANCE)
+        for name, share in shares.items()
+    }
     most = max(excess, key=excess.__getitem__)
     worst = int(np.argmax(missed[most]))
     distance, current = float(rows.distance[worst]), float(rows.current[worst])
@@ -189,7 +184,7 @@ class Ranking:
         """As JSON-ready data, best first; null in place of what a law that could not be fitted does not have."""
         return {
             "of": self.of,
-            "target": TARGET,
+            "target": constants.TARGET,
             "recommended": self.recommended.law.name,
             "reached": self.reached,
             "candidates": [
@@ -217,7 +212,7 @@ def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
     if not fitted:
         reasons = dict.fromkeys(candidate.failure for candidate in candidates)
         raise FitError(f"No law could be fitted. {' '.join([*reasons][:3])}")
-    cost = {c.fit.operations: c for c in reversed(candidates) if c.fit and c.error <= TARGET}
+    cost = {c.fit.operations: c for c in reversed(candidates) if c.fit and c.error <= constants.TARGET}
     recommended = cost[min(cost)] if cost else fitted[0]
     return Ranking(tuple(candidates), recommended, bool(cost), rows.error_scale[1])
 
@@ -225,7 +220,7 @@ def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
 def ranking_folds(rows: FitRows) -> list[BoolArray]:
     """The rows that are left out together: blocks of inner distances, then inner currents where three remain."""
     inner = rows.distances[1:-1]
-    blocks = np.array_split(inner, min(DISTANCE_BLOCKS, len(inner)))
+    blocks = np.array_split(inner, min(constants.DISTANCE_BLOCKS, len(inner)))
     folds = [np.isin(rows.distance, block) for block in blocks]
     if len(rows.currents) > 3:
         folds.extend(rows.current == i for i in rows.currents[1:-1])
@@ -233,7 +228,6 @@ def ranking_folds(rows: FitRows) -> list[BoolArray]:
 
 
 def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Candidate:
-    scale, _ = rows.error_scale
     try:
         fit = fit_law(law, rows)
         left_out = []
@@ -252,7 +246,7 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
         fit=fit,
         law=law,
         misfit=written,
-        held_out_rms=rms(errors) / scale,
-        rms=written.force_rms_N / scale,
+        held_out_rms=rms(errors) / rows.error_scale[0],
+        rms=written.force_rms_N / rows.error_scale[0],
         parameters=len(fit.terms) + len(fit.shape),
     )

@@ -99,22 +99,17 @@ class FitRows:
         """
         if self.weight is None or not np.min(self.force) <= self.weight <= np.max(self.force):
             return None
-        return None if self.rms_force > constants.FAR_ABOVE_WEIGHT * self.weight else self.weight
-
-    @property
-    def rms_force(self) -> float:
-        """Root mean square of the force, N."""
-        return rms(self.force)
+        return None if rms(self.force) > constants.FAR_ABOVE_WEIGHT * self.weight else self.weight
 
     def share(self, quantity: str, errors: FloatArray) -> float:
         """Rms of errors of the force or, where the iron saturates, of the inductance, over the table's rms of it."""
-        return rms(errors) / ((self.rms_force if quantity == "force" else rms(self.inductances)) or 1.0)
+        return rms(errors) / (rms(self.force if quantity == "force" else self.inductances) or 1.0)
 
     @property
     def error_scale(self) -> tuple[float, str]:
         """What a law's errors are a part of, in N, and its name: the weight where the part can hang, or the rms."""
         weight = self.hanging_weight
-        return (weight, "weight") if weight else (self.rms_force, "rms force")
+        return (weight, "weight") if weight else (rms(self.force), "rms force")
 
     @property
     def force_scale(self) -> FloatArray:

@@ -16,6 +16,7 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,14 @@ def fit_sensed(distance: FloatArray, currents: FloatArray, values: FloatArray, w
     return SensedFit(field, error, rms(field.field(distance, currents) - values))
 
 
+def sensed_or_why(distance: FloatArray, currents: FloatArray, values: FloatArray, what: str) -> SensedFit | str:
+    """What :func:`fit_sensed` fits, or why it cannot."""
+    try:
+        return fit_sensed(distance, currents, values, what)
+    except FitError as error:
+        return str(error)
+
+
 def _splines(axes: list[FloatArray]) -> CurrentSplines:
     """Interpolating splines, whose knots lie at currents but the outermost ones."""
     degrees = tuple(min(constants.CURRENT_DEGREE, len(axis) - 1) for axis in axes)
@@ -97,10 +106,9 @@ def _fitted(
     system = CoenergySystem(distance, currents, (channel,), folds)
     # One distance left out must leave as many as there are functions
     degree = min(constants.U_DEGREE, len(distances) - 2)
-    groups = (
-        [CoenergyBasis(*along, functions, degree) for along in alike]
+    groups = chain.from_iterable(
+        splines_along(distances, constants.CIRCUIT_CELLS, functions, degree=degree, breaks="geometric")
         for functions in trials
-        for alike in splines_along(distances, constants.CIRCUIT_CELLS, degree=degree, breaks="geometric")
     )
     basis, error = smallest(groups, system.held_out_errors, target)
     projection = system.projection(basis)
@@ -117,6 +125,7 @@ class HallFit:
     """A fitted Hall characteristic."""
 
     field: HallSpline
+    basis: CoenergyBasis
     rms_T: float
     max_T: float
     held_out: float  # Rms error on held-out rows over the field's range
@@ -126,7 +135,7 @@ class HallFit:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the field."""
-        numbers = {name: value for name, value in vars(self).items() if name not in {"field", "held_out"}}
+        numbers = {name: value for name, value in vars(self).items() if name not in {"field", "basis", "held_out"}}
         coefficients = int(self.field.spline.coefficients.size)
         return {**numbers, "held_out_of_range": self.held_out, "coefficients": coefficients}
 
@@ -145,6 +154,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     magnet = field.field(rows.distances[[-1, 0]], np.zeros((2, 1)))
     return HallFit(
         field=field,
+        basis=basis,
         rms_T=rms(fitted - hall),
         max_T=float(np.max(np.abs(fitted - hall))),
         held_out=held_out,
@@ -161,9 +171,6 @@ def fit_pickups(table: SweepTable) -> dict[str, SensedFit | str]:
         currents = currents[:, :0]
     distance = rows["distance_m"].to_numpy(dtype=float)
     for match in filter(None, map(PICKUP_COLUMN.fullmatch, map(str, rows.columns))):
-        try:
-            values = rows[match[0]].to_numpy(dtype=float)
-            fits[match[1]] = fit_sensed(distance, currents, values, f"Pickup coil {match[1]!r}")
-        except FitError as error:
-            fits[match[1]] = str(error)
+        values = rows[match[0]].to_numpy(dtype=float)
+        fits[match[1]] = sensed_or_why(distance, currents, values, f"Pickup coil {match[1]!r}")
     return fits

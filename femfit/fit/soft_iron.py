@@ -163,8 +163,8 @@ def fit_network(rows: FitRows) -> NetworkFit:
     for out in ranking_folds(rows):
         refit = _magnetics(_best(readings, rows, ~out, [numbers]).tolist(), rows)
         errors.append(refit.force(rows.distance[out], rows.current[out, None]) - rows.force[out])
-    fitted = rms(magnetics.force(rows.distance, rows.current[:, None]) - rows.force) / rows.rms_force
-    left_out = rms(np.concatenate(errors)) / rows.rms_force if errors else np.inf
+    fitted = rms(magnetics.force(rows.distance, rows.current[:, None]) - rows.force) / rms(rows.force)
+    left_out = rms(np.concatenate(errors)) / rms(rows.force) if errors else np.inf
     return NetworkFit(magnetics, fitted, max(fitted, left_out))
 
 
@@ -182,7 +182,7 @@ def _require_plunger(rows: FitRows) -> None:
             "Sweep more."
         )
     idle = np.abs(rows.force[rows.current == 0.0])
-    if np.max(idle, initial=0.0) > constants.NETWORK_IDLE * rows.rms_force:
+    if np.max(idle, initial=0.0) > constants.NETWORK_IDLE * rms(rows.force):
         raise FitError(
             f"Law {NETWORK} is of plungers without a magnet; the table has {amount(float(idle.max()), 'N', 3)} without "
             "current. Take another law, or the co-energy."
@@ -226,7 +226,7 @@ def _best(readings: GraphFunction, rows: FitRows, fitted: BoolArray, starts: lis
     unit = np.array([1.0] * 5 + [abs(first[5])] * 2 + [1.0] + [float(np.exp(-first[1]))] * 2)
     points = np.stack([rows.distance, rows.current])[:, fitted]
     measured = np.concatenate([rows.force[fitted], rows.linked[fitted, 0]])
-    size = np.repeat([rows.rms_force, rms(rows.linked)], points.shape[1])
+    size = np.repeat([rms(rows.force), rms(rows.linked)], points.shape[1])
 
     def unbounded(values: FloatArray) -> FloatArray:
         return np.nan_to_num((values[:2].ravel() - measured) / size, nan=constants.NETWORK_OFF)

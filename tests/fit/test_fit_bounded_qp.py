@@ -116,7 +116,8 @@ def test_an_inequality_that_acts_is_met_and_named_beside_one_that_does_not():
     ],
 )
 def test_a_bound_that_acts_is_met_exactly_and_reported_with_its_side(lower, upper, inequality, x, active):
-    given = None if inequality is None else Inequalities(np.array([[1.0, 0.0]]), np.array([inequality]), ("a",))
+    limits = np.array([] if inequality is None else [inequality])
+    given = Inequalities(np.tile([1.0, 0.0], (len(limits), 1)), limits, ("a",) * len(limits))
     solution = solve_bounded_qp(F1E, noisy(), ONES, np.array(lower), np.array(upper), given)
     for found, wanted, side in zip(solution.x, x, active, strict=True):
         assert wanted is None or (found == wanted if side else found == pytest.approx(wanted, rel=1e-8))
@@ -193,16 +194,15 @@ def test_badly_conditioned_tables_with_hundreds_of_coefficients_end_with_a_proof
     y = np.tanh(6 * i) / (u + 0.05) + 0.02 * rng.standard_normal(600)
     sigma = 1e-3 + np.where(rng.uniform(size=600) < 0.5, 1e-4, 1.0)
     size = np.linalg.norm(matrix / sigma[:, None], axis=0)
-    lower, upper, given = np.zeros(224), np.inf, None
+    lower, upper, rows = np.zeros(224), np.inf, np.zeros((0, 224))
     if constraint == "convex":
         grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 25), np.linspace(0, 1, 25)))
-        lower, given = -np.inf, -tensor_spline(14, 16, grid_u, grid_i, 2) * size
+        lower, rows = -np.inf, -tensor_spline(14, 16, grid_u, grid_i, 2) * size
     elif constraint == "box":
         upper = np.full(224, np.median(y) * np.sqrt(600)) / size
     else:
-        given = np.vstack([np.eye(224)] * 2) * size
-    if given is not None:
-        given = Inequalities(given, np.zeros(len(given)), ("",) * len(given))
+        rows = np.vstack([np.eye(224)] * 2) * size
+    given = Inequalities(rows, np.zeros(len(rows)), ("",) * len(rows))
     stated = solve_bounded_qp(matrix, y, sigma, lower, upper, given)
     fast = matrix @ active_set_least_squares(matrix, y, sigma, lower, upper, given) / sigma
     # A sum of squares at its least is flat: half of the proof's digits

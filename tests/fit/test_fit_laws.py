@@ -20,6 +20,7 @@ G = 9.80665
 TABLE_3 = pd.read_csv(Path(__file__).parents[2] / "data" / "paper_table3.csv", comment="#")
 I = TABLE_3["current_A"].to_numpy()  # noqa: E741 - the paper's symbol
 ABOVE_ZERO = np.tile(np.reshape([0.0, np.inf], (2, 1, 1)), (8, 1))
+UNBOUNDED = np.tile(np.reshape([-np.inf, np.inf], (2, 1, 1)), (8, 1))
 
 
 @pytest.fixture(scope="module")
@@ -172,15 +173,15 @@ def test_a_constant_and_a_line_through_the_origin_are_recognised_in_scattered_co
 )
 def test_richer_functions_are_chosen_where_the_coefficient_needs_them(name, truth):
     values = truth(I) + 0.01 * np.random.default_rng(2).standard_normal(8)
-    chosen = fit_coefficient_function(I, values, "c")
+    chosen = fit_coefficient_function(I, values, "c", UNBOUNDED)
     assert chosen.name == name
     np.testing.assert_allclose(chosen.at(I), truth(I), atol=0.05)
 
 
 def test_a_difference_declared_negligible_buys_no_further_term():
     values = 2.0 + 1e-3 * I
-    assert fit_coefficient_function(I, values, "c").name == "affine"
-    assert fit_coefficient_function(I, values, "c", negligible=1e-2).name == "constant"
+    assert fit_coefficient_function(I, values, "c", UNBOUNDED).name == "affine"
+    assert fit_coefficient_function(I, values, "c", UNBOUNDED, negligible=1e-2).name == "constant"
 
 
 def test_bounds_of_currents_become_boxes_and_turn_around_with_the_sign():
