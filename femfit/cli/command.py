@@ -189,7 +189,7 @@ Mark = TypeVar("Mark")
 def _marks(signature: inspect.Signature, kind: type[Mark]) -> list[tuple[str, Mark]]:
     """The parameters whose annotation has such marks, once with each."""
     annotations = ((name, parameter.annotation) for name, parameter in signature.parameters.items())
-    marks = ((name, mark) for name, given in annotations for mark in getattr(given, "__metadata__", ()))
+    marks = ((name, mark) for name, annotation in annotations for mark in getattr(annotation, "__metadata__", ()))
     return [(name, mark) for name, mark in marks if isinstance(mark, kind)]
 
 

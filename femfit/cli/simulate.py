@@ -35,7 +35,7 @@ def simulate(
     sensed: Annotated[dict[str, Any], _SENSED],
     seed: Annotated[int, NOT_NEGATIVE] = 1,
     csv: Annotated[
-        Path | None, Writes(lambda given: OPEN_LOOP if given["drive"] or given["extrapolate"] else LOOP)
+        Path | None, Writes(lambda arguments: OPEN_LOOP if arguments["drive"] or arguments["extrapolate"] else LOOP)
     ] = None,
 ) -> Outcome:
     """Drive a model in open loop, or close the loop: controller, filter, sensors, steps, noise, faults.

@@ -110,8 +110,8 @@ def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:
     if not suffix or output.is_dir():
         kinds = dict.fromkeys(what or (*PICTURES, VTU))
         return [(kind, output / ("field.vtu" if kind == VTU else f"{kind}.png")) for kind in kinds]
-    kind, *others = what or ((VTU,) if suffix == VTU_SUFFIX else ("flux-density",))
-    if others or suffix not in ((VTU_SUFFIX,) if kind == VTU else FORMATS):
+    kind, *more = what or ((VTU,) if suffix == VTU_SUFFIX else ("flux-density",))
+    if more or suffix not in ((VTU_SUFFIX,) if kind == VTU else FORMATS):
         raise UsageError(
             f"--output must be a directory, or a file of one picture ({', '.join(FORMATS)}) or of the field "
             f"({VTU_SUFFIX}) for --what {kind}; instead received {output.name}. Give a directory for several."

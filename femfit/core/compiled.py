@@ -81,13 +81,13 @@ class Library:
     def __call__(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
         """The output (entries, count) of inputs (entries, count), or (entries, 1) where one holds for all points."""
         block = min(count, BLOCK)
-        given, result = np.empty((self._entries, block)), np.empty((self._rows, count))
+        inputs_of_block, result = np.empty((self._entries, block)), np.empty((self._rows, count))
         for first in range(0, count, BLOCK):
             points, end = min(block, count - first), 0
             for x in inputs:
                 start, end = end, end + len(x)
-                given[start:end, :points] = x if x.shape[1] == 1 else x[:, first : first + points]
-            if self._points(points, given.ctypes.data, block, result[:, first:].ctypes.data, count):
+                inputs_of_block[start:end, :points] = x if x.shape[1] == 1 else x[:, first : first + points]
+            if self._points(points, inputs_of_block.ctypes.data, block, result[:, first:].ctypes.data, count):
                 raise FloatingPointError("A compiled function failed.")  # CasADi's functions of SX never do
         return result
 

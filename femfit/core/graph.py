@@ -140,19 +140,19 @@ def row_of(table: FloatArray, borders: Sequence[FloatArray], coordinates: Sequen
     borders : sequence of array
         For each axis the ascending borders between its cells: one less than cells.
     """
-    entries, at = table.shape[-1], ca.vertcat(*(SX(x) for x in coordinates))
-    if (known := _row_at(table, at)) is not None:  # the same place twice is one row, and worked out once
-        return known.symbol
+    entries, place = table.shape[-1], ca.vertcat(*(SX(x) for x in coordinates))
+    if (twin := _row_at(table, place)) is not None:  # the same place twice is one row, and worked out once
+        return twin.symbol
     symbol = SX.sym("row", entries)
     columns = np.ascontiguousarray(table.reshape(-1, entries).T)
     inner = tuple(np.asarray(b, dtype=np.float64) for b in borders)
-    _LATE.get().rows.append(_Row(symbol, at, inner, columns, table))
+    _LATE.get().rows.append(_Row(symbol, place, inner, columns, table))
     return symbol
 
 
-def _row_at(table: FloatArray, at: SX) -> "_Row | None":
+def _row_at(table: FloatArray, place: SX) -> "_Row | None":
     rows = (row for row in _LATE.get().rows if row.source is table)
-    return next((row for row in rows if ca.is_equal(row.coordinates, at, ALIKE)), None)
+    return next((row for row in rows if ca.is_equal(row.coordinates, place, ALIKE)), None)
 
 
 def settled(value: Expression) -> SX:
@@ -163,7 +163,7 @@ def settled(value: Expression) -> SX:
     return symbol
 
 
-def slope(function: Callable[[SX], Expression], at: Expression, order: int = 1) -> SX:
+def slope(function: Callable[[SX], Expression], x0: Expression, order: int = 1) -> SX:
     """A derivative of a function of one variable, or its gradient in several, itself to be differentiated."""
 
     def derivative(x: SX) -> SX:
@@ -172,32 +172,32 @@ def slope(function: Callable[[SX], Expression], at: Expression, order: int = 1) 
             value = ca.gradient(value, x)
         return value
 
-    return of_variable(derivative, at)
+    return of_variable(derivative, x0)
 
 
-def of_variable(function: Callable[[SX], SX], at: Expression) -> SX:
+def of_variable(function: Callable[[SX], SX], x0: Expression) -> SX:
     """A function that derives by its variable, at an expression."""
-    at, late = SX(at), _LATE.get()
-    x = SX.sym("x", *at.shape)
+    x0, late = SX(x0), _LATE.get()
+    x = SX.sym("x", *x0.shape)
     rows, values = len(late.rows), len(late.settled)
-    result = ca.substitute(SX(function(x)), x, at)
+    result = ca.substitute(SX(function(x)), x, x0)
     new_rows, new_values = late.rows[rows:], late.settled[values:]
     del late.rows[rows:], late.settled[values:]
     twins: list[tuple[SX, SX]] = []
 
     def resolved(expression: SX) -> SX:
-        expression = ca.substitute(expression, x, at)
+        expression = ca.substitute(expression, x, x0)
         for symbol, twin in twins:
             expression = ca.substitute(expression, symbol, twin)
         return expression
 
     for row in new_rows:
         place = resolved(row.coordinates)
-        known = None if row.source is None else _row_at(row.source, place)
-        if known is None:
+        twin = None if row.source is None else _row_at(row.source, place)
+        if twin is None:
             late.rows.append(replace(row, coordinates=place))
         else:
-            twins.append((row.symbol, known.symbol))
+            twins.append((row.symbol, twin.symbol))
     late.settled += [(symbol, resolved(value)) for symbol, value in new_values]
     return resolved(result)
 
@@ -210,13 +210,13 @@ def _symbols_in(expression: SX) -> set[int]:
 def _bound(expressions: Sequence[SX]) -> list[SX]:
     """Expressions with what was settled in the place of its symbols."""
     pairs = [(symbol, value, _symbols_in(symbol)) for symbol, value in _LATE.get().settled]
-    found = list(expressions)
-    while present := set().union(*map(_symbols_in, found)):
+    bound = list(expressions)
+    while present := set().union(*map(_symbols_in, bound)):
         used = [(symbol, value) for symbol, value, names in pairs if names & present]
         if not used:
             break
-        found = ca.substitute(found, [symbol for symbol, _ in used], [value for _, value in used])
-    return found
+        bound = ca.substitute(bound, [symbol for symbol, _ in used], [value for _, value in used])
+    return bound
 
 
 _MADE: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
@@ -225,11 +225,11 @@ _MADE: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
 
 def once(owner: Any, key: Hashable, make: Callable[[], Made]) -> Made:
     """What is made for an owner under a key, within :func:`building` where it is not there; no pickle of it has it."""
-    known = _MADE.setdefault(owner, {})
-    if key not in known:
+    made = _MADE.setdefault(owner, {})
+    if key not in made:
         with building():
-            known[key] = make()
-    return cast("Made", known[key])
+            made[key] = make()
+    return cast("Made", made[key])
 
 
 class GraphFunction:
@@ -246,26 +246,26 @@ class GraphFunction:
     def __init__(self, inputs: Sequence[SX], output: SX) -> None:
         rows = _LATE.get().rows
         bound, *places = _bound([ca.densify(SX(output)), *(row.coordinates for row in rows)])
-        kept: list[_Row] = []
+        used: list[_Row] = []
         wanted = _symbols_in(bound)
         for row, place in zip(reversed(rows), reversed(places), strict=True):
             if wanted & _symbols_in(row.symbol):
-                kept.insert(0, _Row(row.symbol, place, row.inner, row.table))
+                used.insert(0, _Row(row.symbol, place, row.inner, row.table))
                 wanted |= _symbols_in(place)
-        self.inputs, self.output, self.rows = [SX(x) for x in inputs], ca.densify(bound), kept
+        self.inputs, self.output, self.rows = [SX(x) for x in inputs], ca.densify(bound), used
         self._sizes, self._compilation = [x.numel() for x in self.inputs], Compilation(self._of_a_point)
 
     @cached_property
     def stages(self) -> list[tuple[Tape, list[_Row]]]:
         """Tapes of the rows' coordinates, level by level, and of the output."""
-        stages, known, rest = [], list(self.inputs), list(self.rows)
+        stages, variables, rest = [], list(self.inputs), list(self.rows)
         needed = {id(row): _symbols_in(row.coordinates) for row in rest}
         while rest:
             waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
             ready = [row for row in rest if not needed[id(row)] & waiting]
-            stages.append((Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
-            known, rest = [*known, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
-        return [*stages, (Tape(known, self.output), [])]
+            stages.append((Tape(variables, ca.vertcat(*(row.coordinates for row in ready))), ready))
+            variables, rest = [*variables, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
+        return [*stages, (Tape(variables, self.output), [])]
 
     def _of_a_point(self, few_cells: int = FEW_CELLS) -> ca.Function:
         """The function of one point: rows are compared for where none has more cells, and looked up else."""
@@ -274,13 +274,13 @@ class GraphFunction:
             for row in reversed(self.rows):
                 output = ca.substitute(output, row.symbol, row.by_comparisons(row.coordinates))
             return ca.Function("f", self.inputs, [ca.cse(output)])
-        at = [ca.MX.sym("x", *x.shape) for x in self.inputs]
-        known = list(at)
+        point = [ca.MX.sym("x", *x.shape) for x in self.inputs]
+        values = list(point)
         for tape, ready in self.stages:
-            value = tape.function(*known)
+            value = tape.function(*values)
             places = iter(ca.vertsplit(value, 1)) if ready else iter(())
-            known += [row.by_lookup(ca.vertcat(*(next(places) for _ in row.inner))) for row in ready]
-        return ca.Function("f", at, [value])
+            values += [row.by_lookup(ca.vertcat(*(next(places) for _ in row.inner))) for row in ready]
+        return ca.Function("f", point, [value])
 
     def leaves_out(self, symbol: SX) -> bool:
         """Whether the output does not depend on an input, nor does the cell of any row."""
@@ -329,8 +329,8 @@ class GraphFunction:
         if count <= (block := self._block):
             return self._in_numpy(columns, count).copy()
         for first in range(0, count, block):
-            part = slice(first, min(first + block, count))
-            result[:, part] = self._in_numpy([x[:, part] if x.shape[1] > 1 else x for x in columns], part.stop - first)
+            span = slice(first, min(first + block, count))
+            result[:, span] = self._in_numpy([x[:, span] if x.shape[1] > 1 else x for x in columns], span.stop - first)
         return result
 
     @cached_property
@@ -339,10 +339,10 @@ class GraphFunction:
         return Caller(self.at_a_point, self._compilation)
 
     def _in_numpy(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
-        known = list(inputs)
+        values = list(inputs)
         for tape, ready in self.stages:
-            value, first = tape(known, count), 0
+            value, first = tape(values, count), 0
             for row in ready:
-                known.append(row.in_numpy(value[first : first + len(row.inner)]))
+                values.append(row.in_numpy(value[first : first + len(row.inner)]))
                 first += len(row.inner)
         return value

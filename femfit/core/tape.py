@@ -97,24 +97,24 @@ class Caller:
         library = None if self._compilation is None else self._compilation.after(ALONE)
         if library is not None and library is not self._library:
             self._library, self._function, self._buffers = library, library.function, {}
-        known = self._buffers.get(threading.get_ident())
-        if known is None:
-            known = self._buffers[threading.get_ident()] = self._bind()
-        _, run, given, value = known
-        for own, x in zip(given, inputs, strict=True):
-            own[:] = x
+        buffers = self._buffers.get(threading.get_ident())
+        if buffers is None:
+            buffers = self._buffers[threading.get_ident()] = self._bind()
+        _, run, arguments, value = buffers
+        for buffer, x in zip(arguments, inputs, strict=True):
+            buffer[:] = x
         run()
         return value.copy()
 
     def _bind(self) -> Any:
         function = self._function
         buffer, run = function.buffer()
-        given, value = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())], np.zeros(function.nnz_out(0))
-        for k, x in enumerate(given):
+        arguments, value = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())], np.zeros(function.nnz_out(0))
+        for k, x in enumerate(arguments):
             if len(x):
                 buffer.set_arg(k, memoryview(x))  # type: ignore[arg-type, call-arg]
         buffer.set_res(0, memoryview(value))  # type: ignore[arg-type, call-arg]
-        return buffer, run, given, value
+        return buffer, run, arguments, value
 
 
 class Tape:
@@ -131,8 +131,8 @@ class Tape:
             while len(bound) > 1:
                 bound.pop(next(iter(bound)))
             bound[count] = self._bind(count)
-        given, instructions, result = bound[count]
-        for row, x in zip(given, inputs, strict=True):
+        arguments, instructions, result = bound[count]
+        for row, x in zip(arguments, inputs, strict=True):
             np.copyto(row, x)
         with np.errstate(all="ignore"):
             for do, operands, out in instructions:
@@ -142,7 +142,7 @@ class Tape:
     def _bind(self, count: int) -> tuple[list[FloatArray], list[Any], FloatArray]:
         """The instructions with the arrays that they read and write."""
         f = self.function
-        given = [np.zeros((f.size1_in(k), count)) for k in range(f.n_in())]
+        arguments = [np.zeros((f.size1_in(k), count)) for k in range(f.n_in())]
         work, result = np.zeros((f.sz_w(), count)), np.zeros((f.size1_out(0), count))
         held: dict[int, Any] = {}
         instructions: list[Any] = []
@@ -151,10 +151,10 @@ class Tape:
             if number == ca.OP_CONST:
                 held[to[0]] = f.instruction_constant(k)
             elif number == ca.OP_INPUT:
-                held[to[0]] = given[of[0]][of[1]]
+                held[to[0]] = arguments[of[0]][of[1]]
             elif number == ca.OP_OUTPUT:
                 instructions.append((np.positive, (held[of[0]],), result[to[1]]))
             else:
                 instructions.append((operation(number)[0], tuple(held[j] for j in of), work[to[0]]))
                 held[to[0]] = work[to[0]]
-        return given, instructions, result
+        return arguments, instructions, result

@@ -135,12 +135,12 @@ def feed_of(
         raise UsageError("Give either a voltage or a current; both were given.")
     count = len(circuits)
     volts, amperes = np.full((2, count), np.nan)
-    for name, given, held in (("voltage_V", voltage_V, volts), ("current_A", current_A, amperes)):
-        if given is not None:
-            values = np.asarray(given, dtype=np.float64).reshape(-1)
+    for name, value, held in (("voltage_V", voltage_V, volts), ("current_A", current_A, amperes)):
+        if value is not None:
+            values = np.asarray(value, dtype=np.float64).reshape(-1)
             if len(values) not in {1, count} or not (np.abs(values) <= LARGEST).all():
                 raise UsageError(
-                    f"{name} must be one number up to {LARGEST:.0e}, or one for each of {count} circuits; got {given}."
+                    f"{name} must be one number up to {LARGEST:.0e}, or one for each of {count} circuits; got {value}."
                 )
             held[:] = values
     if voltage_V is None and current_A is None:

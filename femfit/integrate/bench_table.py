@@ -191,7 +191,7 @@ def _of_run(
         place = means["distance_m"].to_numpy()[:1], means["current_A"].to_numpy()[:1]
         begin = float(predict_readings(first, *place, Conditions(nominal=nominal_of(first)))["flux_linkage_Wb"][0])
     number = f"Run {run['run'].iloc[0]:g}: "
-    remarks = [replace(told, text=number + told.text) for told in watch_run(time, voltage, induced, current, flux)]
+    remarks = [replace(r, text=number + r.text) for r in watch_run(time, voltage, induced, current, flux)]
     return means.drop(columns="time_s").assign(flux_linkage_Wb=begin + flux.flux), flux.sigma**2, remarks
 
 

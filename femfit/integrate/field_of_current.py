@@ -126,8 +126,8 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
     keep = np.exp(-dt[:, None] / times)
     rate = np.divide(di, dt, out=np.zeros_like(dt), where=dt > 0.0)
     paths, lag = (1.0 - keep) * times * rate[:, None], state.lags
-    for row, left in enumerate(keep):
-        paths[row] = lag = left * lag + paths[row]
+    for row, share in enumerate(keep):
+        paths[row] = lag = share * lag + paths[row]
     return paths
 
 
@@ -188,8 +188,8 @@ def _left_out_rms(
     """Rms error on each stretch of the runs when fitted to the others, at currents that the others reach."""
     squares = []
     for stretch in np.array_split(np.arange(len(current)), FOLDS):
-        others, remaining = np.delete(current, stretch), np.delete(np.arange(len(rows)), stretch)
-        reached = stretch[(current[stretch] <= others.max()) & (current[stretch] >= others.min())]
+        elsewhere, remaining = np.delete(current, stretch), np.delete(np.arange(len(rows)), stretch)
+        reached = stretch[(current[stretch] <= elsewhere.max()) & (current[stretch] >= elsewhere.min())]
         x = BoundedQP(rows[remaining], target[remaining], sigma[remaining], lower).solve_unproven()
         squares.append(np.square(rows[reached] @ x - target[reached]))
     return float(np.sqrt(np.mean(np.concatenate(squares))))

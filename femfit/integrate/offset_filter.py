@@ -92,8 +92,8 @@ class OffsetFilter(Integrator):
         mean_prediction[0] = out[0, used].mean()
         innovation = np.array([z, z, 1.0, 0.0]) - mean_prediction
         mean = mean + gain[:, None] * innovation
-        kept = np.eye(2) - np.outer(gain, H)
-        covariance = kept @ prior @ kept.T + R * np.outer(gain, gain)  # Joseph's form keeps it positive
+        unread = np.eye(2) - np.outer(gain, H)
+        covariance = unread @ prior @ unread.T + R * np.outer(gain, gain)  # Joseph's form keeps it positive
         out[3:5, -1] = innovation[0], spread
         self.write(out[:, -1], mean[0], covariance[0, 0], mean[1, 0])
         return replace(state, mean=mean, covariance=covariance, memory=magnet)

@@ -101,7 +101,7 @@ class FieldBlock:
     def sigma(self, systematics: Systematics) -> FloatArray:
         """Combined standard uncertainty in T of noise and independent systematics (GUM 5.1.2)."""
         parts = self.responses.parts(systematics).values()
-        return np.asarray(np.sqrt(self.variance + sum(np.square(part) for part in parts)))
+        return np.asarray(np.sqrt(self.variance + sum(np.square(share) for share in parts)))
 
 
 def white_sigma(values: FloatArray) -> float:

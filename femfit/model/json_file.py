@@ -111,10 +111,10 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
             "Update femfit, or write the model again with this version."
         )
     if version <= FIRST_AND_FURTHER:  # its circuits come in one list
-        kept = {key: value for key, value in data.items() if key not in {"circuit", "further_circuits"}}
-        first, further = data.get("circuit"), data.get("further_circuits") or []
-        circuits = [*([] if first is None else [first]), *further] if isinstance(further, list) else further
-        data = kept | ({"circuits": circuits} if "circuit" in data else {})
+        sections = {key: value for key, value in data.items() if key not in {"circuit", "further_circuits"}}
+        first, more = data.get("circuit"), data.get("further_circuits") or []
+        circuits = [*([] if first is None else [first]), *more] if isinstance(more, list) else more
+        data = sections | ({"circuits": circuits} if "circuit" in data else {})
     try:
         model = _build(data, source)
         fault = next(_faults(model), None)
@@ -133,14 +133,14 @@ def _build(data: Mapping[str, Any], source: str) -> ActuatorModel:
     if not filed.circuits and not box.current_limits_A.any():  # zeros of no winding
         box = replace(box, current_limits_A=box.current_limits_A[:0])
     base = replace(filed, validity=box, effects=())
-    drawn, added = {one.key: one.effect for one in base.drawn}, []
-    for k, one in enumerate(filed.effects):
-        effect = drawn.get(one.name) or (one.carried and one.carried.effect(one.name))  # type: ignore[attr-defined]
-        effect = effect or effect_by_name(one.name)  # type: ignore[attr-defined]
+    drawn, added = {carried.key: carried.effect for carried in base.drawn}, []
+    for k, record in enumerate(filed.effects):
+        effect = drawn.get(record.name) or (record.carried and record.carried.effect(record.name))  # type: ignore[attr-defined]
+        effect = effect or effect_by_name(record.name)  # type: ignore[attr-defined]
         names = [p.name for p in effect.parameters]
-        if not {*one.parameters, *one.ci95} <= set(names):
+        if not {*record.parameters, *record.ci95} <= set(names):
             raise refusal(source, f"effects[{k}]", f"of the parameters {', '.join(names)}", data["effects"][k])
-        added.append(AddedEffect(effect, effect.null() | dict(one.parameters), one.ci95))
+        added.append(AddedEffect(effect, effect.null() | dict(record.parameters), record.ci95))
     return with_effects(base, added)
 
 

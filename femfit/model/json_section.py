@@ -70,8 +70,8 @@ def read_record(kind: type[Section], data: object, source: str) -> Section:
 def refusal(source: str, path: str, needed: str, value: object = MISSING) -> ModelFileError:
     """The error for a member that is not what is needed."""
     text = repr(value)
-    given = "it is missing" if value is MISSING else f"instead received {text[:57]}{'...' * (len(text) > 57)}"
-    return ModelFileError(f"{source} is damaged: {path} must be {needed}; {given}. Write it again with femfit fit.")
+    instead = "it is missing" if value is MISSING else f"instead received {text[:57]}{'...' * (len(text) > 57)}"
+    return ModelFileError(f"{source} is damaged: {path} must be {needed}; {instead}. Write it again with femfit fit.")
 
 
 def member_at(data: Any, path: str) -> Any:
@@ -183,8 +183,8 @@ def _one_of(kinds: tuple[Any, ...], value: Any, path: str) -> Any:
     tags = {kind_of(kind): kind for kind in kinds if kind_of(kind)} if len(kinds) > 1 else {}
     if tags and value.get("kind") not in list(tags):
         raise _Fault(joined(path, "kind"), " or ".join(tags), value.get("kind", MISSING))
-    own = {kind: _keys(kind).difference(*(_keys(each) for each in kinds if each is not kind)) for kind in kinds}
-    kind = next((each for each in kinds if own[each] & set(value)), kinds[-1])
+    distinct = {kind: _keys(kind).difference(*(_keys(each) for each in kinds if each is not kind)) for kind in kinds}
+    kind = next((each for each in kinds if distinct[each] & set(value)), kinds[-1])
     kind = tags[value["kind"]] if tags else kind
     for key in value:
         if key not in _keys(kind):
@@ -209,9 +209,9 @@ def written(value: Any, *, tagged: bool = False) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):
-        return {key: written(one) for key, one in value.items()}
+        return {key: written(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
-        return [written(one, tagged=tagged) for one in value]
+        return [written(item, tagged=tagged) for item in value]
     return dict(_written_members(value, tagged)) if is_dataclass(value) else value
 
 
@@ -225,7 +225,7 @@ def _written_members(record: Any, tagged: bool) -> Iterator[tuple[str, Any]]:
             continue
         if "form" in limits:
             many = isinstance(value, tuple)
-            value = [limits["form"].of(one) for one in value] if many else limits["form"].of(value)
+            value = [limits["form"].of(item) for item in value] if many else limits["form"].of(value)
         if isinstance(value, tuple) and any(x in (inf, -inf) for x in value):
             value = [None if x in (inf, -inf) else x for x in value]
         if limits.get("flat"):
@@ -256,4 +256,4 @@ def _members(kind: Any) -> tuple[_Member, ...]:
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
     """The types that a hint allows, none of them None."""
-    return tuple(one for one in (get_args(hint) if isinstance(hint, UnionType) else (hint,)) if one is not type(None))
+    return tuple(t for t in (get_args(hint) if isinstance(hint, UnionType) else (hint,)) if t is not type(None))

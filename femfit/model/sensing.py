@@ -42,8 +42,8 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
         Across the circuits; it reaches pickup coils and acceleration sensors alone.
     """
     _, velocity, _, memory = equations.parts(state)
-    at = replace(equations.conditions(velocity, memory), time_s=time, elapsed=time)
-    return READINGS[type(sensor)](sensor, equations, state, voltage, at)
+    now = replace(equations.conditions(velocity, memory), time_s=time, elapsed=time)
+    return READINGS[type(sensor)](sensor, equations, state, voltage, now)
 
 
 SCALING = ("remanence", "turns")
@@ -112,30 +112,30 @@ def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
     return 2 + names.index(sensor.circuit)
 
 
-def _setting(equations: "Equations", state: SX, at: Conditions) -> tuple[SX, SX]:
+def _setting(equations: "Equations", state: SX, now: Conditions) -> tuple[SX, SX]:
     """Distance and currents as they are recorded."""
     currents = ca.vertcat(SX(0, 1), *ca.vertsplit(equations.parts(state)[2])[: len(equations.model.circuits)])
-    return recorded_setting(equations.model.effects, state[0], currents, at)
+    return recorded_setting(equations.model.effects, state[0], currents, now)
 
 
-def _current(sensor: CurrentSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
-    return sensor.gain * _setting(equations, state, at)[1][current_index(equations.model, sensor) - 2] + sensor.offset
+def _current(sensor: CurrentSensor, equations: "Equations", state: SX, _voltage: SX, now: Conditions) -> SX:
+    return sensor.gain * _setting(equations, state, now)[1][current_index(equations.model, sensor) - 2] + sensor.offset
 
 
-def _hall(_sensor: HallSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
+def _hall(_sensor: HallSensor, equations: "Equations", state: SX, _voltage: SX, now: Conditions) -> SX:
     """The output that belongs to the distance and the current of the reading."""
     model, (distance, _, currents, _) = equations.model, equations.parts(state)
     sensor, eddy = model.without_effects.require_sensor(), model.eddy
-    then = hall_point(model.effects, distance, currents, at)
-    field = model.require_sensor().field.with_memory(at.memory)
+    then = hall_point(model.effects, distance, currents, now)
+    field = model.require_sensor().field.with_memory(now.memory)
     value = field(*then) if eddy is None else eddy.field(field, *then)
     output, first = sensor.quiescent_V + sensor.sensitivity_V_per_T * value, currents[0] if currents.numel() else SX(0)
-    return SX(recorded(model.effects, {"hall_V": output}, distance, first, at)["hall_V"])
+    return SX(recorded(model.effects, {"hall_V": output}, distance, first, now)["hall_V"])
 
 
-def _force(_sensor: ForceSensor, equations: "Equations", state: SX, _voltage: SX, at: Conditions) -> SX:
+def _force(_sensor: ForceSensor, equations: "Equations", state: SX, _voltage: SX, now: Conditions) -> SX:
     model, (distance, _, currents, memory) = equations.model, equations.parts(state)
-    place = distance, currents[0] if currents.numel() else SX(0), at
+    place = distance, currents[0] if currents.numel() else SX(0), now
     force = -ca.gradient(model.windings.magnetics.with_memory(memory)(distance, currents), distance)
     force = with_further_force(model.effects, force, *place)
     return SX(recorded(model.effects, {"force_N": force}, *place)["force_N"])
@@ -158,7 +158,7 @@ def _acceleration(sensor: AccelerationSensor, equations: "Equations", state: SX,
 READINGS: dict[type, Callable[..., SX]] = {
     HallSensor: _hall,
     CurrentSensor: _current,
-    PositionSensor: lambda sensor, equations, state, _, at: characteristic(sensor, _setting(equations, state, at)[0]),
+    PositionSensor: lambda sensor, equations, state, _, now: characteristic(sensor, _setting(equations, state, now)[0]),
     PickupSensor: _pickup,
     AccelerationSensor: _acceleration,
     ForceSensor: _force,

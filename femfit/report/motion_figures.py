@@ -111,7 +111,7 @@ def replay_figure(observation: Observation, after: Observation | None = None) ->
     lines = [(words("loop", each.name), each.replayed) for each in observation.filters]
     if after is not None:
         pair = zip(("before", "after"), (observation, after), strict=True)
-        lines = [(words("replay", key), one.filters[0].replayed) for key, one in pair]
+        lines = [(words("replay", key), record.filters[0].replayed) for key, record in pair]
     figure = new_figure(6.0)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
     every = slice(None, None, max(1, len(observation.time_s) // _POINTS))

@@ -150,16 +150,16 @@ def _arithmetic(function: ca.Function, process: FilterProcess, real: Real) -> tu
     ]
     options = {"casadi_real": real, "casadi_int": "int", "with_header": False, "indent": 2}
     generator = ca.CodeGenerator("femfit_arithmetic", options)
-    for one in functions:
-        generator.add(one)
+    for f in functions:
+        generator.add(f)
     source = _HEAD + _DESCRIBING.sub("", generator.dump()).replace(" casadi_nan NAN", " casadi_nan ((casadi_real) NAN)")
     if real == "float":  # CasADi leaves constants and functions in double precision
         source = _CALL.sub(r"\1f(", _NUMBER.sub(r"\1f", source)).replace("fmaxf(x, y)", "x > y ? x : y")
     sizes = {
-        "arguments": max(5, *(one.sz_arg() for one in functions)),
-        "results": max(one.sz_res() for one in functions),
-        "work": max(1, *(one.sz_w() for one in functions)),
-        "places": max(1, *(one.sz_iw() for one in functions)),
+        "arguments": max(5, *(f.sz_arg() for f in functions)),
+        "results": max(f.sz_res() for f in functions),
+        "work": max(1, *(f.sz_w() for f in functions)),
+        "places": max(1, *(f.sz_iw() for f in functions)),
     }
     return source, sizes
 

@@ -91,23 +91,23 @@ def _require_free(directory: Path, mark: str) -> None:
 def python_source(name: str, function: GraphFunction, arguments: Sequence[str]) -> str:
     """``def name(*arguments)``, which takes and gives lists of entries; and the tables that it looks up, before it."""
     tables, lines = [], [f"def {name}({', '.join(arguments)}):"]
-    known = list(arguments)
+    names = list(arguments)
     for number, (tape, rows) in enumerate(function.stages):
-        lines += [f"    {line}" for line in _tape_lines(tape.function, known, f"y{number}")]
+        lines += [f"    {line}" for line in _tape_lines(tape.function, names, f"y{number}")]
         first = 0
         for k, row in enumerate(rows):
             table = f"_{name}_{number}_{k}".upper()
             borders = [tuple(inner.tolist()) for inner in row.inner]
             tables += [f"{table} = {[tuple(entries) for entries in row.table.T.tolist()]!r}"]
-            at = ", ".join(f"y{number}[{first + axis}]" for axis in range(len(borders)))
-            lines.append(f"    r{number}_{k} = row({table}, {borders!r}, ({at},))")
-            known.append(f"r{number}_{k}")
+            place = ", ".join(f"y{number}[{first + axis}]" for axis in range(len(borders)))
+            lines.append(f"    r{number}_{k} = row({table}, {borders!r}, ({place},))")
+            names.append(f"r{number}_{k}")
             first += len(borders)
     lines.append(f"    return y{len(function.stages) - 1}")
     return "\n".join([*tables, "", "", *lines])
 
 
-def _tape_lines(function: ca.Function, known: Sequence[str], result: str) -> list[str]:
+def _tape_lines(function: ca.Function, names: Sequence[str], result: str) -> list[str]:
     held: dict[int, str] = {}
     lines, outputs = [], ["0.0"] * function.size1_out(0)
     for k in range(function.n_instructions()):
@@ -115,7 +115,7 @@ def _tape_lines(function: ca.Function, known: Sequence[str], result: str) -> lis
         if number == ca.OP_CONST:
             held[to[0]] = repr(function.instruction_constant(k))
         elif number == ca.OP_INPUT:
-            held[to[0]] = f"{known[of[0]]}[{of[1]}]"
+            held[to[0]] = f"{names[of[0]]}[{of[1]}]"
         elif number == ca.OP_OUTPUT:
             outputs[to[1]] = f"o{to[1]}"
             lines.append(f"o{to[1]} = {held[of[0]]}")
@@ -211,17 +211,17 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
             reading = process.read(x, output.name)
             made += [(f"read_{k}", reading), (f"read_slope_{k}", ca.gradient(reading, x))]
         first = SX.sym("first", 2 + len(model.circuits))
-        found: list[tuple[str, GraphFunction, tuple[str, ...]]]
-        found = [("begun", GraphFunction([first], process.begun(first)), ("first",))]
-        found += [(name, GraphFunction([x, u], value), ("x", "u")) for name, value in made]
+        graphs: list[tuple[str, GraphFunction, tuple[str, ...]]]
+        graphs = [("begun", GraphFunction([first], process.begun(first)), ("first",))]
+        graphs += [(name, GraphFunction([x, u], value), ("x", "u")) for name, value in made]
     # The simulator takes the voltages that amplifiers give
-    circuits = [replace(one, drive=Drive()) if one.drive.kind == "current" else one for one in model.circuits]
+    circuits = [replace(c, drive=Drive()) if c.drive.kind == "current" else c for c in model.circuits]
     fed = replace(model, circuits=tuple(circuits))
     with building():
         x, u = SX.sym("x", model.order), SX.sym("u", len(model.circuits))
         step = fed.sample_step.step(x, u, model.sample_time_s / Plant(model).steps, driven=True)[0]
-        found.append(("plant_step", GraphFunction([x, u], step), ("x", "u")))
-    return found
+        graphs.append(("plant_step", GraphFunction([x, u], step), ("x", "u")))
+    return graphs
 
 
 @cache

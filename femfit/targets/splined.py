@@ -76,14 +76,14 @@ def _interpolated(
     ends = np.sort(coordinate.of(np.array([box.distance_min_m, box.distance_max_m])))
     axes = [clamped_knots(np.linspace(a, b, cells + 1), degree) for a, b in (ends, box.current_limits_A[0])]
     u, i = (np.convolve(knots, np.full(degree, 1.0 / degree), mode="valid")[1:-1] for knots in axes)
-    at = np.stack([x.ravel() for x in np.meshgrid(coordinate.distance(u), i, indexing="ij")])
+    points = np.stack([x.ravel() for x in np.meshgrid(coordinate.distance(u), i, indexing="ij")])
 
     def spline(values: FloatArray) -> TensorSpline:
         along = make_interp_spline(u, values.reshape(len(u), len(i)), degree, t=axes[0]).c
         both = make_interp_spline(i, along.T, degree, t=axes[1]).c.T
         return TensorSpline(axes[0], axes[1], degree, degree, both)
 
-    coenergy, _, _, *hall = exact(at)
+    coenergy, _, _, *hall = exact(points)
     sensor = model.sensor
     if sensor is not None:
         sensor = replace(sensor, field=HallSpline(coordinate, spline(hall[0])))

@@ -100,11 +100,11 @@ def export(
     >>> print(ff.export("model.json", "build"))
     build: estimator, 4 files; read build/README.md
     """
-    given = {"target": (to, tuple(TARGETS)), "filter": (filter, ("ukf", "ekf")), "real": (real, ("double", "float"))}
-    for what, (value, allowed) in given.items():
+    options = {"target": (to, tuple(TARGETS)), "filter": (filter, ("ukf", "ekf")), "real": (real, ("double", "float"))}
+    for what, (value, allowed) in options.items():
         if value not in allowed:
-            known = "; ".join(f"{name} ({text[:-1]})" for name, text in TARGETS.items())
-            wanted = known if what == "target" else " or ".join(allowed)
+            targets = "; ".join(f"{name} ({text[:-1]})" for name, text in TARGETS.items())
+            wanted = targets if what == "target" else " or ".join(allowed)
             raise UsageError(f"Export {what} must be one of: {wanted}; instead received {value!r}.")
     place, read = path_of(directory, "The directory of an export"), model_of(model)
     if to == "estimator":
