@@ -95,7 +95,7 @@ def check_record(model: ActuatorModel, series: TimeSeries, added: BoolArray | No
     rows, time, segment = series.rows, series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
     added = np.zeros(len(rows), dtype=bool) if added is None else added
     names = (*current_columns(model.current_names), "distance_m")
-    settings = rows.reindex(columns=names).to_numpy(dtype=np.float64)
+    settings = rows.reindex(columns=names).to_numpy(dtype=np.float64, copy=True)
     if not model.has_winding:
         settings[:, 0] = 0.0
     noises = [float(series.declared_noise.get(name, 0.0)) for name in names]
