@@ -15,7 +15,7 @@ from femfit.fit.basis import CoenergyBasis
 from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system, held_out_masks
-from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
+from femfit.fit.constants import ALLOWED_VIOLATION, KEPT_INDUCTANCE, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.hall import HallSpline
@@ -65,7 +65,7 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
     basis, held_out = choose_basis(rows, system)
     matrix, value, sigma = system.equations(basis)
     keep = system.determined(basis)
-    shape = _shape_inequalities(basis, names)
+    shape = _shape_inequalities(basis, names, rows.least_inductance)
     imposed = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
     qp, active = _solve_with_shapes(matrix[:, keep], value, sigma, imposed, len(names))
     coefficients = np.zeros(basis.size)
@@ -155,21 +155,26 @@ def obeyed_shapes(rows: FitRows) -> list[str]:
     return names
 
 
-def _shape_inequalities(basis: CoenergyBasis, names: Sequence[str]) -> Inequalities:
-    """The shapes on a grid of points."""
+def _shape_inequalities(basis: CoenergyBasis, names: Sequence[str], least_inductance: float) -> Inequalities:
+    """The shapes on a grid of points, the inductance with what keeps it from a dip between them."""
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
-    fraction = np.linspace(0.0, basis.u_cells, max(SHAPE_POINTS, 6 * basis.u_cells) + 1)
-    u = np.interp(fraction, np.arange(basis.u_cells + 1), np.unique(basis.u_knots))
-    points = {0: 0, 2: 2}.get(degree, 4 * basis.functions.cells[0])
-    i = np.linspace(knots[0], knots[-1], points + 1)
+    u = _in_cells(basis.u_knots, max(SHAPE_POINTS, 6 * basis.u_cells))
+    i = _in_cells(knots, {0: 0, 2: 2}.get(degree, 4 * basis.functions.cells[0]))
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))
     d = basis.coordinate.distance(grid_u)
-    blocks, labels = [np.zeros((0, basis.size))], []
+    blocks, labels, right = [np.zeros((0, basis.size))], [], np.zeros((len(names), len(d)))
     for name in names:
         along, circuits, sign = _SHAPE_DERIVATIVES[name]
         blocks.append(sign * basis.columns(d, grid_i[:, None], along, circuits))
         labels += [f"{SHAPES[name]} at {1e3 * a:.4g} mm, {b:.4g} A" for a, b in zip(d, grid_i, strict=True)]
-    return Inequalities(np.concatenate(blocks), np.zeros(len(labels)), tuple(labels))
+    right[[name == "inductance" for name in names]] = KEPT_INDUCTANCE * least_inductance
+    return Inequalities(np.concatenate(blocks), right.ravel(), tuple(labels))
+
+
+def _in_cells(knots: FloatArray, count: int) -> FloatArray:
+    """So many steps along an axis, as many in a narrow cell as in a wide one."""
+    breaks = np.unique(knots)
+    return np.interp(np.linspace(0, len(breaks) - 1, count + 1), np.arange(len(breaks)), breaks)
 
 
 Spline = TypeVar("Spline", CoenergySpline, HallSpline)

@@ -91,6 +91,10 @@ SHAPE_POINTS = 24
 """Numerical: shape constraints are imposed at so many points of an axis, or six a cell where that is more; between them
 a quartic can dip by a fraction of a per cent."""
 
+KEPT_INDUCTANCE = 0.5
+"""Assumed: part of the table's least inductance that a fit keeps everywhere; iron that saturates nears its last one
+from above, and a dip between the points where shapes are imposed stays above zero."""
+
 ALLOWED_VIOLATION = 1e-5
 """Numerical: a shape counts as obeyed where it fails by less than this part of its largest value (inductance, slope or
 k_m)."""
