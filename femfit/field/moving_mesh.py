@@ -20,6 +20,7 @@ so that a field needs no evaluation anew where the mesh is stretched.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -56,7 +57,7 @@ class MovingMesh:
             share = (np.sqrt(first[k] * last[k]) - first[k]) / (last[k] - first[k])
             self.reference = float(group[0] + share * (group[-1] - group[0]))
         if self.slides:
-            self.layout = layout_of_group(actuator, (self.reference,), layout, settings)
+            self.layout = replace(self.layout, nearest=self.reference)
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
         self.mover_weight = weight(self.mesh)
         self._made, self._heights = self.reference, self._vertices[:, 1].copy()
