@@ -182,9 +182,8 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
 
     A layer as thin as the sweep's narrowest gap would cover a far moving part with elements of that size.
     """
-    mover = mover_outline(actuator)
     near, far = group[0], group[-1]
-    outer = OUTER_OFFSET * _clearance(mover, shapely.union_all(obstacles(actuator)), (near, far))[1]
+    outer = OUTER_OFFSET * _clearance(mover_outline(actuator), shapely.union_all(obstacles(actuator)), (near, far))[1]
     if far > near:  # (gap + far - near - outer) / (gap - outer) within the limit, gap being the shortest to the body
         gap = min(replace(layout, outer_offset=0.0).gaps(distance).min() for distance in (near, far))
         outer = min(outer, gap - (far - near) / (settings.stretch_limit - 1.0))

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.identify.constants import CREEP_DEGREE, LEVEL, READINGS_OF_A_STOP
 from femfit.identify.decision.campaign import Campaign
@@ -42,7 +41,7 @@ def stage_errors(campaign: Campaign) -> list[Finding]:
     if campaign.noise.stop_m or READINGS_OF_A_STOP * (number.max() + 1) > len(observations.covariates):
         return []
     shifts = whitening.full((number[:, None] == np.unique(number)) * observations.distance_slope[:, None])
-    if not _explained_by(campaign, shifts):
+    if campaign.patterns.test(whitening.residual, shifts).p_value <= LEVEL:
         return []
     size = float(np.sqrt(np.mean(np.linalg.lstsq(shifts, whitening.residual)[0] ** 2)))
     return [finding("stage-errors", "distance_m", size, error=size)]
@@ -57,16 +56,10 @@ def creeping_zeros(campaign: Campaign) -> list[Finding]:
     for name in observations.channels:
         zeros = slow * observations.of(name)[:, None]
         whitened = whitening.full(zeros)
-        if _explained_by(campaign, whitened):
+        if campaign.patterns.test(whitening.residual, whitened).p_value > LEVEL:
             crept = np.ptp((zeros @ np.linalg.lstsq(whitened, whitening.residual)[0])[observations.of(name)])
             findings.append(finding("creeping-zero", name, float(crept), name=name, crept=float(crept)))
     return findings
-
-
-def _explained_by(campaign: Campaign, whitened: FloatArray) -> bool:
-    """Whether the test sees a misfit, and none beside whitened columns of whatever sizes, shape (M, p)."""
-    test, residual = campaign.patterns.test, campaign.whitening.residual
-    return test(residual, whitened).p_value > LEVEL >= test(residual).p_value
 
 
 def guessed_noises(noise: NoiseModel) -> list[Finding]:
