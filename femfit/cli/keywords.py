@@ -121,12 +121,12 @@ class Keyword:
         if self.words in _MAPPINGS:
             return self._by_name(argument, *_MAPPINGS[self.words])
         if self.words == _NAMES:
-            return names_of(argument)
+            return names_of(argument) or argument
         return self._read(argument, "LOW:HIGH", limits_of) if self.words == _LIMITS else argument
 
     def _by_name(self, texts: tuple[str, ...], form: str, read: _Read) -> Any:
         """Values by their names, or one number where the function takes that too."""
-        texts = names_of(texts) if read is float else texts
+        texts = names_of(texts) or texts if read is float else texts
         if self.declared.startswith("float") and len(texts) == 1 and "=" not in texts[0]:
             return self._read(texts[0], form, read)
 

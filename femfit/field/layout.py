@@ -182,11 +182,11 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
 
     A layer as thin as the sweep's narrowest gap would cover a far moving part with elements of that size.
     """
-    mover = mover_outline(actuator)
     near, far = group[0], group[-1]
-    outer = OUTER_OFFSET * _clearance(mover, shapely.union_all(obstacles(actuator)), (near, far))[1]
-    if far > near and layout.rigid(near):  # (far - top - outer) / (near - top - outer) within the limit
-        outer = min(outer, near - layout.fixed[-1][1] - (far - near) / (settings.stretch_limit - 1.0))
+    outer = OUTER_OFFSET * _clearance(mover_outline(actuator), shapely.union_all(obstacles(actuator)), (near, far))[1]
+    if far > near:  # (gap + far - near - outer) / (gap - outer) within the limit, gap being the shortest to the body
+        gap = min(replace(layout, outer_offset=0.0).gaps(distance).min() for distance in (near, far))
+        outer = min(outer, gap - (far - near) / (settings.stretch_limit - 1.0))
     outer = max(outer, layout.outer_offset)
     return replace(layout, nearest=near, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
 

@@ -20,6 +20,7 @@ so that a field needs no evaluation anew where the mesh is stretched.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -56,26 +57,24 @@ class MovingMesh:
             share = (np.sqrt(first[k] * last[k]) - first[k]) / (last[k] - first[k])
             self.reference = float(group[0] + share * (group[-1] - group[0]))
         if self.slides:
-            self.layout = layout_of_group(actuator, (self.reference,), layout, settings)
+            self.layout = replace(self.layout, nearest=self.reference)
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
         self.mover_weight = weight(self.mesh)
         self._made, self._heights = self.reference, self._vertices[:, 1].copy()
         self._reference_heights = self._heights
         # Parts of a shift of the moving part that each vertex makes, shape (vertices,). The layer takes up a small one:
         # that moves no element at a corner of either part, where the energy of each part's own field is in error
-        self._share = self.vertex_share = self.mover_weight.vec.FV().NumPy()[: self.mesh.nv].copy()
-        if shared:
-            self._share = self._stretch(layer_outlines(actuator, self.layout)[1].bounds[3] + self.reference)
-        if not self.slides:
-            self.vertex_share = self._share
+        in_layer = self.mover_weight.vec.FV().NumPy()[: self.mesh.nv].copy()
+        self._share = self._stretch(actuator) if shared else in_layer
+        self.vertex_share = in_layer if self.slides else self._share
 
     @property
     def _vertices(self) -> FloatArray:
         """Radii and heights of the vertices, shape (vertices, 2); to be written, too."""
         return np.asarray(self.mesh.ngmesh.Coordinates())
 
-    def _stretch(self, top: float) -> FloatArray:
-        """Part of a shift that each vertex makes: 1 at the moving edges and the layer, to its top, and 0 at fixed ones.
+    def _stretch(self, actuator: Actuator) -> FloatArray:
+        """Part of a shift that each vertex makes: 1 at the moving edges and the layer, and 0 at fixed edges.
 
         Between these it rises along z, where vertical edges alone pass, and fades out around the actuator.
         """
@@ -88,6 +87,7 @@ class MovingMesh:
             elif moves and not moves_above:
                 knots += [(low, 1.0), (high - STILL * (high - low), 0.0)]
         if stack[-1][2]:
+            top = layer_outlines(actuator, self.layout)[1].bounds[3] + self.reference  # wider than the least offset
             knots += [(max(top, stack[-1][1]), 1.0), (far, 0.0)]
         radius, height = self._vertices.T
         across = np.interp(radius, [1.5 * self.layout.radius, far], [1.0, 0.0])

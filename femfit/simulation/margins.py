@@ -48,9 +48,8 @@ class Margins:
     phase_rad: float
     delay_s: float
     modulus: float  # 0 where the loop is unstable
-    largest_gain: (
-        float  # Of the loop over all frequencies, of all commands together; below one it hardly uses its sensors
-    )
+    # Of the loop over all frequencies, of all commands together; below one it hardly uses its sensors
+    largest_gain: float
     slowest_pole_rad_s: float  # Rate at which the loop's slowest motion decays; negative where one grows
     # Rms of each command that the sensors' noise makes, over the way from the resting command to the nearer limit
     noise_share: float

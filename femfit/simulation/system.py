@@ -169,7 +169,7 @@ class System:
     def voltages(self, mode: Mode, time: float, state: FloatArray) -> list[float]:
         """That the circuits' drivers give in a mode, in V."""
         values, driven, _ = self.given(mode, time, state)
-        return self._solved(state, values, driven)
+        return self._solved(state, values, driven) if driven else values
 
     def _solved(self, state: FloatArray, values: list[float], driven: tuple[int, ...]) -> list[float]:
         """The drivers' voltages where those of the circuits are given, and the currents' rates of those driven."""

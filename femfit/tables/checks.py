@@ -215,32 +215,27 @@ def stuck_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
     return findings
 
 
-def impossible_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
-    """Single samples that no actuator has, such as 1e30 A; many of them are a wrong unit, and stay."""
-    findings: list[Finding] = []
-    for name in map(str, rows):
-        limit, values = CHANNELS.get(parts_of(name)[0], Channel()).possible, rows[name].to_numpy()
-        beyond = np.abs(values) > limit
-        if beyond.any() and beyond.mean() <= _MOST_IMPOSSIBLE:
-            first = int(np.argmax(beyond))
-            facts = {"limit": limit, "first": values[first], "time": rows["time_s"].iloc[first]}
-            count = int(beyond.sum())
-            remark = finding("outliers impossible", size=float(count), column=name, readings=count, **facts)
-            findings.append(set_aside(remark, beyond))
-    return findings
-
-
 def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
-    """Samples of a record's sensors that are missing, stuck or clipped; what was computed may stand still."""
+    """Single samples that no actuator has, such as 1e30 A, and those of a record's sensors: missing, stuck or clipped.
+
+    Many that no actuator has are a wrong unit, and stay; what was computed may stand still.
+    """
     findings: list[Finding] = []
     time = rows["time_s"].to_numpy()
-    for name in (name for name in map(str, rows) if CHANNELS.get(parts_of(name)[0], Channel()).sensor):
-        values = rows[name].to_numpy()
+    for name in map(str, rows):
+        channel, values = CHANNELS.get(parts_of(name)[0], Channel()), rows[name].to_numpy()
+        beyond, missing = np.abs(values) > channel.possible, int(np.isnan(values).sum())
+        if beyond.any() and beyond.mean() <= _MOST_IMPOSSIBLE:
+            count, first = int(beyond.sum()), int(np.argmax(beyond))
+            facts = {"limit": channel.possible, "first": values[first], "time": time[first]}
+            remark = finding("outliers impossible", size=float(count), column=name, readings=count, **facts)
+            findings.append(set_aside(remark, beyond))
+            values = np.where(beyond, np.nan, values)
         readable = np.isfinite(values)
-        if not readable.any():
+        if not (channel.sensor and readable.any()):
             continue
-        if count := int((~readable).sum()):
-            findings.append(finding("cells missing", size=count, column=name, cells=count))
+        if missing:
+            findings.append(finding("cells missing", size=missing, column=name, cells=missing))
         length, stretch = equal_stretches(values)
         if _is_computed(values[readable & (length[stretch] <= _DIFFERENCES)]):
             continue
@@ -261,7 +256,7 @@ def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
 BENCH_CHECKS: tuple[Check, ...] = (suspected_by_size, stuck_readings)
 """Of readings at rest, once their copies are left out and they stand in order."""
 
-RECORD_CHECKS: tuple[Check, ...] = (impossible_readings, faulty_samples, suspected_by_size)
+RECORD_CHECKS: tuple[Check, ...] = (faulty_samples, suspected_by_size)
 """Of samples over time, once their clock and their copies are known."""
 
 

@@ -59,6 +59,9 @@ def test_what_is_given_becomes_what_the_function_takes():
     assert LASER.value(("0.5",)) == 0.5
     with pytest.raises(UsageError, match=r"--noise must read NAME=NUMBER; instead received 'laser='.*laser=0.002"):
         LASER.value(("laser=",))
+    for blank in ("", " , "):  # as of a shell's variable that is not set: not zero, and not all sensors
+        with pytest.raises(UsageError, match=r"--noise must read NUMBER"):
+            LASER.value((blank,))
 
 
 def test_what_is_not_given_is_left_to_the_function_and_a_zero_is_given():

@@ -12,6 +12,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
+from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Block, detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose, said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
@@ -104,6 +105,13 @@ def test_a_zero_that_creeps_from_row_to_row_is_said_where_no_effect_is_one(levit
     (remark,) = [one for one in diagnosis.findings if one.code == "creeping-zero"]
     assert remark.column == "force_N"
     assert remark.size == pytest.approx(0.01 * (1.0 - np.exp(-2.5)), rel=0.2)
+
+
+def test_no_error_of_the_bench_explains_what_no_test_sees(levitation_model):
+    diagnosis = diagnose(levitation_model, campaign(levitation_model, 0, change=ripple("force_N", 5e-4)))
+    assert diagnosis.verdict == "unexplained"
+    assert diagnosis.p_value > LEVEL
+    assert not {"creeping-zero", "stage-errors"} & {finding.code for finding in diagnosis.findings}
 
 
 def test_the_noise_model_recovers_what_made_the_data(levitation_model):

@@ -15,7 +15,6 @@ from femfit.tables.checks import (
     checked,
     copies,
     faulty_samples,
-    impossible_readings,
     outliers,
     stuck_readings,
 )
@@ -127,10 +126,14 @@ CASES = {
         ],
     ),
     "impossible": (
-        impossible_readings,
+        faulty_samples,
         "outliers",
         lambda law: spoilt(record(), "current_A", 77, 1e9),
-        [lambda law: record(), lambda law: record(1).assign(current_A=1e9), lambda law: record(2)[["run", "time_s"]]],
+        [
+            lambda law: record(),
+            lambda law: record(1).assign(current_A=lambda rows: 1e9 * rows["current_A"]),
+            lambda law: record(2)[["run", "time_s"]],
+        ],
     ),
     "samples": (
         faulty_samples,

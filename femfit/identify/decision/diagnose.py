@@ -12,7 +12,7 @@ from femfit.core.results import Finding, Plotted
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import describe, smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
-from femfit.identify.constants import CERTAIN, ROUNDING
+from femfit.identify.constants import CERTAIN, LEVEL, ROUNDING
 from femfit.identify.decision.campaign import Campaign, considered_effects, detectable_magnitudes, gather
 from femfit.identify.decision.naming import Decision, decide, look_alikes
 from femfit.identify.decision.remarks import campaign_remarks, creeping_zeros, stage_errors
@@ -256,9 +256,10 @@ def diagnose_observations(
     missing = _named_effects(campaign, decision, fit, excess) if fit else ()
     alike = look_alikes(campaign, decision)
     remarks = campaign_remarks(campaign)
-    if decision.verdict == "unexplained":
+    visible = decision.p_value <= LEVEL  # what no test sees, anything would explain
+    if visible and decision.verdict == "unexplained":
         remarks += stage_errors(campaign)
-    if decision.verdict in {"unexplained", "form_insufficient"}:
+    if visible and decision.verdict in {"unexplained", "form_insufficient"}:
         remarks += creeping_zeros(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))

@@ -71,10 +71,8 @@ class ChannelDesign:
     @property
     def variance(self) -> float:
         """Of a reading, random effects taken for fixed."""
-        contrasts, declared_square = (
-            self.contrasts(*self.place),
-            self.counts_like * self.declared**2 if self.counts_like else 0.0,
-        )
+        contrasts = self.contrasts(*self.place)
+        declared_square = self.counts_like * self.declared**2 if self.counts_like else 0.0
         return (declared_square + contrasts.square) / (self.counts_like + max(contrasts.free, 1.0))
 
     @property
