@@ -65,7 +65,7 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
     basis, held_out = choose_basis(rows, system)
     matrix, value, sigma = system.equations(basis)
     keep = system.determined(basis)
-    shape = _shape_inequalities(basis, names, rows.least_inductance)
+    shape = _shape_inequalities(basis, rows, names)
     imposed = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
     qp, active = _solve_with_shapes(matrix[:, keep], value, sigma, imposed, len(names))
     coefficients = np.zeros(basis.size)
@@ -155,20 +155,21 @@ def obeyed_shapes(rows: FitRows) -> list[str]:
     return names
 
 
-def _shape_inequalities(basis: CoenergyBasis, names: Sequence[str], least_inductance: float) -> Inequalities:
+def _shape_inequalities(basis: CoenergyBasis, rows: FitRows, names: Sequence[str]) -> Inequalities:
     """The shapes on a grid of points, the inductance with what keeps it from a dip between them."""
     (knots,), (degree,) = basis.functions.knots, basis.functions.degrees
     u = _in_cells(basis.u_knots, max(SHAPE_POINTS, 6 * basis.u_cells))
     i = _in_cells(knots, {0: 0, 2: 2}.get(degree, 4 * basis.functions.cells[0]))
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))
     d = basis.coordinate.distance(grid_u)
-    blocks, labels, right = [np.zeros((0, basis.size))], [], np.zeros((len(names), len(d)))
+    blocks, labels, right = [np.zeros((0, basis.size))], list[str](), list[float]()
     for name in names:
         along, circuits, sign = _SHAPE_DERIVATIVES[name]
         blocks.append(sign * basis.columns(d, grid_i[:, None], along, circuits))
         labels += [f"{SHAPES[name]} at {1e3 * a:.4g} mm, {b:.4g} A" for a, b in zip(d, grid_i, strict=True)]
-    right[[name == "inductance" for name in names]] = KEPT_INDUCTANCE * least_inductance
-    return Inequalities(np.concatenate(blocks), right.ravel(), tuple(labels))
+        least = max(min(rows.inductances, default=0.0), 0.0) if name == "inductance" else 0.0
+        right += len(d) * [KEPT_INDUCTANCE * least]
+    return Inequalities(np.concatenate(blocks), np.array(right), tuple(labels))
 
 
 def _in_cells(knots: FloatArray, count: int) -> FloatArray:

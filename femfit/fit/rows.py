@@ -85,12 +85,6 @@ class FitRows:
             return np.concatenate(self.slopes(self.linked[:, 0]))
         return self.inductance[np.isfinite(self.inductance)]
 
-    @property
-    def least_inductance(self) -> float:
-        """The least of these; zero where there are none, or noise makes one negative."""
-        least = float(np.min(self.inductances, initial=np.inf)) if self.flux_linkage is not None else 0.0
-        return max(least, 0.0) if np.isfinite(least) else 0.0
-
     def slopes(self, flux_linkage: FloatArray) -> list[FloatArray]:
         """Of each distance, the changes of a flux linkage (rows,) over those of the current, from one to the next."""
         return [np.diff(flux_linkage[k]) / np.diff(self.current[k]) for k in _by_distance(self.distance, self.current)]
