@@ -162,8 +162,8 @@ def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
             corners = () if drawn is None else flattened(drawn.corners, drawn.bulges)
             sensor = replace(sensor, vertices_m=converted(corners, -3))
         elif isinstance(sensor, CurrentSensor) and "circuit" not in table:
-            if len(circuits) != 1:
-                file.complain("no_circuit", path, count=len(circuits), known=", ".join(circuits) or "none")
+            if len(circuits) > 1 or not any(part.winding for part in part_tables(file.data)):
+                file.complain("no_circuit", path, known=", ".join(circuits) or "none")
             sensor = replace(sensor, circuit="".join(circuits[:1]))
         elif isinstance(sensor, CurrentSensor) and sensor.circuit not in circuits:
             refuse_name(file.problems, "which_circuit", path, sensor.circuit, circuits)
