@@ -99,7 +99,8 @@ class Keyword:
         several, flag = getattr(asked, "__origin__", None) is tuple, asked is bool
         text = self.text + (" May be repeated." if several else "")
         if self.default is not None and self.default != () and not flag:
-            text += f" [default: {','.join(self.default) if isinstance(self.default, tuple) else self.default}]"
+            usual = float(f"{self.default / self.value(1.0):g}") if self.words == "float" else self.default
+            text += f" [default: {','.join(usual) if isinstance(usual, tuple) else usual}]"
         limits: dict[str, float] = {}
         if bounds:
             limits = {"gt" if bounds[1] == ">" else "gte": ast.literal_eval(bounds[2])}
@@ -171,23 +172,16 @@ class Keywords:
         body = ast.parse(Path(spec.origin).read_text(encoding="utf-8")).body
         node: Any = next(node for node in body if getattr(node, "name", "") == name)
         section = _SECTION.search(ast.get_docstring(node) or "")
+        pairs = (name.partition("=") for name in self.names.split())
+        options = {keyword: (option or keyword).replace("_", "-") for keyword, _, option in pairs}
         documented = {
-            keyword: (declared, next(words for words in _TYPES if words in declared), " ".join(text.split()))
+            keyword: (declared, next(words for words in _TYPES if words in declared), _as_options(text, options))
             for names, declared, text in _ENTRY.findall(section[1] if section else "")
             for keyword in names.split(", ")
         }
-        pairs = (name.partition("=") for name in self.names.split())
-        options = {keyword: (option or keyword).replace("_", "-") for keyword, _, option in pairs}
         defaults = _defaults(node)
         return tuple(
-            Keyword(
-                keyword,
-                option,
-                *documented[keyword][:2],
-                _as_options(documented[keyword][2], options),
-                defaults.get(keyword),
-            )
-            for keyword, option in options.items()
+            Keyword(keyword, option, *documented[keyword], defaults.get(keyword)) for keyword, option in options.items()
         )
 
     def arguments(self, options: dict[str, Any]) -> dict[str, Any]:
@@ -217,4 +211,4 @@ def _as_options(text: str, options: Mapping[str, str]) -> str:
         value = re.sub(r"[{}\"]|(?<=[:,]) ", "", code[1].replace('": ', "="))
         return f"--{options[value]}" if value in options else re.sub(r"\((.*?),(.*?)\)", r"\1:\2", value)
 
-    return re.sub(r"``(.*?)``", written, text)
+    return re.sub(r"``(.*?)``", written, " ".join(text.split()))

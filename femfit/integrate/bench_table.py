@@ -135,7 +135,7 @@ def make_bench_table(
     still_A : float >= 0
         Largest change of the current from sample to sample on a plateau.
     still_m : float >= 0
-        Largest change of the distance from sample to sample on a plateau, 1 µm by default.
+        Largest change of the distance from sample to sample on a plateau.
     model : str, Path, ActuatorModel or None
         Model that gives the flux linkage on each run's first plateau; 0 without one.
     columns, units, table : optional

@@ -46,20 +46,20 @@ for what wanders after it was measured; the filters estimate it."""
 _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "coil_area_m2": ("--coil-area", (), ""),
     "initial_field_T": ("--initial-field-T", (), ""),
-    "zero_reading_s": ("--zero-reading-s", ("ffa1",), "> 0"),
-    "settling_s": ("--settling-s", ("ffa2",), ">= 0"),
-    "still_A": ("--still-A", ("ffa2",), "> 0"),
-    "current_to_field_A_per_T": ("--current-to-field", ("cs2",), "> 0"),
-    "coil_area_sigma_m2": ("--coil-area-sigma", (), ">= 0"),
-    "reference_gain_sigma": ("--reference-gain-sigma", FILTERS, ">= 0"),
-    "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS, ">= 0"),
-    "offset_sigma_V": ("--offset-sigma-uV", (), ">= 0"),
-    "coverage": ("--coverage", (), "> 0"),
+    "zero_reading_s": ("--zero-reading-s", ("ffa1",), " > 0"),
+    "settling_s": ("--settling-s", ("ffa2",), " >= 0"),
+    "still_A": ("--still-A", ("ffa2",), " > 0"),
+    "current_to_field_A_per_T": ("--current-to-field", ("cs2",), " > 0"),
+    "coil_area_sigma_m2": ("--coil-area-sigma", (), " >= 0"),
+    "reference_gain_sigma": ("--reference-gain-sigma", FILTERS, " >= 0"),
+    "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS, " >= 0"),
+    "offset_sigma_V": ("--offset-sigma-uV", (), " >= 0"),
+    "coverage": ("--coverage", (), " > 0"),
     "lab": ("--lab", ("cs2-identified",), "path"),
 }
 """By keyword: the option, the methods that use it, all where none is named, and which numbers it may be."""
 
-_LEAST = {"": -LARGEST, ">= 0": 0.0, "> 0": 1.0 / LARGEST}
+_LEAST = {"": -LARGEST, " >= 0": 0.0, " > 0": 1.0 / LARGEST}
 
 
 def integrate_coil(
@@ -192,7 +192,7 @@ def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     for option, methods, bound in (entry for entry in _OPTIONS.values() if entry[0] in options):
         number = finite_number(options[option])
         if bound != "path" and (number is None or not _LEAST[bound] <= number < LARGEST):
-            raise TableError(f"{option} must be a number {bound}; instead received {quoted(options[option])}.")
+            raise TableError(f"{option} must be a number{bound}; instead received {quoted(options[option])}.")
         if methods and method not in methods:
             raise TableError(
                 f"{option} is for {' and '.join(methods)}; {method} does not use it. Leave it out, or give another "

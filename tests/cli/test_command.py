@@ -43,6 +43,7 @@ def test_an_option_has_default_values_and_type_of_the_keyword(place, entry):
 
 
 START = Keyword("start_m", "start-mm", "float or None", "float", "Distance at which the body begins.", None)
+STILL = Keyword("still_m", "still-um", "float >= 0", "float", "Largest change of the distance.", 2.5e-6)
 LASER = Keyword(
     "noise",
     "noise",
@@ -51,6 +52,11 @@ LASER = Keyword(
     "Noise as laser=0.002.",
     None,
 )
+
+
+def test_a_default_is_said_in_the_unit_of_its_option():
+    assert get_args(STILL.parameter.annotation)[1].help == "Largest change of the distance. [default: 2.5]"
+    assert STILL.value(2.5) == pytest.approx(STILL.default)
 
 
 def test_what_is_given_becomes_what_the_function_takes():
