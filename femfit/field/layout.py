@@ -230,8 +230,8 @@ def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: Solve
         gaps = layout.gaps(distance)
         if settings.stretch_limit <= 1.0 or not gaps.size or gaps.min() <= LEAST_GAP * layout.clearance:
             return distance
-        if settings.skin_frequency_Hz and not layout.rigid(distance):
-            return distance  # patterns of induced currents are known by their places in rigid parts
+        if settings.skin_frequency_Hz:
+            return distance  # harmonic fields on a mesh that was moved are not yet those of the distance
         return tuple(span[2] for span in layout.stack(distance))
 
     for _, alike in groupby(distances, order):
