@@ -231,7 +231,7 @@ def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: Solve
         if settings.stretch_limit <= 1.0 or not gaps.size or gaps.min() <= LEAST_GAP * layout.clearance:
             return distance
         if settings.skin_frequency_Hz:
-            return distance  # harmonic fields on a mesh that was moved are not yet those of the distance
+            return distance  # elements refined at skins are mapped from coarser ones, which do not follow a stretch
         return tuple(span[2] for span in layout.stack(distance))
 
     for _, alike in groupby(distances, order):
