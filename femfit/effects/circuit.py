@@ -1,27 +1,30 @@
-"""The winding's resistance grows with its temperature: R -> (1 + coefficient (T - 20 °C)) R.
+"""What changes the winding's resistance, what drives it and what the motion induces, and the drawing's strengths.
 
-The driver loses a constant voltage: below a threshold it gives nothing, or its switches' drop opposes the current.
+``coil_temperature``
+    The resistance grows with the winding's temperature: R -> (1 + coefficient (T - 20 °C)) R.
 
-Applied voltage = commanded voltage less a dead zone, less a drop against the current.
+``driver_dead_zone``
+    Below a threshold the driver gives nothing, or its switches' drop opposes the current: applied voltage = commanded
+    voltage less a dead zone, less a drop against the current.
 
-Supply and driver have an inner resistance: applied voltage = commanded voltage - R_s i.
+``supply_sag``
+    Supply and driver have an inner resistance: applied voltage = commanded voltage - R_s i. A bench reads across the
+    winding and does not see it; a record of commanded voltages sees the sum of both resistances.
 
-A bench reads across the winding and does not see it; a record of commanded voltages sees the sum of both resistances.
+``motional_emf``
+    The motion induces more or less voltage than the model's own: further voltage = share k_m v. The model's force and
+    back-EMF come from one co-energy; what differs in the circuit alone links the winding or its leads without a force
+    on the body: flux through the leads' loop, a pick-up winding in series.
 
-The motion induces more or less voltage than the model's own: further voltage = share k_m v.
+``remanence``
+    In linear iron all fields are linear in remanence and current together, so the co-energy is homogeneous of second
+    degree in (remanence, i, h): W'(d, i, h; s) = s^2 W'(d, i/s, h/s) for a remanence scaled by s. Where the iron
+    saturates this holds to first order in the magnet's share of its flux.
 
-The model's force and back-EMF come from one co-energy; what differs in the circuit alone links the winding or its leads
-without a force on the body: flux through the leads' loop, a pick-up winding in series.
-
-What a field solution leaves open of a drawing: the magnet's strength, the winding's turns and its resistance.
-
-In linear iron all fields are linear in remanence and current together, so the co-energy is homogeneous of second degree
-in (remanence, i, h): W'(d, i, h; s) = s^2 W'(d, i/s, h/s) for a remanence scaled by s. Where the iron saturates this
-holds to first order in the magnet's share of its flux.
-
-With t times the turns a current makes t times the ampere-turns and links t times the flux: W'(d, i) -> W'(d, t i), the
-field of the test current in the Hall element's place unchanged; a wire that is t times as long has t times the
-resistance. Ammeter and turns differ in the flux linkage alone, so a fluxmeter separates them.
+``resistance``, ``turns``
+    With t times the turns a current makes t times the ampere-turns and links t times the flux: W'(d, i) -> W'(d, t i),
+    the field of the test current in the Hall element's place unchanged; a wire that is t times as long has t times the
+    resistance. Ammeter and turns differ in the flux linkage alone, so a fluxmeter separates them.
 """
 
 import numpy as np

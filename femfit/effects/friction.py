@@ -1,17 +1,19 @@
-"""Friction against the motion: dry, whatever the speed and larger where it starts, or growing with the velocity.
+"""Friction against the motion, and where it ends.
 
-Force towards the electromagnet = level weight sign(v), rounded at small speeds, damping m v of an oil film or of eddy
-currents, or drag m |v| v of a fluid that is displaced; v > 0 is falling away.
+``coulomb_friction``, ``viscous_friction``, ``fluid_drag``
+    Dry, whatever the speed and larger where it starts, or growing with the velocity. Force towards the electromagnet =
+    level weight sign(v), rounded at small speeds, damping m v of an oil film or of eddy currents, or drag m |v| v of a
+    fluid that is displaced; v > 0 is falling away.
 
-Dry friction of a guide that the side pull presses on: it grows with the square of the flux, as the pull does.
+``side_pull_friction``
+    Dry friction of a guide that the side pull presses on. A plunger off its bore's axis is pulled sideways with a force
+    that grows with the flux density squared. That force is no part of an axisymmetric field; at one distance and below
+    saturation it goes with the current squared.
 
-A plunger off its bore's axis is pulled sideways with a force that grows with the flux density squared. That force is no
-part of an axisymmetric field; at one distance and below saturation it goes with the current squared.
-
-A stop stands elsewhere than drawn: it is worn, or a shim is missing under it.
-
-Where a body rests on a stop, the recorded distance reads the stop's place. An error of the distance's zero shows there
-as well, but it changes the forces too; a stop's does not.
+``stop_position``
+    A stop stands elsewhere than drawn: it is worn, or a shim is missing under it. Where a body rests on a stop, the
+    recorded distance reads the stop's place. An error of the distance's zero shows there as well, but it changes the
+    forces too; a stop's does not.
 """
 
 import numpy as np

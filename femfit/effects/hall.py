@@ -1,10 +1,17 @@
-"""What changes a Hall element's output: temperature, time, and a large field.
+"""What changes a Hall element's output: temperature, time, a large field, and the coil's leads.
 
-Offset and sensitivity grow linearly with its temperature, which is rarely recorded: it lies between that of the coil,
-on whose face the element sits, and that of the magnet's surroundings. It drifts by a ramp, or by a warm-up that
-settles, over the campaign or anew each run. In large fields it falls behind, by a cubic onset or a limit with a knee.
+``hall_temperature``
+    Offset and sensitivity grow linearly with its temperature, which is rarely recorded: it lies between that of the
+    coil, on whose face the element sits, and that of the magnet's surroundings.
 
-The coil's leads and their supply disturb the Hall reading: in step with the current, and with its rate.
+``hall_drift``
+    A ramp, or a warm-up that settles, over the campaign or anew each run.
+
+``hall_saturation``
+    In large fields the output falls behind, by a cubic onset or a limit with a knee.
+
+``hall_coil_pickup``
+    The coil's leads and their supply disturb the reading: in step with the current, and with its rate.
 """
 
 import numpy as np

@@ -1,26 +1,28 @@
-"""Saturation of an iron or ferrite core that the base model takes as linear.
+"""What an iron or ferrite core, or a moving part, does beside a base model that takes it as linear.
 
-The core's saturating part takes a part of the ampere turns that grows with a high power of its flux: it stores
-g(y) = sum_n c_n |y|^n / n at the flux y and lies in series with all the rest, which stores y^2 / 2k with the winding's
-inductance k at this distance. The co-energy of both, max over y of y i - y^2 / 2k - g(y), is less than without the part
-by G(x) = min over y of g(y) + (x - y)^2 / 2k, with x = k i the flux without it, all relative: a knee at large flux
-limits y instead of growing without end. For small c this is g(x), the change of energy at fixed flux.
+``core_saturation``
+    The core's saturating part takes a part of the ampere turns that grows with a high power of its flux: it stores
+    g(y) = sum_n c_n |y|^n / n at the flux y and lies in series with all the rest, which stores y^2 / 2k with the
+    winding's inductance k at this distance. The co-energy of both, max over y of y i - y^2 / 2k - g(y), is less than
+    without the part by G(x) = min over y of g(y) + (x - y)^2 / 2k, with x = k i the flux without it, all relative: a
+    knee at large flux limits y instead of growing without end. For small c this is g(x), the change of energy at fixed
+    flux.
 
-x follows the flux linkage of the winding around the core, lambda = (part of the current) + (part of the magnet). The
-magnet's flux does not pass the core in the same way as the coil's, nor does the field at the Hall element depend on the
-saturating part as the flux linkage does; both have a share of their own.
+    x follows the flux linkage of the winding around the core, lambda = (part of the current) + (part of the magnet).
+    The magnet's flux does not pass the core in the same way as the coil's, nor does the field at the Hall element
+    depend on the saturating part as the flux linkage does; both have a share of their own.
 
-The core keeps a flux when the current is gone: W'(d, i) -> W'(d, i + i_r), without a voltage across the winding.
+``core_remanence``
+    The core keeps a flux when the current is gone: W'(d, i) -> W'(d, i + i_r), without a voltage across the winding.
+    Steel that was magnetised acts as a further winding whose ampere turns are its coercive field times its length; over
+    a path with a gap they change little until the current is turned round (a loop that follows it is ``hysteresis``).
 
-Steel that was magnetised acts as a further winding whose ampere turns are its coercive field times its length; over a
-path with a gap they change little until the current is turned round (a loop that follows it is ``hysteresis``).
-
-The moving part conducts flux better than the model has it, so the inductance grows as it comes near.
-
-W' -> W' + (i^2 / 2) dL(d), with dL falling as a power of the distance: slowly for a wide part near the core, as (1/d)^6
-for a small part far away, whose moment grows with the coil's field there and is seen through the same field. The field
-at the Hall element changes by the same path: i -> i + share h (dB/di) / L, relatively 20 to 40 times as much as the
-flux of a coil whose own flux hardly reaches the moving part.
+``position_dependent_inductance``
+    The moving part conducts flux better than the model has it, so the inductance grows as it comes near:
+    W' -> W' + (i^2 / 2) dL(d), with dL falling as a power of the distance: slowly for a wide part near the core, as
+    (1/d)^6 for a small part far away, whose moment grows with the coil's field there and is seen through the same
+    field. The field at the Hall element changes by the same path: i -> i + share h (dB/di) / L, relatively 20 to 40
+    times as much as the flux of a coil whose own flux hardly reaches the moving part.
 
 References
 ----------

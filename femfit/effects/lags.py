@@ -1,18 +1,20 @@
-"""Eddy currents in the core and around it: the field follows the current late, and the motion is braked.
+"""What comes late, or drifts since it was reset.
 
-A closed path around the flux carries the current that its flux induces, so the core sees i - sum_k s_k x_k with
-x_k' = i' - k_m v / L - x_k / tau_k: the induced current answers any change of flux, by current or by motion, and decays
-with the path's own time constant. One path is a shorted ring; diffusion into a solid core is a series of them with
-tau_k = tau / (2 k - 1)^2, of which the first two are kept. No effect on a static bench; an impedance shows
-L (1 - sum_k s_k j w tau_k / (1 + j w tau_k)) in place of L.
+``eddy_current_lag``
+    Eddy currents in the core and around it: the field follows the current late, and the motion is braked. A closed path
+    around the flux carries the current that its flux induces, so the core sees i - sum_k s_k x_k with
+    x_k' = i' - k_m v / L - x_k / tau_k: the induced current answers any change of flux, by current or by motion, and
+    decays with the path's own time constant. One path is a shorted ring; diffusion into a solid core is a series of
+    them with tau_k = tau / (2 k - 1)^2, of which the first two are kept. No effect on a static bench; an impedance
+    shows L (1 - sum_k s_k j w tau_k / (1 + j w tau_k)) in place of L.
 
-The Hall reading is late: a filter before the converter, the conversion itself, a bus.
+``sensor_delay``
+    The Hall reading is late: a filter before the converter, the conversion itself, a bus. To first order the reading
+    belongs to the distance d - tau v and the current i - tau i'. What knows no voltage knows no i'; there the current
+    less its own lag stands for it, a state with the time constant tau, or one sample where tau is shorter.
 
-To first order the reading belongs to the distance d - tau v and the current i - tau i'. What knows no voltage knows no
-i'; there the current less its own lag stands for it, a state with the time constant tau, or one sample where tau is
-shorter.
-
-The fluxmeter's integrator drifts from the start of each run, when it was reset.
+``flux_integrator_drift``
+    The fluxmeter's integrator drifts from the start of each run, when it was reset.
 
 References
 ----------

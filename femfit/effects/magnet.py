@@ -1,24 +1,26 @@
-"""What weakens a magnet: warmth, or a lost part of its magnetisation, all over or in the layer next to its face.
+"""What weakens a magnet, adds to its field, or moves it off the axis.
 
-Warm: remanence = (1 + coefficient (T - 20 °C) + curvature (T - 20 °C)^2) of the base's. Demagnetised: a magnet of
-height t without its layer of thickness l is a magnet weaker by l/t, whose middle lies l/2 further away.
+``magnet_temperature``, ``magnet_demagnetisation``
+    Warm: remanence = (1 + coefficient (T - 20 °C) + curvature (T - 20 °C)^2) of the base's. Demagnetised, all over or
+    in the layer next to its face: a magnet of height t without its layer of thickness l is a magnet weaker by l/t,
+    whose middle lies l/2 further away.
 
-A uniform field from elsewhere: the earth's, a motor's, a magnetised table's.
+``external_field``
+    A uniform field from elsewhere: the earth's, a motor's, a magnetised table's. It adds to the field at the Hall
+    element, and magnetises a soft core as a current would, which changes force and flux linkage as well:
+    W'(d, i, h) -> W'(d, i + i_e, h) + h B_e, with i_e = share B_e / (field at the element per ampere).
 
-It adds to the field at the Hall element, and magnetises a soft core as a current would, which changes force and flux
-linkage as well: W'(d, i, h) -> W'(d, i + i_e, h) + h B_e, with i_e = share B_e / (field at the element per ampere).
+``lateral_misalignment``
+    The moving part does not hang on the coil's axis. What the coil, or the Hall element's test coil, does to a magnet
+    is harmonic in the magnet's place and symmetric about the axis, so at an offset e it is J_0(e d/dd) of its value on
+    the axis: f - (e^2/4) f''. The attraction between magnet and core alone is second order in the magnetisation; its
+    core-side image follows the magnet, so only a share of the same term applies: none for an infinite plate, about 0.4
+    for a core that is small against the distance.
 
-The moving part does not hang on the coil's axis.
-
-What the coil, or the Hall element's test coil, does to a magnet is harmonic in the magnet's place and symmetric about
-the axis, so at an offset e it is J_0(e d/dd) of its value on the axis: f - (e^2/4) f''. The attraction between magnet
-and core alone is second order in the magnetisation; its core-side image follows the magnet, so only a share of
-the same term applies: none for an infinite plate, about 0.4 for a core that is small against the distance.
-
-Iron without a magnet, a plunger in its bore, changes a gap of the circuit instead: at an eccentricity e of a clearance
-c the bore's permeance grows by 1 / sqrt(1 - (e/c)^2). A change of reluctance dR in series with the flux is
-W' -> W' - dR lambda^2 / 2, and the part of the flux that crosses the gap falls as the plunger leaves: any parabola in
-the distance that falls and is not negative.
+    Iron without a magnet, a plunger in its bore, changes a gap of the circuit instead: at an eccentricity e of a
+    clearance c the bore's permeance grows by 1 / sqrt(1 - (e/c)^2). A change of reluctance dR in series with the flux
+    is W' -> W' - dR lambda^2 / 2, and the part of the flux that crosses the gap falls as the plunger leaves: any
+    parabola in the distance that falls and is not negative.
 
 References
 ----------

@@ -1,21 +1,24 @@
-"""A spring that the drawing lacks: force away from the electromagnet = preload + stiffness (d_max - d).
+"""Forces beside the magnetic one, whose potential joins the co-energy: its slope is the force.
 
-The preload is the force at the largest distance of the model; a negative one is that of a spring that pulls there. Its
-potential joins the co-energy, W' -> W' + preload d - stiffness (d_max - d)^2 / 2, so that a load cell on the body, a
-motion and the equilibrium see the same spring. A preload alone, without a stiffness, is a constant force and not this.
+``spring``
+    A spring that the drawing lacks: force away from the electromagnet = preload + stiffness (d_max - d). The preload is
+    the force at the largest distance of the model; a negative one is that of a spring that pulls there. With
+    W' -> W' + preload d - stiffness (d_max - d)^2 / 2 a load cell on the body, a motion and the equilibrium see the
+    same spring. A preload alone, without a stiffness, is a constant force and not this.
 
-The spring of the drawing is another one, or the force sensor carries it.
+``spring_stiffness``, ``spring_preload``, ``spring_in_force``
+    The spring of the drawing is another one, or the force sensor carries it. Stiffer by a part e, as of thicker wire, a
+    spring has no force at the same free length and 1 + e times the drawn force anywhere else: its further energy is
+    e U(d), also of several springs and of a force table. Another preload is a further constant. A model's force is the
+    magnetic one; a load cell between spring and frame reads that, one that holds the body reads the spring as well.
 
-Stiffer by a part e, as of thicker wire, a spring has no force at the same free length and 1 + e times the drawn force
-anywhere else: its further energy is e U(d), also of several springs and of a force table. Another preload is a further
-constant. A model's force is the magnetic one; a load cell between spring and frame reads that, one that holds the body
-reads the spring as well.
+``constant_force``
+    A constant pull (a cable, a tilted guide, a fan): W' -> W' - pull d. A bench sees it as an offset of the force
+    sensor, a motion as a lighter or heavier body.
 
-Forces beside the magnetic one: a constant pull (a cable, a tilted guide, a fan), and the stops at the travel's ends.
-
-Their potential joins the co-energy, whose slope is the force: a pull is W' -> W' - pull d. A bench sees it as an offset
-of the force sensor, a motion as a lighter or heavier body. A flat stop is a spring; a rounded one stiffens with the
-square root of its compression (Hertz).
+``end_stop_contact``
+    The stops at the travel's ends. A flat stop is a spring; a rounded one stiffens with the square root of its
+    compression (Hertz).
 """
 
 import casadi as ca

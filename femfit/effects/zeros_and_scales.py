@@ -1,12 +1,16 @@
 """A zero or a scale is wrong: of the stage, the ammeter, the force sensor, the Hall element, the driver, the balance.
 
-Stages are zeroed where the parts touch, so a wrong scale acts about the distance 0, not about the middle of the table.
-A bench reads the voltage across the winding and does not see the driver's scale.
+``distance_offset``, ``distance_scale``
+    Stages are zeroed where the parts touch, so a wrong scale acts about the distance 0, not about the middle of the
+    table.
 
-The position sensor of a record is late or bent; zero and gain are ``distance_offset`` and ``distance_scale``.
+``driver_gain``
+    A bench reads the voltage across the winding and does not see the driver's scale.
 
-Late by tau, the body is already at d + tau v. Bent, the true distance departs from the recorded one by a bow, zero at
-both ends of the travel and largest between them, and by an S, zero in the middle as well.
+``position_delay``, ``position_nonlinearity``
+    The position sensor of a record is late or bent; zero and gain are ``distance_offset`` and ``distance_scale``. Late
+    by tau, the body is already at d + tau v. Bent, the true distance departs from the recorded one by a bow, zero at
+    both ends of the travel and largest between them, and by an S, zero in the middle as well.
 """
 
 import numpy as np
