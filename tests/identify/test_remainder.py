@@ -171,22 +171,6 @@ def test_the_error_with_effects_and_what_is_learnt_falls_from_that_of_the_model_
 
 
 @pytest.mark.nightly
-def test_names_are_fitted_first(levitation_model):
-    table = campaign(
-        levitation_model,
-        8,
-        change=lambda readings, rows: bent_load_cell(readings | {"hall_V": readings["hall_V"] + 0.02}, rows),
-        runs=2,
-    )
-    result = add_effects(levitation_model, table, [NAME, "hall_offset"])
-    assert [one.effect.name for one in result.model.effects] == ["hall_offset", NAME]
-    assert result.parts == ("force_N",)
-    assert result.beside.added[0].parameters["offset_V"] == pytest.approx(0.02, abs=2e-3)
-    anew = add_effects(result.model, table, NAME)
-    assert [one.effect.name for one in anew.model.effects] == ["hall_offset", NAME]
-
-
-@pytest.mark.nightly
 def test_a_remainder_shrinks_where_its_cause_is_found(learnt, levitation_model):
     # Learnt as a load cell's error from readings that a gain explains: beside the gain its share goes to nothing
     table = campaign(levitation_model, 9, effects=[hidden("force_gain", gain_error=0.05)])
