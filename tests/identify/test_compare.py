@@ -31,7 +31,7 @@ def by_channel(comparison):
     return {one.channel: one for one in comparison.channels}
 
 
-@pytest.mark.parametrize("held", [0.0, 0.025])
+@pytest.mark.parametrize("held", [0.0, pytest.param(0.025, marks=pytest.mark.nightly)])
 def test_a_channel_that_never_varies_has_no_noise_and_says_so(levitation_model, held):
     table = campaign(levitation_model, 11)
     table = replace(table, rows=table.rows.assign(force_N=held), declared_noise={})
@@ -82,6 +82,7 @@ def test_the_freedom_of_the_mounts_is_said(levitation_model, given):
     assert not comparison.noise.mount_assumed  # they contradict the 20 um that are assumed otherwise
 
 
+@pytest.mark.nightly
 def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model):
     """Two runs do not show how well a body comes back: what 20 um make is neither noise nor missing.
 
@@ -137,6 +138,7 @@ def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     assert offset_m or comparison.verdict == "agrees"
 
 
+@pytest.mark.nightly
 def test_the_scatter_of_repeats_holds_the_declared_error_of_their_settings_once(levitation_model):
     """Repeats are set anew, so that their scatter is the sensor's noise and what the current's error makes of it."""
     observations = compare(

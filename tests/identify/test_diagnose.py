@@ -57,7 +57,11 @@ RIPPLED = ripple("force_N", 1.2e-3)
 
 
 @pytest.mark.parametrize(
-    ("cause", "verdicts"), [(clipped, {"unexplained", "form_insufficient"}), (RIPPLED, {"unexplained"})]
+    ("cause", "verdicts"),
+    [
+        pytest.param(clipped, {"unexplained", "form_insufficient"}, marks=pytest.mark.nightly),
+        (RIPPLED, {"unexplained"}),
+    ],
 )
 def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_was_right(
     levitation_model, cause, verdicts
@@ -170,12 +174,10 @@ def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     assert [one.members for one in found.missing] == [("turns",)]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "effect",
-    [
-        pytest.param(hidden("core_saturation", mmf_loss_3=0.02), marks=pytest.mark.nightly),
-        hidden("force_gain", gain_error=0.05),
-    ],
+    [hidden("core_saturation", mmf_loss_3=0.02), hidden("force_gain", gain_error=0.05)],
     ids=lambda effect: effect.effect.name,
 )
 def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levitation_model, effect):

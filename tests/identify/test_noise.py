@@ -266,7 +266,7 @@ def test_a_stage_that_nobody_declared_is_said_to_explain_what_no_effect_does(lev
     assert "stage-errors" not in [finding.code for finding in result.findings]
 
 
-@pytest.mark.parametrize("declared", [0.02, 0.005])
+@pytest.mark.parametrize("declared", [pytest.param(0.02, marks=pytest.mark.nightly), 0.005])
 def test_a_declared_error_of_the_current_by_which_readings_would_scatter_more_is_not_used(levitation_model, declared):
     table = campaign(levitation_model, 5, rho=0.0, runs=2)
     known = compare(levitation_model, table)
@@ -291,6 +291,7 @@ def test_a_declared_error_of_the_distance_hides_no_gain_that_is_far_smaller(levi
     assert "2.0 mm by which" not in str(result)
 
 
+@pytest.mark.nightly
 def test_a_channel_that_was_read_in_one_of_many_runs_is_no_trouble(levitation_model):
     table = campaign(levitation_model, 8, mount_m=0.0, rho=0.0, distances=10, currents=12, runs=1)
     run = 1.0 + np.arange(len(table.rows)) * 60 // len(table.rows)

@@ -103,7 +103,8 @@ HIDDEN = {
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.nightly] * (n != "mass_error")) for n in HIDDEN])
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", HIDDEN)
 def test_a_hidden_effect_is_in_the_class_with_its_size_and_a_model_that_has_it_lacks_nothing(model, name):
     size, rel, beside = HIDDEN[name]
     effect = hidden(name, **size)

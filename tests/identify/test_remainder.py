@@ -154,6 +154,7 @@ def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model
     assert result.accepted  # so that what is said to be added is written
 
 
+@pytest.mark.nightly
 def test_the_error_with_effects_and_what_is_learnt_falls_from_that_of_the_model_as_given(levitation_model):
     table = campaign(
         levitation_model,
