@@ -52,15 +52,6 @@ def test_columns_units_and_table_of_a_record_can_be_said(tmp_path, experiment):
     assert "flux_linkage_sigma_Wb" in written
 
 
-# What each may be off by on the last plateau: lags and drifts of 7 uV.
-@pytest.mark.parametrize(("method", "more"), [("ffa1", ("--zero-reading-s", 20)), ("ffa2", ("--settling-s", 25))])
-def test_an_offset_that_is_read_or_averaged_is_taken_off(method, more, experiment, tmp_path):
-    table(experiment).to_csv(tmp_path / "coil.csv", index=False)
-    rows, _ = integrated(tmp_path / "coil.csv", tmp_path / "o.parquet", "--coil-area", AREA, "--method", method, *more)
-    assert list(rows)[-3:] == ["field_T", "field_sigma_T", "offset_V"]
-    assert abs(rows["field_T"].iloc[-1] - experiment.field[-1]) < 0.02
-
-
 @pytest.mark.nightly
 def test_the_field_of_a_current_is_identified_from_a_lab_record(experiment, tmp_path):
     record = tmp_path / "coil.csv"

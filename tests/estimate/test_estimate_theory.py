@@ -9,7 +9,6 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from femfit.core.errors import DomainError
-from femfit.core.numerics import central_differences
 from femfit.device.mechanics import Mechanics, Spring
 from femfit.estimate.filter import cholesky
 from femfit.estimate.holding import holding_current
@@ -119,12 +118,6 @@ def test_batched_cholesky_equals_numpys_and_names_each_failure():
     np.testing.assert_array_equal(np.flatnonzero(~definite), [7, 9])
     np.testing.assert_allclose(factor[good], np.linalg.cholesky(matrices[good]), atol=1e-13)
     assert np.isnan(factor[[7, 9]]).all()
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-13, 1e-9, 1e-3])
-def test_central_differences_do_not_lose_their_digits_near_zero(size):
-    found = central_differences(lambda x: 9.80665 - 5.0 * x, np.array([[size]]), np.array([0.02]))
-    np.testing.assert_allclose(found, [[[-5.0]]], rtol=1e-7)
 
 
 def errors_are_as_large_as_said(state, truth):

@@ -10,7 +10,6 @@ from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.text import amount
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.estimate.filter_state import FilterOutcome
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
 from femfit.estimate.follow import innovations_of
 from femfit.model.sensors import reading_of
@@ -199,14 +198,6 @@ def test_what_cannot_be_filtered_is_refused_with_what_is_needed(log, options, co
     record = replace(log[1], given=("time_s", *columns))
     with pytest.raises((FilterError, TableError, MissingPartError), match=said):
         ff.observe(damped(), record, **options)
-
-
-@pytest.mark.nightly
-def test_a_noise_that_is_far_too_small_is_found_although_the_innovations_left_their_band(log):
-    found = ff.observe(damped({**TRUE, "current": 1e-4, "laser": 1e-6}), log[1])
-    assert found.filters[0].outcome is FilterOutcome.INNOVATIONS_OUT_OF_BAND
-    values = {one.name: one.value for one in found.noise.estimates}
-    assert values["laser"] == pytest.approx(TRUE["laser"], rel=0.1)
 
 
 @pytest.mark.parametrize("samples", [40, 126, 550])

@@ -270,6 +270,7 @@ def test_a_noise_that_was_declared_in_another_unit_is_named(record):
         assert suspected(damped(), replace(record, declared_noise={"current_A": noise})) == codes
 
 
+@pytest.mark.nightly
 def test_a_comparison_of_a_record_says_first_which_columns_contradict_the_model(free):
     right = logged([free])
     for record in (turned(right, "current_A"), replace(right, declared_noise={"current_A": 5.0})):
@@ -277,6 +278,7 @@ def test_a_comparison_of_a_record_says_first_which_columns_contradict_the_model(
     assert not str(ff.compare(solenoid(), right)).startswith("Check first: ")
 
 
+@pytest.mark.nightly
 def test_a_record_of_which_most_lies_outside_of_the_validity_domain_is_warned_of(free):
     record = logged([free])
     rows = record.rows.copy()

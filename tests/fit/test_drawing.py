@@ -128,6 +128,7 @@ def _bench(table, path, noise=(2e-5, 2e-7, 2e-4)):
     return path
 
 
+@pytest.mark.nightly
 def test_columns_are_the_differences_of_whole_sweeps_and_their_fits(model, tmp_path):
     """Of every reading of a bench, to a thousandth of the largest in its channel, of a magnet 0.06 mm taller and lower.
 

@@ -39,7 +39,9 @@ SWEEPS = {
 }
 
 
-@pytest.mark.parametrize("sweep", SWEEPS)
+@pytest.mark.parametrize(
+    "sweep", [pytest.param(name, marks=[pytest.mark.nightly] * (name in ("closed form", "paper"))) for name in SWEEPS]
+)
 @pytest.mark.parametrize("law", BUILT_IN, ids=lambda law: law.name)
 def test_the_stated_problem_and_the_fast_one_of_refits_have_the_same_answer_for_every_law(law, sweep):
     rows = SWEEPS[sweep]().rows

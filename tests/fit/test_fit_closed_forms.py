@@ -57,42 +57,6 @@ def test_what_lies_between_the_points_is_met(name):
         assert rms(getattr(magnetics, quantity)(*device.between) - truth) < most * rms(truth), quantity
 
 
-@every_device
-def test_all_quantities_are_slopes_of_one_coenergy(name):
-    """By central differences; where splines of a low degree meet, a step across a knot adds the last digits."""
-    m, (d, i) = flat(fit_of(name).model.magnetics), DEVICES[name].between
-    step_d, step_i = 1e-5 * np.ptp(d), 1e-4 * (np.ptp(i) or 1.0)
-    several = i.ndim == 2
-    circuits = [np.eye(i.shape[1])[k] for k in range(i.shape[1])] if several else [1.0]
-
-    def along_d(function):
-        return (function(d + step_d, i) - function(d - step_d, i)) / (2.0 * step_d)
-
-    def along_i(function, unit):
-        return (function(d, i + step_i * unit) - function(d, i - step_i * unit)) / (2.0 * step_i)
-
-    # Of these devices differences cross the knots of a saturating co-energy
-    share = 1e-3 if name in {"pot from six currents", "pot from eleven", "valve"} else 1e-5
-
-    def close(found, slope):
-        np.testing.assert_allclose(found, slope, atol=share * np.abs(slope).max() + 1e-12)
-
-    close(m.force(d, i), -along_d(m.coenergy))
-    close(m.force_gradient(d, i), along_d(m.force))
-    if name == "pair of magnets":
-        assert np.all(m.inductance(d, i) == 0.0)
-        return
-    close(m.motional_constant(d, i), -along_d(m.flux_linkage))
-    for k, unit in enumerate(circuits):
-        of_circuit = (..., k) if several else ...
-        close(m.flux_linkage(d, i)[of_circuit], along_i(m.coenergy, unit))
-        close(m.motional_constant(d, i)[of_circuit], along_i(m.force, unit))
-        close(m.inductance(d, i)[of_circuit], along_i(m.flux_linkage, unit))
-    if several:
-        size = np.abs(m.inductance(d, i)).max()
-        np.testing.assert_allclose(m.inductance(d, i), m.inductance(d, i).swapaxes(-1, -2), atol=1e-14 * size)
-
-
 def test_a_linear_winding_needs_one_parabola_in_the_current_and_shapes_that_its_rows_obey():
     fit = fit_of("rig").coenergy
     assert (fit.basis.functions.degrees, fit.basis.functions.cells) == ((2,), (1,))

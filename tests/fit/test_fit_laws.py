@@ -55,6 +55,7 @@ def test_shape_parameters_are_found_from_data_of_the_law_itself(law):
     assert np.sqrt(np.mean(fit.joint.residual**2)) < 1e-6 * rows.weight
 
 
+@pytest.mark.nightly
 def test_intervals_cover_where_the_misfit_is_shared_by_all_currents():
     covered = np.zeros(2)
     rng = np.random.default_rng(5)

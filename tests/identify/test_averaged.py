@@ -11,7 +11,7 @@ from femfit.identify.bench import placed
 from femfit.identify.constants import MOST_ROWS
 from femfit.identify.settings import AVERAGED_TO, noise_of_means, stretches
 from femfit.tables.measurement_file import read_measurement
-from support.campaign import NOISE, hidden, settings
+from support.campaign import NOISE, settings
 from support.campaign import campaign as few
 
 TIMES = 30
@@ -26,10 +26,10 @@ def correlated(generator, count, rho):
     return value
 
 
-def logged(model, folder, effects=(), seed=3, shuffled=False, rho=0.8):
+def logged(model, folder, seed=3, shuffled=False, rho=0.8):
     """A logger that reads every setting of a campaign thirty times, its noise correlated."""
     generator = np.random.default_rng(seed)
-    quiet = few(model, seed, effects, mount_m=10e-6, noise=dict.fromkeys(("force_N", "hall_V"), 0.0), runs=3)
+    quiet = few(model, seed, mount_m=10e-6, noise=dict.fromkeys(("force_N", "hall_V"), 0.0), runs=3)
     rows = quiet.rows[["run", "distance_m", "current_A", "branch", "force_N", "hall_V"]]
     rows = rows.loc[rows.index.repeat(TIMES)].reset_index(drop=True)
     for name in ("force_N", "hall_V"):
@@ -72,31 +72,11 @@ def test_a_converter_coarser_than_the_noise_and_what_was_declared_are_no_trouble
     step = 10.0 * NOISE["force_N"]
     coarse = replace(table, rows=table.rows.assign(force_N=np.round(table.rows["force_N"] / step) * step))
     observations = placed(levitation_model, replace(coarse, declared_noise={"force_N": 1e-3, "distance_m": 1e-5}))
+    assert len(observations.covariates) < MOST_ROWS < len(table.rows)
     assert observations.declared_noise["force_N"] >= step / np.sqrt(12.0 * 7.0) * 0.99
     assert observations.declared_noise["distance_m"] == 1e-5
     assert "that was declared" in str(next(f for f in observations.findings if f.code == "averaged"))
     assert ff.compare(levitation_model, coarse).verdict == "agrees"
-
-
-@pytest.mark.nightly  # that means agree is above
-def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_model, tmp_path):
-    """7,000 readings: clean ones are not accused; an offset of their scatter is more than three runs may differ by."""
-    clean, offset = (
-        logged(levitation_model, tmp_path, effects) for effects in ((), [hidden("hall_offset", offset_V=9e-3)])
-    )
-    assert len(clean.rows) > MOST_ROWS
-    found = ff.diagnose(levitation_model, clean)
-    assert found.verdict == "nothing_missing"
-    (told,) = [finding for finding in found.findings if finding.code == "averaged"]
-    assert f"{len(clean.rows):,} readings" in str(told)
-    observations = found.observations
-    assert len(observations.covariates) < MOST_ROWS
-    sigma = found.campaign.noise.floor["hall_V"]  # a mean of seven has 0.80 of the noise that is correlated by 0.8
-    assert sigma == pytest.approx(3.0 * 0.80 * NOISE["hall_V"], rel=0.15)
-    found = ff.diagnose(levitation_model, offset)
-    assert [one.name for one in found.missing] == ["hall_offset"]
-    size = found.missing[0].parameters["offset_V"]
-    assert size == pytest.approx(9e-3, rel=0.3)
 
 
 def test_settings_in_random_order_are_asked_to_be_averaged_by_their_owner(levitation_model, tmp_path):

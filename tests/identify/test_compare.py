@@ -6,10 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from effect_signature import typical_parameters
-from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect
 from femfit.identify.bench import bench_observations, placed
 from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import gather
@@ -34,7 +31,7 @@ def by_channel(comparison):
     return {one.channel: one for one in comparison.channels}
 
 
-@pytest.mark.parametrize("held", [0.0, 0.025])
+@pytest.mark.parametrize("held", [0.0, pytest.param(0.025, marks=pytest.mark.nightly)])
 def test_a_channel_that_never_varies_has_no_noise_and_says_so(levitation_model, held):
     table = campaign(levitation_model, 11)
     table = replace(table, rows=table.rows.assign(force_N=held), declared_noise={})
@@ -75,14 +72,6 @@ def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model)
     assert by_channel(declared)["hall_V"].noise_source == "declared"
 
 
-def test_a_suspected_unit_comes_before_all_numbers(levitation_model):
-    table = campaign(levitation_model, 19)
-    wrong = replace(table, rows=table.rows.assign(force_N=1e3 * table.rows["force_N"]))
-    comparison = compare(levitation_model, wrong)
-    (finding,) = [one for one in comparison.findings if one.code == "suspected-unit"]
-    assert finding.column == "force_N"
-
-
 @pytest.mark.parametrize("given", [True, False])
 def test_the_freedom_of_the_mounts_is_said(levitation_model, given):
     table = campaign(levitation_model, 20, mount_m=300e-6, **LARGE)
@@ -93,6 +82,7 @@ def test_the_freedom_of_the_mounts_is_said(levitation_model, given):
     assert not comparison.noise.mount_assumed  # they contradict the 20 um that are assumed otherwise
 
 
+@pytest.mark.nightly
 def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model):
     """Two runs do not show how well a body comes back: what 20 um make is neither noise nor missing.
 
@@ -148,6 +138,7 @@ def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     assert offset_m or comparison.verdict == "agrees"
 
 
+@pytest.mark.nightly
 def test_the_scatter_of_repeats_holds_the_declared_error_of_their_settings_once(levitation_model):
     """Repeats are set anew, so that their scatter is the sensor's noise and what the current's error makes of it."""
     observations = compare(
@@ -321,37 +312,6 @@ def test_repeats_and_a_declaration_are_weighed_unless_they_contradict_each_other
             shown, n = by_channel(alone)[name].noise_floor, by_channel(alone)[name].noise_readings
             want = np.sqrt((48.0 * declared[name] ** 2 + n * shown**2) / (48.0 + n)) if factor == 1.0 else shown
             assert one.noise_floor == pytest.approx(want, rel=0.02)  # the correlation differs a little, too
-
-
-@pytest.mark.nightly
-def test_the_declared_uncertainty_of_the_distance_is_noise_of_every_reading(levitation_model):
-    """0.05 mm of scatter in the distance is in the noise that repeats show, and in no channel's own once declared."""
-    table = campaign(levitation_model, 31, runs=2, mount_m=0.0)
-    moved = table.rows["distance_m"] + np.random.default_rng(0).normal(0.0, 5e-5, len(table.rows))
-    given = tuple(name for name in table.given if name not in ("mount", "hall_V"))
-    table = replace(table, rows=table.rows.assign(distance_m=moved, hall_V=np.nan), given=given, declared_noise=NOISE)
-    declared = replace(table, declared_noise=NOISE | {"distance_m": 5e-5, "current_A": 1e-5})
-    both = [compare(levitation_model, each) for each in (table, declared)]
-    assert [comparison.verdict for comparison in both] == ["agrees", "agrees"]
-    shown, own = (by_channel(comparison)["force_N"].noise_floor / NOISE["force_N"] for comparison in both)
-    assert own < 1.1 < shown  # 36 repeats beside a declaration that counts like 48
-
-
-@pytest.mark.nightly  # of every effect; misfits of one channel are above
-def test_the_channel_is_one_that_is_off_the_most_in_units_of_its_noise(levitation_model):
-    observations = bench_observations(levitation_model, campaign(levitation_model, 1, distances=8, currents=5))
-    for effect in all_effects().values():
-        added = AddedEffect(effect, effect.null() | typical_parameters(effect))
-        change = observations.predict([added]) - observations.base
-        off = [
-            float(np.sqrt(np.mean(change[observations.of(name)] ** 2))) / NOISE[name] for name in observations.channels
-        ]
-        if max(off) < 1e-6:
-            continue  # nothing of it shows on a bench
-        # Three times the noise: at once the noise, the channel of one misfit in eight is one that chance put there
-        read = observations.with_values(observations.value + 3.0 * change / max(off))
-        found = where_it_fails(read, Whitening(read, estimate_noise(read)))
-        assert off[observations.channels.index(found.channel)] >= 0.5 * max(off), effect.name
 
 
 @pytest.mark.parametrize(("flux_noise", "worst"), [(2e-5, "flux_linkage_Wb"), (1e-4, "force_N")])

@@ -90,6 +90,7 @@ def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levit
     assert advice.further == advice.to_dict()["further"] == 3
 
 
+@pytest.mark.nightly
 def test_wrong_scales_call_for_what_reads_them_directly_the_cheapest_first(solenoid):
     table, diagnosis = measured(solenoid, 1, {"force_gain": {"gain_error": 0.05}})
     left = {fit.names[0] for fit in diagnosis.explanations}

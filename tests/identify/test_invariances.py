@@ -115,13 +115,14 @@ def wave(rows):
     return np.sin(9e2 * rows["distance_m"].to_numpy()) * np.cos(5.0 * rows["current_A"].to_numpy())
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("shape", "declared"),
     [
-        pytest.param("wave", False, id="wave-repeats", marks=pytest.mark.nightly),
+        pytest.param("wave", False, id="wave-repeats"),
         pytest.param("wave", True, id="wave-declared"),
-        pytest.param("offset", False, id="offset-repeats", marks=pytest.mark.nightly),
-        pytest.param("offset", True, id="offset-declared", marks=pytest.mark.nightly),
+        pytest.param("offset", False, id="offset-repeats"),
+        pytest.param("offset", True, id="offset-declared"),
     ],
 )
 def test_more_structure_never_looks_more_like_noise(levitation_model, declared, shape):

@@ -15,7 +15,6 @@ from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.estimate.record import converter_step
 from femfit.identify.bench import placed
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.lack_of_fit import pattern_space
@@ -104,7 +103,8 @@ HIDDEN = {
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.nightly] * (n != "mass_error")) for n in HIDDEN])
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", HIDDEN)
 def test_a_hidden_effect_is_in_the_class_with_its_size_and_a_model_that_has_it_lacks_nothing(model, name):
     size, rel, beside = HIDDEN[name]
     effect = hidden(name, **size)
@@ -240,12 +240,6 @@ def test_local_polynomials_are_exact_up_to_their_degree_and_may_look_back_alone(
     level, slope = local_polynomials(nodes[1:], segment[:2], UNEVEN, segment, nodes[1:] - 0.05, (0.2, 0.0), 3)
     np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes[1:]), rtol=1e-6)
     assert UNEVEN[level[[0]].indices].max() <= 0.36
-
-
-def test_a_converter_is_known_by_its_step():
-    values = np.round(np.random.default_rng(4).standard_normal(2000) / 0.05) * 0.05
-    assert converter_step(values) == pytest.approx(0.05)
-    assert converter_step(np.random.default_rng(4).standard_normal(2000)) == 0.0
 
 
 def test_the_error_of_a_coarse_converter_does_not_average_until_noise_dithers_it():

@@ -154,6 +154,7 @@ def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model
     assert result.accepted  # so that what is said to be added is written
 
 
+@pytest.mark.nightly
 def test_the_error_with_effects_and_what_is_learnt_falls_from_that_of_the_model_as_given(levitation_model):
     table = campaign(
         levitation_model,
@@ -168,22 +169,6 @@ def test_the_error_with_effects_and_what_is_learnt_falls_from_that_of_the_model_
     assert given.rms_after < 1.3 * NOISE["hall_V"]
     assert str(result).count("Added") == 1
     assert "usual" not in str(result)
-
-
-@pytest.mark.nightly
-def test_names_are_fitted_first(levitation_model):
-    table = campaign(
-        levitation_model,
-        8,
-        change=lambda readings, rows: bent_load_cell(readings | {"hall_V": readings["hall_V"] + 0.02}, rows),
-        runs=2,
-    )
-    result = add_effects(levitation_model, table, [NAME, "hall_offset"])
-    assert [one.effect.name for one in result.model.effects] == ["hall_offset", NAME]
-    assert result.parts == ("force_N",)
-    assert result.beside.added[0].parameters["offset_V"] == pytest.approx(0.02, abs=2e-3)
-    anew = add_effects(result.model, table, NAME)
-    assert [one.effect.name for one in anew.model.effects] == ["hall_offset", NAME]
 
 
 @pytest.mark.nightly

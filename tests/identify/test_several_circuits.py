@@ -66,12 +66,17 @@ def bench(model, path, *, gap=0.0, gain=(1.0, 1.0), force_gain=1.0, resistance=(
     return path
 
 
-def test_one_current_of_a_grid_of_both_is_not_taken_for_none_in_the_other(bearing, tmp_path):
-    rows = pd.read_csv(bench(bearing, tmp_path / "bench.csv"))
-    rows.drop(columns="current_lower_A").rename(columns={"current_upper_A": "current_A"}).to_csv(
-        tmp_path / "one.csv", index=False
-    )
-    with pytest.raises(TableError, match=r"lacks current_\w+_A, current_\w+_A .*--column HEADER=current_\w+_A"):
+@pytest.mark.parametrize(
+    ("renamed", "lacking"),
+    [
+        ("current_A", r"lacks current_\w+_A, current_\w+_A .*--column HEADER=current_\w+_A"),
+        ("current_upper_A", "current_lower_A"),
+    ],
+)
+def test_one_current_of_a_grid_of_both_is_not_taken_for_none_in_the_other(bearing, tmp_path, renamed, lacking):
+    rows = pd.read_csv(bench(bearing, tmp_path / "bench.csv")).drop(columns="current_lower_A")
+    rows.rename(columns={"current_upper_A": renamed}).to_csv(tmp_path / "one.csv", index=False)
+    with pytest.raises(TableError, match=lacking):
         compare(bearing, tmp_path / "one.csv")
 
 
@@ -376,25 +381,6 @@ def test_a_plan_for_several_circuits_looks_at_what_these_can_have(bearing, tmp_p
     assert set(report.detectable) | set(report.invisible) <= set(device_effects(bearing.circuit_names))
 
 
-def test_a_current_that_is_missing_is_named(bearing, tmp_path):
-    rows = pd.read_csv(bench(bearing, tmp_path / "bench.csv"))
-    rows.drop(columns="current_upper_A").to_csv(tmp_path / "lacking.csv", index=False)
-    with pytest.raises(TableError, match="current_upper_A"):
-        compare(bearing, tmp_path / "lacking.csv")
-
-
-def test_a_bench_compares_the_hall_voltage_of_several_circuits(levitation_model, bearing, tmp_path):
-    model = with_hall(bearing, levitation_model, np.linspace(0.2e-3, 0.8e-3, 12), [-2.0, 0.0, 2.0])
-    rows = pd.read_csv(bench(bearing, tmp_path / "bench.csv"))
-    volts = model.sensor.output(
-        rows["distance_m"].to_numpy(), rows[[f"current_{n}_A" for n in BEARING_COILS]].to_numpy()
-    )
-    noise = 1e-3 * np.random.default_rng(5).standard_normal(len(rows))
-    rows.assign(hall_V=volts + 0.05 + noise).to_csv(tmp_path / "bench.csv", index=False)
-    found = diagnose(model, read_measurement(tmp_path / "bench.csv"))
-    assert [named.name for named in found.missing] == ["hall_offset"]
-
-
 def test_a_number_whose_field_is_not_followed_to_a_hall_element_is_looked_for_in_other_readings(
     levitation_model, eddied, tmp_path
 ):
@@ -405,18 +391,6 @@ def test_a_number_whose_field_is_not_followed_to_a_hall_element_is_looked_for_in
     found = diagnose(model, path)
     assert "hall_V" not in found.observations.channels
     assert not why_untestable(permeability.effect, found.observations)
-
-
-def test_a_conductivity_that_was_added_is_kept_and_changes_every_impedance(eddied, tmp_path, points):
-    d, i, f = points
-    wrong = replace(eddied, eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.2))
-    added = add_effects(eddied, impedance_bench(wrong, tmp_path / "z.csv", EACH), [KEY]).model
-    write_model(added, tmp_path / "model.json")
-    again = read_model(tmp_path / "model.json")
-    i = np.stack([i, i], axis=1)
-    size = np.abs(wrong.impedance(d, i, f) - eddied.impedance(d, i, f)).max()
-    assert np.abs(again.impedance(d, i, f) - wrong.impedance(d, i, f)).max() < 0.03 * size
-    assert compare(again, tmp_path / "z.csv").verdict == "agrees"
 
 
 def test_inductances_at_a_low_frequency_are_a_bench_s_channels_too(eddied, tmp_path):

@@ -228,6 +228,7 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
     assert "drawing has a spring" in why_untestable(effect_by_name("spring"), bench_observations(drawn, table))
 
 
+@pytest.mark.nightly
 def test_a_late_position_sensor_is_named_with_its_delay(model, loops):
     samples = loops[loops["run"] == 1.0]
     shifted = np.interp(samples["time_s"] - 2e-3, samples["time_s"], samples["distance_m"])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from femfit.device.electrics import HallElement, PickupCoil
 from femfit.device.load import read_actuator, sweep_manifest_entry
@@ -34,6 +35,7 @@ def solved(actuator, distance, currents):
     )
 
 
+@pytest.mark.nightly
 def test_field_and_flux_linkage_between_the_sweeps_points_are_those_of_a_direct_solution():
     """Where both currents reach the element."""
     actuator, frames = drawn(DISTANCES), []
