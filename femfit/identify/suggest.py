@@ -72,8 +72,19 @@ class Advice(Result):
     remarks: tuple[str, ...] = ()  # On what the advice rests, where that is a guess
     titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
 
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Effects that are in every explanation, of two or more."""
+        first, *others = (name.split(" + ") for name in self.explanations or ("",))
+        return tuple(effect for effect in first if others and all(effect in names for names in others))
+
     def __str__(self) -> str:
-        return titled(printed("advice", r=self, clauses=pair_clauses), self.titles)
+        alone = {name: " + ".join(x for x in name.split(" + ") if x not in self.shared) for name in self.explanations}
+
+        def clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
+            return pair_clauses([alone.get(name, name) for name in pair[:2]] for pair in pairs)
+
+        return titled(printed("advice", r=self, clauses=clauses, alone=tuple(alone.values())), self.titles)
 
 
 def suggest(
