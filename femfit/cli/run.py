@@ -1,6 +1,5 @@
 """``femfit run``: the whole main job in turn."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -10,7 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import femfit as ff
-from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
+from femfit.cli.command import OUTPUT, Cores, Default, Outcome, Writes, command, run_directory
 from femfit.cli.output import said, sweep_progress
 from femfit.core.files import MODEL, PAGE
 from femfit.core.processes import process_pool
@@ -28,7 +27,7 @@ NO_DISTANCE = (
 
 _MODEL, _LAW, _PAGE = "model.json", "model_law.json", "report.html"
 _RunDirectory = Annotated[
-    Path | None, OUTPUT, Writes(MODEL, _MODEL, run_directory("actuator")), Writes(MODEL, _LAW), Writes(PAGE, _PAGE)
+    Path, OUTPUT, Default(run_directory("actuator")), Writes(MODEL, _MODEL), Writes(MODEL, _LAW), Writes(PAGE, _PAGE)
 ]
 
 
@@ -36,8 +35,8 @@ _RunDirectory = Annotated[
 def run(
     actuator: Path,
     *,
-    output: _RunDirectory = None,
-    workers: Annotated[int | None, AT_LEAST_ONE] = None,
+    output: _RunDirectory,
+    workers: Cores,
     seed: int = 1,
     signatures: bool = False,
 ) -> Outcome:
@@ -70,16 +69,14 @@ def run(
 
     drawing = _single_actuator(actuator)
     parts = drawing.actuator
-    assert output is not None  # noqa: S101 - the default of Writes
     model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
     seconds: dict[str, float] = {}
     step = partial(_step, seconds)
     for remark in drawing.remarks:
         print(remark)
     with step("sweep") as say:
-        processes = workers or len(os.sched_getaffinity(0))
         with sweep_progress(parts.name) as progress:
-            table = ff.run_sweep(actuator, output, workers=processes, signatures=signatures, progress=progress)
+            table = ff.run_sweep(actuator, output, workers=workers, signatures=signatures, progress=progress)
         summary = summarise(table)
         say(said("run", "sweep", summary), *failed_points(table))
     with step("fit") as say:

@@ -4,7 +4,6 @@ Colours are those of the regular grid of :mod:`femfit.report.field_sample`, on w
 2 pi r A_phi. |B| is coloured by its square root, so that both the air and iron between 0.5 and 2 T keep their shades.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,15 +31,12 @@ _NO_FIELD_T = 1e-6
 """Largest flux density of what counts as an actuator without a magnet and without current."""
 
 
-def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldSample:
-    """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format."""
-    sample = sample_of(point)
-    for what, path in files:
-        if what == VTU:
-            write_vtu(point, path)
-        else:
-            write_picture(partial(view_figure, what, point, sample), path, DPI, bbox_inches="tight")
-    return sample
+def write_view(what: str, point: SolvedPoint, sample: FieldSample, path: Path) -> None:
+    """Draw a point into a file: one of :data:`PICTURES` in the format of the suffix, or ``vtu``."""
+    if what == VTU:
+        write_vtu(point, path)
+    else:
+        write_picture(partial(view_figure, what, point, sample), path, DPI, bbox_inches="tight")
 
 
 def view_figure(what: str, point: SolvedPoint, sample: FieldSample | None = None) -> Figure:

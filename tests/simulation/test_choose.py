@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from golden.door import model
 
 from femfit.core.errors import DomainError
 from femfit.device.electrics import Drive
@@ -18,7 +19,6 @@ from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.experiment import direct_distance
 from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.operating_point import operating_point
-from golden.door import model
 from support.levitation import REFERENCE_DISTANCE, fitted_spline
 from support.readings import LASER_10_V as LASER
 
