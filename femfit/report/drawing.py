@@ -142,10 +142,10 @@ def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> Fig
     over = 0.06 * (high - low)
     axes.plot([0.0, 0.0], [low - over, high + over], color=MUTED, linewidth=0.7, dashes=(9, 3, 2, 3))
     _dimensions(axes, parts, distance)
-    axes.set(xlabel=words("drawing", "x"), ylabel=words("drawing", "z"), aspect="equal")
+    # Limits that give way, not the box: the layout leaves room for labels beside the box that it knows
+    axes.set(xlabel=words("drawing", "x"), ylabel=words("drawing", "z"), aspect="equal", adjustable="datalim")
     axes.set_title(title, loc="left", fontweight="normal")
-    left, right = axes.get_xlim()
-    axes.set_xlim(left - 0.12 * (right - left), right + 0.18 * (right - left))  # room for the dimensions' labels
+    axes.margins(x=0.2)  # room for the dimensions' labels
     axes.invert_yaxis()  # z points down in every picture, as the moving part hangs below
     axes.grid(visible=False)
     legend = axes.get_legend_handles_labels()

@@ -129,8 +129,8 @@ def _binned(ax: Axes, x: FloatArray, y: FloatArray) -> None:
     )  # fmt: skip
 
 
-_SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1e-3}
-"""Factor of a setting's axis, in mm, A or kHz."""
+_SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1.0}
+"""Factor of a setting's axis, in mm, A or Hz."""
 
 
 def curves_figure(bench: Bench, channel: str) -> Figure:

@@ -39,6 +39,9 @@ from femfit.report.style import (
 MM = 1e3
 POINTS = 200
 
+ROUNDED_AWAY = 1e-3
+"""Conventional: part of the largest current below which a current of several circuits is called 0."""
+
 
 @dataclass(frozen=True, eq=False)
 class Supplied:
@@ -123,8 +126,9 @@ def force_curves_figure(grid: SweepGrid, weight: float | None, legend: str = "le
     figure = new_figure(3.6)
     axes = figure.subplots()
     factor, unit = axis_scale(grid.force, "N")
-    for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
-        text = words("force-curves", "current", current=f"{current:.3g}")
+    currents = np.where(np.abs(grid.currents) < ROUNDED_AWAY * np.abs(grid.currents).max(), 0.0, grid.currents)
+    for colour, current, force in zip(ordered_colours(len(currents)), currents, grid.force, strict=True):
+        text = words("force-curves", "current", current=plain(current, 3))
         axes.plot(MM * grid.distances, factor * force, color=colour, label=text)
     if weight is not None:
         text = words("force-curves", "weight")
