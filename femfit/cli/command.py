@@ -173,13 +173,14 @@ def run_directory(drawing: str, end: str = "") -> Callable[[Arguments], Path]:
 
 def _shortened(text: str) -> str:
     """Its first lines, which do not end on a heading, how many more there are, and the files that it names."""
-    lines, named = ([x for x in text.splitlines() if x.startswith(_ALWAYS) is kept] for kept in (False, True))
+    lines = [line for line in text.splitlines() if not line.startswith(_ALWAYS)]
     if len(lines) <= MOST_LINES:
         return text
     depth, count = [len(line) - len(line.lstrip()) for line in lines], MOST_LINES
     while not lines[count - 1] or depth[count] > depth[count - 1]:
         count -= 1
     more = counted(sum(map(bool, lines[count:])), "more line")
+    named = (line for line in text.splitlines() if line.startswith(_ALWAYS))
     return "\n".join([*lines[:count], f"{more} with --verbose.", *named])
 
 

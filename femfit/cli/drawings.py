@@ -114,7 +114,7 @@ def view(
     """
     from femfit.device.drawn_numbers import in_picture, read_numbers
     from femfit.report.field_figures import point_title, write_view
-    from femfit.report.field_sample import sample_of, solve_point
+    from femfit.report.field_sample import solve_point
 
     actuator = ff.read_actuator(source)
     numbers: tuple[NumberFacts, ...] = ()
@@ -125,7 +125,7 @@ def view(
     require_outputs([source], *((path, None) for path in files.values()))
     with status(f"solve {actuator.name}"):
         point = solve_point(actuator, distance, current)
-        sample = sample_of(point)
+        sample = point.sample
     lines = [f"{actuator.name}: {point_title(sample)}"]
     if numbers and "geometry" in files:
         lines += ["Numbers of the drawing:", *(f"  {number.title} [{number.key}]" for number in numbers)]
@@ -139,9 +139,7 @@ def view(
         "numbers": [{"key": number.key, "title": number.title, "at_mm": number.at} for number in numbers],
         "files": {kind: str(path) for kind, path in files.items()},
     }
-    return Outcome(
-        "\n".join(lines), data, [(path, partial(write_view, kind, point, sample)) for kind, path in files.items()]
-    )
+    return Outcome("\n".join(lines), data, [(path, partial(write_view, kind, point)) for kind, path in files.items()])
 
 
 def _within(

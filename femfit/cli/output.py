@@ -35,10 +35,10 @@ def progress(text: str, unit: str) -> Iterator[Show]:
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
         tasks = {"": bar.add_task(text, total=None)}
 
-        def show(done: int, total: int, part: str = "") -> None:
-            if part not in tasks:
-                tasks[part] = bar.add_task(f"{part} of {text}", total=total)
-            bar.update(tasks[part], completed=done, total=total)
+        def show(done: int, total: int, stage: str = "") -> None:
+            if stage not in tasks:
+                tasks[stage] = bar.add_task(f"{stage} of {text}", total=total)
+            bar.update(tasks[stage], completed=done, total=total)
 
         yield show
 
@@ -80,13 +80,13 @@ def _counted(text: str, unit: str) -> Iterator[Show]:
     """What there is at the begin is of an earlier run, and took no time of this one."""
     start, name, done_before, done_now, in_all = monotonic(), "", 0, 0, 0
 
-    def show(done: int, total: int, part: str = "") -> None:
+    def show(done: int, total: int, stage: str = "") -> None:
         nonlocal start, name, done_before, done_now, in_all
         done_now, in_all = done, total
-        before, name = name, f"{part} of {text}" if part else text
+        before, name = name, f"{stage} of {text}" if stage else text
         if name != before:
             start, done_before = monotonic(), done
-            if done and not part:
+            if done and not stage:
                 print(f"{text}: {done} of {total} {unit} were there already", file=sys.stderr, flush=True)
 
     def line() -> str:
@@ -115,5 +115,5 @@ def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
         yield update
 
 
-said = Words("femfit.cli", listing, names={}).sentence
+sentence = Words("femfit.cli", listing, names={}).sentence
 """What a macro of a command's text template makes of facts; the words stand in ``templates``."""

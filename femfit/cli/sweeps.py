@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import femfit as ff
 from femfit.cli.command import OUTPUT, Cores, Default, Outcome, TableOptions, Writes, command, run_directory
 from femfit.cli.keywords import Keywords
-from femfit.cli.output import said, sweep_progress
+from femfit.cli.output import sentence, sweep_progress
 from femfit.core.errors import FieldSolverError, FitError
 from femfit.core.files import MANIFEST, MODEL, SWEEP
 
@@ -57,12 +57,12 @@ def sweep(
         table = ff.run_sweep(actuator, output, workers=workers, signatures=signatures, progress=progress)
     summary = summarise(table) | {"seconds": perf_counter() - start, "directory": str(output)}
     facts = (output, variants, table, summary, variants.remarks)
-    lines = said("sweep", "lines", *facts, failed_points(table), IMPEDANCE)
+    lines = sentence("sweep", "lines", *facts, failed_points(table), IMPEDANCE)
     lost, error = variants_without_a_point(table), None
     if summary["failed"] == summary["rows"]:
-        error = FieldSolverError(said("sweep", "no_point", actuator))
+        error = FieldSolverError(sentence("sweep", "no_point", actuator))
     elif lost:
-        error = FieldSolverError(said("sweep", "lost_variants", lost, len(variants.variants)))
+        error = FieldSolverError(sentence("sweep", "lost_variants", lost, len(variants.variants)))
     return Outcome(lines, summary, error=error)
 
 

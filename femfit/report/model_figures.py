@@ -142,7 +142,7 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
     """Draw the sensor's output as the coil's part over voltage (or current), and as it is without current."""
     sensor = model.require_sensor()
     figure = new_figure(3.0)
-    left, *rest = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
+    coil, *rest = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
     currents, distances = rows.currents, rows.distances
     fine = np.linspace(currents[0], currents[-1], POINTS)
     resistance = None if model.circuit is None else model.circuit.resistance_ohm
@@ -151,9 +151,9 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
     for colour, style, d in zip(ordered_colours(3), ("-", "--", ":"), shown, strict=True):
         field = sensor.field.field(np.full_like(fine, d), fine[:, None]) - sensor.field.field(np.array(d), np.zeros(1))
         text = words("hall", "level", distance=f"{MM * d:g}")
-        left.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=text)
-    label(left, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
-    left.legend(loc="upper left")
+        coil.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=text)
+    label(coil, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
+    coil.legend(loc="upper left")
     if not rest:
         return figure
     right = rest[0]
