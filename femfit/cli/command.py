@@ -30,6 +30,13 @@ Arguments = Mapping[str, Any]
 MOST_LINES = 13
 """Conventional: lines that a hurried reader reads, the answer and twelve."""
 
+_VERBOSE = inspect.Parameter(
+    "verbose",
+    inspect.Parameter.KEYWORD_ONLY,
+    default=False,
+    annotation=Annotated[bool, Parameter(help=f"All lines of the result, not {MOST_LINES} at most.")],
+)
+
 _ALWAYS = ("written: ", "Next: femfit ")
 """How a line begins that is printed wherever it stands."""
 
@@ -145,19 +152,16 @@ def command(
                 shown.append(parameter.replace(default=None, annotation=Annotated[kind | None, *marks]))
             else:
                 shown.append(parameter)
-        shown += [_option(name, Path | None, None, text) for name, text in texts.items()]
-        shown.append(_option("verbose", bool, False, f"All lines of the result, not {MOST_LINES} at most."))
+        for name, text in texts.items():
+            annotation = Annotated[Path | None, Parameter(help=text)]
+            shown.append(_VERBOSE.replace(name=name, default=None, annotation=annotation))
+        shown.append(_VERBOSE)
         update_wrapper(run, function)
         run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
         return run
 
     return decorate
-
-
-def _option(name: str, kind: Any, default: object, text: str) -> inspect.Parameter:
-    annotation = Annotated[kind, Parameter(help=text)]
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
 def run_directory(drawing: str, end: str = "") -> Callable[[Arguments], Path]:

@@ -163,15 +163,10 @@ class Keywords:
     function: str
     names: str
 
-    @property
-    def place(self) -> str:
-        """``module:name`` of the function."""
-        return PLACES.get(self.function, self.function)
-
     @cached_property
     def entries(self) -> tuple[Keyword, ...]:
         """The keywords with what the library says of them."""
-        module, _, name = self.place.partition(":")
+        module, _, name = PLACES.get(self.function, self.function).partition(":")
         spec = find_spec(module)
         assert spec is not None  # noqa: S101  the tests load every command
         assert spec.origin is not None  # noqa: S101

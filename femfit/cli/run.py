@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import femfit as ff
 from femfit.cli.command import OUTPUT, Cores, Default, Outcome, Writes, command, run_directory
 from femfit.cli.output import sentence, sweep_progress
+from femfit.core.errors import ActuatorFileError
 from femfit.core.files import MODEL, PAGE
 from femfit.core.processes import process_pool
 
 if TYPE_CHECKING:
-    from femfit.device.rewrite import VariantSweep
     from femfit.simulation.summary import ClosedLoopStudy
 
 Result = TypeVar("Result")
@@ -53,6 +53,7 @@ def run(
         Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
         stay without it.
     """
+    from femfit.device.rewrite import read_variants
     from femfit.field.sweep_rows import failed_points, summarise
     from femfit.heat.find_temperatures import temperatures_at_supply
     from femfit.model.several_magnetics import NETWORK
@@ -62,10 +63,11 @@ def run(
     from femfit.simulation.open_loop import motion_at_supply
     from femfit.targets.estimator import export_estimator
 
-    drawing = _single_actuator(actuator)
+    drawing, seconds = read_variants(actuator), dict[str, float]()
+    if len(drawing.variants) > 1 or drawing.columns:
+        raise ActuatorFileError(str(actuator), [sentence("run", "several", len(drawing.variants))])
     parts = drawing.actuator
     model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
-    seconds: dict[str, float] = {}
     step = partial(_step, seconds)
     for remark in drawing.remarks:
         print(remark)
@@ -127,16 +129,6 @@ def _step(seconds: dict[str, float], name: str) -> Iterator[Callable[..., None]]
     seconds[name] = perf_counter() - start
     with suppress(BrokenPipeError):  # of a reader who has seen enough
         print(f"{name:<26}{seconds[name]:5.1f} s  {lines[0]}", *lines[1:], sep="\n", flush=True)
-
-
-def _single_actuator(path: Path) -> "VariantSweep":
-    from femfit.core.errors import ActuatorFileError
-    from femfit.device.rewrite import read_variants
-
-    sweep = read_variants(path)
-    if len(sweep.variants) > 1 or sweep.columns:
-        raise ActuatorFileError(str(path), [sentence("run", "several", len(sweep.variants))])
-    return sweep
 
 
 def _fit(table: ff.SweepTable, law: str, file: Path) -> ff.FitResult:

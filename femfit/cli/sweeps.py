@@ -20,6 +20,11 @@ _FORM = Keywords(
 )
 _FORCES = Keywords("fit_model", "where bounds=bound functions inductance_H")
 _DEVICE = Keywords("fit_model", "actuator mass_kg=mass-g resistance_ohm supply_V")
+_BESIDE = Default(
+    lambda names: (
+        (names["table"] if names["table"].is_dir() else names["table"].parent) / f"model_{names['model']}.json"
+    )
+)
 
 
 @command("File for a summary as JSON.")
@@ -99,18 +104,12 @@ def import_table(
     return Outcome(f"{imported}\nwritten: {write_sweep_table(imported, output)}", imported.manifest)
 
 
-def _beside(arguments: Any) -> Path:
-    """Model file beside a table, or in its directory."""
-    table = arguments["table"]
-    return Path(table if table.is_dir() else table.parent) / f"model_{arguments['model']}.json"
-
-
 @command()
 def fit(
     table: Path,
     *,
     model: str = "coenergy",
-    output: Annotated[Path, OUTPUT, Default(_beside), Writes(MODEL)],
+    output: Annotated[Path, OUTPUT, _BESIDE, Writes(MODEL)],
     forces: Annotated[dict[str, Any], _FORCES],
     device: Annotated[dict[str, Any], _DEVICE],
 ) -> Outcome:
