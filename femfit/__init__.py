@@ -8,7 +8,7 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 
-_PLACES = {
+PLACES = {
     # Types
     "Actuator": "femfit.device.parts:Actuator",
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
@@ -65,13 +65,13 @@ _PLACES = {
 }
 """Public name -> "module:name in it"; the one place to edit when something moves, with its line in the .pyi file."""
 
-__all__ = ["__version__", *_PLACES]  # noqa: PLE0604  all of them are strings
+__all__ = ["__version__", *PLACES]  # noqa: PLE0604  all of them are strings
 
 
 def __getattr__(name: str) -> object:
-    place = _PLACES.get(name)
+    place = PLACES.get(name)
     if place is None:
-        raise AttributeError(f"module 'femfit' has no attribute {name!r}; it has {', '.join(sorted(_PLACES))}")
+        raise AttributeError(f"module 'femfit' has no attribute {name!r}; it has {', '.join(sorted(PLACES))}")
     module, _, there = place.partition(":")
     value = getattr(import_module(module), there)
     if not isinstance(value, type):

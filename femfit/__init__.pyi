@@ -99,3 +99,4 @@ __all__ = [
 ]
 
 __version__: str
+PLACES: dict[str, str]

@@ -5,12 +5,13 @@ Writes(PAGE)]``. Every other path is one that it reads.
 """
 
 import inspect
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial, update_wrapper
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -23,14 +24,35 @@ from femfit.core.text import counted
 OUTPUT = Parameter(name=["--output", "-o"])
 AT_LEAST_ONE, NOT_NEGATIVE = Parameter(validator=Number(gte=1)), Parameter(validator=Number(gte=0))
 
+Arguments = Mapping[str, Any]
+"""Of a command, by their names."""
+
 MOST_LINES = 13
 """Conventional: lines that a hurried reader reads, the answer and twelve."""
+
+_VERBOSE = inspect.Parameter(
+    "verbose",
+    inspect.Parameter.KEYWORD_ONLY,
+    default=False,
+    annotation=Annotated[bool, Parameter(help=f"All lines of the result, not {MOST_LINES} at most.")],
+)
 
 _ALWAYS = ("written: ", "Next: femfit ")
 """How a line begins that is printed wherever it stands."""
 
 ToWrite = tuple[Path | None, Callable[[Path], object]]
 """Where a file was asked for, and what writes it."""
+
+
+@dataclass(frozen=True)
+class Default:
+    """What a parameter of a command is where its option is not given, made of the other arguments."""
+
+    make: Callable[[Arguments], Any]
+
+
+Cores = Annotated[int, AT_LEAST_ONE, Default(lambda _: len(os.sched_getaffinity(0)))]
+"""Number of processes, one a core by default."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +66,10 @@ class Writes:
         what is written there looks after itself.
     name : str
         Name of the file in the directory that the option names.
-    default : function
-        The path where the option is not given, of the command's other arguments.
     """
 
-    kind: Kind | Callable[[Mapping[str, Any]], Kind] | None = None
+    kind: Kind | Callable[[Arguments], Kind] | None = None
     name: str = ""
-    default: Callable[[Mapping[str, Any]], Path] | None = None
 
 
 def _picture(result: Any, path: Path) -> None:
@@ -105,19 +124,20 @@ def command(
 
     def decorate(function: Callable[..., Outcome]) -> Callable[..., None]:
         signature = inspect.signature(function)
-        keywords = dict(_marks(signature, Keywords))
+        keywords, defaults = dict(_marks(signature, Keywords)), dict(_marks(signature, Default))
 
         def run(*arguments: Any, **options: Any) -> None:
             from femfit.core.processes import kept_interrupts
 
             verbose, paths = options.pop("verbose", False), {name: options.pop(name, None) for name in texts}
             options |= {name: mark.arguments(options) for name, mark in keywords.items()}
-            call = signature.bind(*arguments, **options)
+            call = signature.bind(*arguments, **dict.fromkeys(defaults) | options)
             call.apply_defaults()
+            missing = {name: default for name, default in defaults.items() if call.arguments[name] is None}
+            call.arguments |= {name: default.make(call.arguments) for name, default in missing.items()}
             inputs, outputs = _paths(signature, call.arguments)
-            require_outputs(
-                inputs, *outputs, *((paths[name], _FILES[name][0]) for name in files), (paths["json"], RESULT)
-            )
+            outputs += [(paths[name], _FILES[name][0]) for name in files]
+            require_outputs(inputs, *outputs, (paths["json"], RESULT))
             with kept_interrupts():
                 outcome = function(*call.args, **call.kwargs)
                 more = [(paths[name], partial(_FILES[name][1], outcome.result)) for name in files]
@@ -125,9 +145,17 @@ def command(
 
         shown: list[inspect.Parameter] = []
         for name, parameter in signature.parameters.items():
-            shown += [entry.parameter for entry in keywords[name].entries] if name in keywords else [parameter]
-        shown += [_option(name, Path | None, None, text) for name, text in texts.items()]
-        shown.append(_option("verbose", bool, False, f"All lines of the result, not {MOST_LINES} at most."))
+            if name in keywords:
+                shown += [entry.parameter for entry in keywords[name].entries]
+            elif name in defaults:
+                kind, *marks = get_args(parameter.annotation)
+                shown.append(parameter.replace(default=None, annotation=Annotated[kind | None, *marks]))
+            else:
+                shown.append(parameter)
+        for name, text in texts.items():
+            annotation = Annotated[Path | None, Parameter(help=text)]
+            shown.append(_VERBOSE.replace(name=name, default=None, annotation=annotation))
+        shown.append(_VERBOSE)
         update_wrapper(run, function)
         run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
@@ -136,15 +164,10 @@ def command(
     return decorate
 
 
-def _option(name: str, kind: Any, default: object, text: str) -> inspect.Parameter:
-    option = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
-    return option.replace(annotation=Annotated[kind, Parameter(help=text)])
+def run_directory(drawing: str, end: str = "") -> Callable[[Arguments], Path]:
+    """``runs/NAME`` of the drawing that is an argument of this name."""
 
-
-def run_directory(drawing: str, end: str = "") -> Callable[[Mapping[str, Any]], Path]:
-    """The default of a directory: ``runs/NAME`` of the drawing that is an argument of this name."""
-
-    def default(arguments: Mapping[str, Any]) -> Path:
+    def default(arguments: Arguments) -> Path:
         from femfit.device.rewrite import read_variants
 
         return Path("runs") / f"{read_variants(arguments[drawing]).actuator.name}{end}"
@@ -154,13 +177,14 @@ def run_directory(drawing: str, end: str = "") -> Callable[[Mapping[str, Any]], 
 
 def _shortened(text: str) -> str:
     """Its first lines, which do not end on a heading, how many more there are, and the files that it names."""
-    lines, named = ([x for x in text.splitlines() if x.startswith(_ALWAYS) is kept] for kept in (False, True))
+    lines = [line for line in text.splitlines() if not line.startswith(_ALWAYS)]
     if len(lines) <= MOST_LINES:
         return text
     depth, count = [len(line) - len(line.lstrip()) for line in lines], MOST_LINES
     while not lines[count - 1] or depth[count] > depth[count - 1]:
         count -= 1
     more = counted(sum(map(bool, lines[count:])), "more line")
+    named = (line for line in text.splitlines() if line.startswith(_ALWAYS))
     return "\n".join([*lines[:count], f"{more} with --verbose.", *named])
 
 
@@ -194,25 +218,22 @@ def _marks(signature: inspect.Signature, kind: type[Mark]) -> list[tuple[str, Ma
 
 
 def _paths(
-    signature: inspect.Signature, arguments: dict[str, Any]
+    signature: inspect.Signature, arguments: Arguments
 ) -> tuple[list[Path], list[tuple[Path | None, Kind | None]]]:
-    """Paths that are read, those of keywords too, and files that are written, defaults filled in."""
+    """Paths that are read, those of keywords too, and files that are written."""
     written = _marks(signature, Writes)
     outputs: list[tuple[Path | None, Kind | None]] = []
     for name, writes in written:
-        if arguments[name] is None and writes.default is not None:
-            arguments[name] = writes.default(arguments)
         if arguments[name] is not None and writes.kind is not None:
             kind = writes.kind if isinstance(writes.kind, Kind) else writes.kind(arguments)
             outputs.append((arguments[name] / writes.name, kind))
-    read = [value for name, value in arguments.items() if name not in dict(written)]
-    several = [value.values() if isinstance(value, dict) else value for value in read]
-    return [
-        path for v in several for path in (v if isinstance(v, Iterable) else (v,)) if isinstance(path, Path)
-    ], outputs
+    read: list[Any] = [value for name, value in arguments.items() if name not in dict(written)]
+    several = (value.values() if isinstance(value, dict) else value for value in read)
+    flat = (path for v in several for path in (v if isinstance(v, Iterable) else (v,)))
+    return [path for path in flat if isinstance(path, Path)], outputs
 
 
-_READ, _WORDS = "femfit.tables.measurement_file:read_measurement", "columns=column units=unit table"
+_READ, _WORDS = "read_measurement", "columns=column units=unit table"
 
 TableOptions = Annotated[dict[str, Any], Keywords(_READ, _WORDS)]
 """What a table's columns are, where their headers do not say it."""

@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from femfit import PLACES
 from femfit.core.errors import UsageError
 
 _SECTION = re.compile(r"^(?:Parameters|Attributes)\n-+\n(.*?)(?=^\w+\n-+$|\Z)", re.MULTILINE | re.DOTALL)
@@ -153,19 +154,19 @@ class Keywords:
 
     Attributes
     ----------
-    place : str
-        ``module:name`` of the function, or of the dataclass whose fields they are.
+    function : str
+        Public name of the function, or ``module:name`` of another one, or of the dataclass whose fields they are.
     names : str
         Which of its keywords, in the order of ``--help``; ``duration_s=duration-ms`` where the option has another name.
     """
 
-    place: str
+    function: str
     names: str
 
     @cached_property
     def entries(self) -> tuple[Keyword, ...]:
         """The keywords with what the library says of them."""
-        module, _, name = self.place.partition(":")
+        module, _, name = PLACES.get(self.function, self.function).partition(":")
         spec = find_spec(module)
         assert spec is not None  # noqa: S101  the tests load every command
         assert spec.origin is not None  # noqa: S101
@@ -200,7 +201,8 @@ def _defaults(node: Any) -> dict[str, Any]:
         fields = (field for field in node.body if isinstance(field, ast.AnnAssign))
         pairs = [(ast.unparse(field.target), field.value) for field in fields]
     else:
-        pairs = [(each.arg, value) for each, value in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True)]
+        arguments = [argument.arg for argument in node.args.kwonlyargs]
+        pairs = list(zip(arguments, node.args.kw_defaults, strict=True))
     return {name: ast.literal_eval(value) for name, value in pairs if isinstance(value, ast.Constant | ast.Tuple)}
 
 

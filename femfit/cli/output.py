@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,8 @@ Show = Callable[..., None]
 def progress(text: str, unit: str) -> Iterator[Show]:
     """Show how much of a piece of work is done, counted in a unit in the plural, and when it will end."""
     if not sys.stderr.isatty():
-        yield _progress_lines(text, unit)
+        with _counted(text, unit) as show:
+            yield show
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
@@ -33,33 +35,68 @@ def progress(text: str, unit: str) -> Iterator[Show]:
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
         tasks = {"": bar.add_task(text, total=None)}
 
-        def show(done: int, total: int, part: str = "") -> None:
-            if part not in tasks:
-                tasks[part] = bar.add_task(f"{part} of {text}", total=total)
-            bar.update(tasks[part], completed=done, total=total)
+        def show(done: int, total: int, stage: str = "") -> None:
+            if stage not in tasks:
+                tasks[stage] = bar.add_task(f"{stage} of {text}", total=total)
+            bar.update(tasks[stage], completed=done, total=total)
 
         yield show
 
 
-def _progress_lines(text: str, unit: str) -> Show:
-    """A line every ten seconds; what there is at the begin is of an earlier run, and took no time of this one."""
-    start = printed = monotonic()
-    now_part: str | None = None
-    before = 0
+@contextmanager
+def status(text: str) -> Iterator[Callable[[str], None]]:
+    """Say what is being done, and yield what changes it."""
+    if not sys.stderr.isatty():
+        steps, start = [text], monotonic()
+        with _lines(lambda: f"{steps[-1]}, {monotonic() - start:.0f} s after the start"):
+            yield steps.append
+        return
+    from rich.console import Console
 
-    def show(done: int, total: int, part: str = "") -> None:
-        nonlocal start, printed, now_part, before
-        now = monotonic()
-        if part != now_part:
-            start, printed, now_part, before = now, now, part, done
-            if done and not part:
+    with Console(stderr=True).status(text) as line:
+        yield line.update
+
+
+@contextmanager
+def _lines(text: Callable[[], str]) -> Iterator[None]:
+    """Print a line every ten seconds, whatever the work itself waits for."""
+    ended = Event()
+
+    def speak() -> None:
+        while not ended.wait(INTERVAL_S):
+            print(text(), file=sys.stderr, flush=True)
+
+    speaker = Thread(target=speak, daemon=True)
+    speaker.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        speaker.join()
+
+
+@contextmanager
+def _counted(text: str, unit: str) -> Iterator[Show]:
+    """What there is at the begin is of an earlier run, and took no time of this one."""
+    start, name, done_before, done_now, in_all = monotonic(), "", 0, 0, 0
+
+    def show(done: int, total: int, stage: str = "") -> None:
+        nonlocal start, name, done_before, done_now, in_all
+        done_now, in_all = done, total
+        before, name = name, f"{stage} of {text}" if stage else text
+        if name != before:
+            start, done_before = monotonic(), done
+            if done and not stage:
                 print(f"{text}: {done} of {total} {unit} were there already", file=sys.stderr, flush=True)
-        elif now - printed >= INTERVAL_S and done > before:
-            remaining, printed = (now - start) * (total - done) / (done - before), now
-            name = f"{part} of {text}" if part else text
-            print(f"{name}: {done} of {total} {unit}, about {remaining:.0f} s left", file=sys.stderr, flush=True)
 
-    return show
+    def line() -> str:
+        if done_now == done_before:
+            return name or text
+        remaining = (monotonic() - start) * (in_all - done_now) / (done_now - done_before)
+        return f"{name}: {done_now} of {in_all} {unit}, about {remaining:.0f} s left"
+
+    with _lines(line):
+        yield show
 
 
 @contextmanager
@@ -78,17 +115,5 @@ def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
         yield update
 
 
-@contextmanager
-def status(text: str) -> Iterator[Callable[[str], None]]:
-    """Say on a terminal what is being done, and yield what changes it; elsewhere nothing is said."""
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(text) as line:
-        yield line.update
-
-
-said = Words("femfit.cli", listing, names={}).sentence
+sentence = Words("femfit.cli", listing, names={}).sentence
 """What a macro of a command's text template makes of facts; the words stand in ``templates``."""

@@ -1,6 +1,5 @@
 """``femfit run``: the whole main job in turn."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -10,25 +9,20 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import femfit as ff
-from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
-from femfit.cli.output import said, sweep_progress
+from femfit.cli.command import OUTPUT, Cores, Default, Outcome, Writes, command, run_directory
+from femfit.cli.output import sentence, sweep_progress
+from femfit.core.errors import ActuatorFileError
 from femfit.core.files import MODEL, PAGE
 from femfit.core.processes import process_pool
 
 if TYPE_CHECKING:
-    from femfit.device.rewrite import VariantSweep
     from femfit.simulation.summary import ClosedLoopStudy
 
 Result = TypeVar("Result")
 
-NO_DISTANCE = (
-    "no sensor of the drawing reads the distance, as a Hall element or one of kind position does, and a body that is "
-    "switched needs no loop. femfit simulate {model} tries one with {sensors} alone."
-)
-
 _MODEL, _LAW, _PAGE = "model.json", "model_law.json", "report.html"
 _RunDirectory = Annotated[
-    Path | None, OUTPUT, Writes(MODEL, _MODEL, run_directory("actuator")), Writes(MODEL, _LAW), Writes(PAGE, _PAGE)
+    Path, OUTPUT, Default(run_directory("actuator")), Writes(MODEL, _MODEL), Writes(MODEL, _LAW), Writes(PAGE, _PAGE)
 ]
 
 
@@ -36,8 +30,8 @@ _RunDirectory = Annotated[
 def run(
     actuator: Path,
     *,
-    output: _RunDirectory = None,
-    workers: Annotated[int | None, AT_LEAST_ONE] = None,
+    output: _RunDirectory,
+    workers: Cores,
     seed: int = 1,
     signatures: bool = False,
 ) -> Outcome:
@@ -59,6 +53,7 @@ def run(
         Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
         stay without it.
     """
+    from femfit.device.rewrite import read_variants
     from femfit.field.sweep_rows import failed_points, summarise
     from femfit.heat.find_temperatures import temperatures_at_supply
     from femfit.model.several_magnetics import NETWORK
@@ -68,44 +63,43 @@ def run(
     from femfit.simulation.open_loop import motion_at_supply
     from femfit.targets.estimator import export_estimator
 
-    drawing = _single_actuator(actuator)
+    drawing, seconds = read_variants(actuator), dict[str, float]()
+    if len(drawing.variants) > 1 or drawing.columns:
+        raise ActuatorFileError(str(actuator), [sentence("run", "several", len(drawing.variants))])
     parts = drawing.actuator
-    assert output is not None  # noqa: S101 - the default of Writes
     model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
-    seconds: dict[str, float] = {}
     step = partial(_step, seconds)
     for remark in drawing.remarks:
         print(remark)
     with step("sweep") as say:
-        processes = workers or len(os.sched_getaffinity(0))
         with sweep_progress(parts.name) as progress:
-            table = ff.run_sweep(actuator, output, workers=processes, signatures=signatures, progress=progress)
+            table = ff.run_sweep(actuator, output, workers=workers, signatures=signatures, progress=progress)
         summary = summarise(table)
-        say(said("run", "sweep", summary), *failed_points(table))
+        say(sentence("run", "sweep", summary), *failed_points(table))
     with step("fit") as say:
         reference = _fit(table, "coenergy", model_file)
-        say(said("run", "fit", reference), *reference.notes)
+        say(sentence("run", "fit", reference), *reference.notes)
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed, model_file)  # beside all that does without it
         with step("open loop") as say:
             motion = motion_at_supply(reference.model)
-            say(said("run", "motion", motion, parts.circuits))
+            say(sentence("run", "motion", motion, parts.circuits))
         with step("temperatures") as say:
             heat = temperatures_at_supply(parts)
-            say(said("run", "heat", heat, parts.circuits))
+            say(sentence("run", "heat", heat, parts.circuits))
         with step("rank laws") as say:
             ranked = reference if reference.circuits else _fit(table, "all", law_file)
-            say(said("run", "laws", ranked, NETWORK))
+            say(sentence("run", "laws", ranked, NETWORK))
         with step("export") as say:
             files, why = _or_why(partial(export_estimator, reference.model, output / "estimator"))
-            say(f"none: {why}" if why else f"{output / 'estimator'}, {len(files or ())} files that need Python alone")
+            say(sentence("run", "export", output / "estimator", files, why))
         with step("pictures") as say:
             content = with_field(ReportContent(reference.model, parts, table, ranked, motion=motion, heat=heat))
             content = replace(content, pictures=tuple(draw_figures(content).items()))
             say("of all but the loop")
         with step("close the loop") as say:
             study, no_study = loop.result()
-            say(said("run", "loop", study, no_study))
+            say(sentence("run", "loop", study, no_study))
     with step("report") as say:
         written = (file for file in (output / "sweep.parquet", model_file, law_file) if file.is_file())
         ff.write_report(replace(content, study=study, no_study=no_study, hashes=hashes(written)), page)
@@ -137,20 +131,6 @@ def _step(seconds: dict[str, float], name: str) -> Iterator[Callable[..., None]]
         print(f"{name:<26}{seconds[name]:5.1f} s  {lines[0]}", *lines[1:], sep="\n", flush=True)
 
 
-def _single_actuator(path: Path) -> "VariantSweep":
-    from femfit.core.errors import ActuatorFileError
-    from femfit.device.rewrite import read_variants
-
-    sweep = read_variants(path)
-    if len(sweep.variants) > 1 or sweep.columns:
-        problem = (
-            f"sweep.parameters make {len(sweep.variants)} variants, and a run is of one actuator. "
-            "Give femfit sweep and then femfit fit with --where, or leave the parameters out."
-        )
-        raise ActuatorFileError(str(path), [problem])
-    return sweep
-
-
 def _fit(table: ff.SweepTable, law: str, file: Path) -> ff.FitResult:
     result = ff.fit_model(table, law=law)
     ff.write_model(result.model, file)
@@ -175,5 +155,5 @@ def _close_loop(model: ff.ActuatorModel, seed: int, file: Path) -> "tuple[Closed
 
     sensors = sensors_of(model)
     if sensors and HALL not in sensors and not any(isinstance(sensor, PositionSensor) for sensor in sensors.values()):
-        return None, NO_DISTANCE.format(model=file, sensors=" and ".join(sensors))
+        return None, sentence("run", "no_distance", file, list(sensors))
     return _or_why(partial(closed_loop_study, model, seed))

@@ -132,8 +132,8 @@ class Temperatures(Printed):
         }
         plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in arrays.items()}
         of_parts = {"magnets": [vars(magnet) for magnet in self.magnets], "thermal": vars(self.surroundings)}
-        found = {"settles": self.settles, "lasts": self.lasts, "at_limit": self.at_limit and self.at_limit.to_dict()}
-        result: dict[str, Any] = json_ready({**plain, **of_parts, **found})
+        outcome = {"settles": self.settles, "lasts": self.lasts, "at_limit": self.at_limit and self.at_limit.to_dict()}
+        result: dict[str, Any] = json_ready({**plain, **of_parts, **outcome})
         return result
 
     def __str__(self) -> str:

@@ -53,7 +53,7 @@ OPEN, NOTHING = -1, -2
 class Faces:
     """Pieces of the outlines of parts, arrays of shape (pieces,)."""
 
-    part: IntArray  # Which part's
+    owner: IntArray  # Which part's
     side: IntArray  # Where it looks to: 0 inwards, 1 outwards, 2 down, 3 up
     facing: IntArray  # Which part it faces, or OPEN or NOTHING
     area: FloatArray  # In m^2; of a gap the mean along it
@@ -226,7 +226,7 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     windings = tuple(winding_heat(coil, around.insulation_W_per_m_K) for coil in coils)
     materials, n, count = [thermal_of(region.material) for region in regions], len(sections), len(coils)
     conductivities = np.array([cast("float", material.conductivity_W_per_m_K) for material in materials])
-    surfaces = np.bincount(faces.part, faces.area, n)[count:]
+    surfaces = np.bincount(faces.owner, faces.area, n)[count:]
     # From face to middle in m^2 K/W; a winding's is in its stars
     resistance = np.concatenate([np.zeros(count), volumes[count:] / surfaces / conductivities])
     joined = _outside(count, faces, resistance, around)
@@ -251,7 +251,7 @@ def _outside(count: int, faces: Faces, resistance: FloatArray, around: Surroundi
 
     ``resistance`` goes from each part's face to its middle, shape (n,), in m^2 K/W.
     """
-    n, source, facing = len(resistance), faces.part, faces.facing
+    n, source, facing = len(resistance), faces.owner, faces.facing
     joined = np.zeros((n + 1 + OWN * count,) * 2)
 
     def nodes(parts: IntArray, sides: IntArray) -> IntArray:

@@ -73,7 +73,7 @@ class PlanReport(Result):
 
     def __str__(self) -> str:
         read = dict.fromkeys(name for pair in self.together for name in pair if name in self.direct)
-        return titled(printed("plan", r=self, clauses=pair_clauses, read=read), self.titles)
+        return titled(printed("plan", r=self, clauses=lambda pairs: pair_clauses(pairs, {}), read=read), self.titles)
 
 
 def examine_plan(
@@ -137,9 +137,9 @@ def separation(whitening: Whitening, rivals: Sequence[Sequence[Start]]) -> float
     return None if apart < NEEDED_DISTANCE * (1.0 - ROUNDING) else apart
 
 
-def pair_clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
-    """Pairs in as few clauses as say them: a name, and those that it stands with."""
-    remaining, clauses = [pair[:2] for pair in pairs], []
+def pair_clauses(pairs: Iterable[Sequence[str]], brief: Mapping[str, str]) -> list[tuple[str, list[str]]]:
+    """Pairs in as few clauses as say them: a name, in brief where there is one, and those that it stands with."""
+    remaining, clauses = [[brief.get(name, name) for name in pair[:2]] for pair in pairs], []
     while remaining:
         names = [name for pair in remaining for name in pair]
         name = max(dict.fromkeys(names), key=names.count)

@@ -73,7 +73,11 @@ class Advice(Result):
     titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
 
     def __str__(self) -> str:
-        return titled(printed("advice", r=self, clauses=pair_clauses), self.titles)
+        sets = [name.split(" + ") for name in self.explanations]
+        shared = [name for name in sets[0] if all(name in names for names in sets)] if len(sets) > 1 else []
+        brief = {" + ".join(names): " + ".join(name for name in names if name not in shared) for names in sets}
+        facts = {"clauses": partial(pair_clauses, brief=brief), "alone": list(brief.values()), "shared": shared}
+        return titled(printed("advice", r=self, **facts), self.titles)
 
 
 def suggest(
@@ -127,14 +131,8 @@ def suggest(
     apart = {pair[:2] for suggestion in compared for pair in suggestion.separates}
     never = tuple(pair for pair in combinations(names[:COMPARED], 2) if pair not in apart)
     together = [fit.names for fit, name in zip(every, names, strict=True) if any(name in pair for pair in never)]
-    return replace(
-        advice,
-        explanations=names[:COMPARED],
-        suggestions=tuple(compared),
-        never=never,
-        isolating=_isolating(together, nominal),
-        further=max(0, len(every) - COMPARED),
-    )
+    advice = replace(advice, explanations=names[:COMPARED], further=max(0, len(every) - COMPARED))
+    return replace(advice, suggestions=tuple(compared), never=never, isolating=_isolating(together, nominal))
 
 
 def _isolating(explanations: Sequence[Sequence[str]], nominal: Nominal) -> tuple[tuple[str, str], ...]:

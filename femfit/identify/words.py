@@ -18,9 +18,10 @@ from femfit.identify import constants
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
-def _listed(items: Any, word: str = "and") -> str:
-    """Items as ``a, b and c``."""
+def _listed(items: Any, word: str = "and", most: int | None = None) -> str:
+    """Items as ``a, b and c``; of more than ``most`` the first ones, and how many more there are."""
     texts = [str(item) for item in items]
+    texts = [*texts[:most], f"{len(texts) - most} more"] if most and len(texts) > most else texts
     return f" {word} ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 

@@ -56,7 +56,7 @@ def _draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     # VTK knows no square root of colours: it is given the root itself
     limit = float(np.sqrt(colour_limit(sample)))
     colours = {"cmap": "cividis", "clim": (0.0, limit), "scalars": "root_B", "show_scalar_bar": False}
-    parts = [(MM * part.corners, part.kind) for part in drawn_parts(actuator, sample.distance_m)]
+    parts = [(MM * drawn.corners, drawn.kind) for drawn in drawn_parts(actuator, sample.distance_m)]
     for outline, kind in parts:  # turned about the axis through all but the cut; z points down in the picture
         closed = np.concatenate([outline, outline[:1]])
         line = pyvista.lines_from_points(np.stack([closed[:, 0], np.zeros(len(closed)), -closed[:, 1]], axis=1))
@@ -103,8 +103,8 @@ def _picture(plotter: Any, sample: FieldSample) -> Any:
     plotter.reset_camera_clipping_range()
     image = plotter.screenshot(return_img=True)
     plotter.close()
-    left, top, right, bottom = Image.fromarray(255 - image).getbbox() or (0, 0, *SIZE)
-    return image[top:bottom, left:right]
+    columns, rows = np.reshape(Image.fromarray(255 - image).getbbox() or (0, 0, *SIZE), (2, 2)).T
+    return image[slice(*rows), slice(*columns)]
 
 
 def _save_with_bar(image: Any, sample: FieldSample, file: Any) -> None:
@@ -126,5 +126,5 @@ def _save_with_bar(image: Any, sample: FieldSample, file: Any) -> None:
 
 
 if __name__ == "__main__":
-    given = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
-    _save_with_bar(_draw_cutaway(*given), given[1], sys.stdout.buffer)
+    drawing, field = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
+    _save_with_bar(_draw_cutaway(drawing, field), field, sys.stdout.buffer)

@@ -72,7 +72,7 @@ def full_section(half: FloatArray) -> tuple[FloatArray, ...]:
 
 def corners_of(parts: Iterable[DrawnPart]) -> FloatArray:
     """Corners (r, z) of parts in m, shape (n, 2)."""
-    return np.concatenate([part.corners for part in parts])
+    return np.concatenate([drawn.corners for drawn in parts])
 
 
 def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -102,7 +102,7 @@ def knee_T(material: Material) -> float | None:  # noqa: N802 - the unit
 class IronLoad:
     """Flux density in one iron part beside the knee of its material; None for a material without a B-H curve."""
 
-    part: str
+    region: str
     material: str
     flux_density_T: float
     knee_T: float | None
@@ -142,10 +142,10 @@ def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> Fig
     over = 0.06 * (high - low)
     axes.plot([0.0, 0.0], [low - over, high + over], color=MUTED, linewidth=0.7, dashes=(9, 3, 2, 3))
     _dimensions(axes, parts, distance)
-    axes.set(xlabel=words("drawing", "x"), ylabel=words("drawing", "z"), aspect="equal")
+    # Limits that give way, not the box: the layout leaves room for labels beside the box that it knows
+    axes.set(xlabel=words("drawing", "x"), ylabel=words("drawing", "z"), aspect="equal", adjustable="datalim")
     axes.set_title(title, loc="left", fontweight="normal")
-    left, right = axes.get_xlim()
-    axes.set_xlim(left - 0.12 * (right - left), right + 0.18 * (right - left))  # room for the dimensions' labels
+    axes.margins(x=0.2)  # room for the dimensions' labels
     axes.invert_yaxis()  # z points down in every picture, as the moving part hangs below
     axes.grid(visible=False)
     legend = axes.get_legend_handles_labels()
@@ -155,14 +155,14 @@ def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> Fig
 
 def _draw_parts(axes: Axes, parts: Sequence[DrawnPart], hall: HallElement | None) -> None:
     """Draw the parts' full section with a legend, in mm."""
-    drawn: set[str] = set()
-    for part in parts:
-        for piece in full_section(part.corners):
-            text = "" if part.label in drawn else part.label
-            axes.fill(*(MM * piece.T), facecolor=COLOURS[part.kind], edgecolor=INK, linewidth=0.8, label=text)
-            drawn.add(part.label)
-    for part in parts:
-        _magnetisation(axes, part)
+    named: set[str] = set()
+    for drawn in parts:
+        for piece in full_section(drawn.corners):
+            text = "" if drawn.label in named else drawn.label
+            axes.fill(*(MM * piece.T), facecolor=COLOURS[drawn.kind], edgecolor=INK, linewidth=0.8, label=text)
+            named.add(drawn.label)
+    for drawn in parts:
+        _magnetisation(axes, drawn)
     if hall is not None:
         look: dict[str, Any] = {"color": HALL_COLOUR, "markeredgecolor": INK, "markersize": 6, "zorder": 5}
         axes.plot(MM * hall.radius_m, MM * hall.height_m, "D", label=words("drawing", "hall"), **look)
@@ -170,10 +170,10 @@ def _draw_parts(axes: Axes, parts: Sequence[DrawnPart], hall: HallElement | None
 
 def draw_outlines(axes: Axes, parts: Iterable[DrawnPart], *, edge: str, opacity: float = 0.0) -> None:
     """Draw the parts' outlines in the full section, as over a field, in mm."""
-    for part in parts:
-        for piece in full_section(part.corners):
+    for drawn in parts:
+        for piece in full_section(drawn.corners):
             if opacity:
-                axes.fill(*(MM * piece.T), facecolor=COLOURS[part.kind], edgecolor="none", alpha=opacity)
+                axes.fill(*(MM * piece.T), facecolor=COLOURS[drawn.kind], edgecolor="none", alpha=opacity)
             axes.fill(*(MM * piece.T), facecolor="none", edgecolor=edge, linewidth=0.8)
 
 
@@ -188,12 +188,12 @@ def material_words(region: Region) -> str:
     return words("drawing", "linear", permeability=permeability)
 
 
-def _magnetisation(axes: Axes, part: DrawnPart) -> None:
-    material = part.shape.material if isinstance(part.shape, Region) else None
+def _magnetisation(axes: Axes, drawn: DrawnPart) -> None:
+    material = drawn.shape.material if isinstance(drawn.shape, Region) else None
     if not isinstance(material, LinearMaterial) or not material.remanence_T:
         return
     radial, axial = np.sign(material.remanence_T) * np.asarray(material.direction)
-    for outline in full_section(part.corners):
+    for outline in full_section(drawn.corners):
         low, high = outline.min(axis=0), outline.max(axis=0)
         middle, size = 0.5 * (low + high), 0.7 * (high - low)
         # On the left side of the section what points outwards points to the left; across the axis nothing is one way
@@ -212,22 +212,22 @@ def _magnetisation(axes: Axes, part: DrawnPart) -> None:
 
 def _dimensions(axes: Axes, parts: Sequence[DrawnPart], distance: float) -> None:
     """Diameters above and below, lengths of the fixed part on the left, of moving part and distance on the right."""
-    still, moving = (MM * corners_of(part for part in parts if part.moves is moves) for moves in (False, True))
+    still, moving = (MM * corners_of(drawn for drawn in parts if drawn.moves is moves) for moves in (False, True))
     (r_in, z_low), (r_out, z_high) = still.min(axis=0), still.max(axis=0)
     m_low, m_high, m_out = moving[:, 1].min(), moving[:, 1].max(), moving[:, 0].max()
     low, high, wide = min(z_low, m_low), max(z_high, m_high), max(r_out, m_out)
     step = 0.085 * max(2.0 * wide, high - low)
     diameters = [(r_out, low - (2.0 if r_in > 0 else 1.2) * step, z_low), (m_out, high + 1.2 * step, m_high)]
     diameters += [(r_in, low - 0.8 * step, z_low)] if r_in > 0 else []
-    for r, z, part in diameters:
-        _dimension(axes, ((-r, z), (r, z)), ((-r, part), (r, part)), (r, z), f"Ø {plain(2 * r, 4)}")
-    for x, (begin, end), part, name in (
+    for r, z, face in diameters:
+        _dimension(axes, ((-r, z), (r, z)), ((-r, face), (r, face)), (r, z), f"Ø {plain(2 * r, 4)}")
+    for x, (begin, end), face, name in (
         (-wide - step, (z_low, z_high), -r_out, ""),
         (wide + step, (m_low, m_high), m_out, ""),
         (wide + 3.0 * step, (0.0, MM * distance), min(m_out, r_out), "d = "),
     ):
         middle, text = (x, 0.5 * (begin + end)), f"{name}{plain(end - begin, 4)}"
-        _dimension(axes, ((x, begin), (x, end)), ((part, begin), (part, end)), middle, text, bold=bool(name))
+        _dimension(axes, ((x, begin), (x, end)), ((face, begin), (face, end)), middle, text, bold=bool(name))
 
 
 def _dimension(

@@ -4,7 +4,6 @@ Colours are those of the regular grid of :mod:`femfit.report.field_sample`, on w
 2 pi r A_phi. |B| is coloured by its square root, so that both the air and iron between 0.5 and 2 T keep their shades.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.report.drawing import COLOURS, actuator_figure, draw_outlines, drawn_parts, mirrored
-from femfit.report.field_sample import FieldSample, SolvedPoint, sample_of, write_vtu
+from femfit.report.field_sample import FieldSample, SolvedPoint, write_vtu
 from femfit.report.style import BLUE, INK, MUTED, PAPER, Axes, Figure, new_figure, plain, quantity, words, write_picture
 
 PICTURES = ("geometry", "mesh", "flux-lines", "flux-density")
@@ -32,24 +31,21 @@ _NO_FIELD_T = 1e-6
 """Largest flux density of what counts as an actuator without a magnet and without current."""
 
 
-def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldSample:
-    """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format."""
-    sample = sample_of(point)
-    for what, path in files:
-        if what == VTU:
-            write_vtu(point, path)
-        else:
-            write_picture(partial(view_figure, what, point, sample), path, DPI, bbox_inches="tight")
-    return sample
+def write_view(what: str, point: SolvedPoint, path: Path) -> None:
+    """Draw a point into a file: one of :data:`PICTURES` in the format of the suffix, or ``vtu``."""
+    if what == VTU:
+        write_vtu(point, path)
+    else:
+        write_picture(partial(view_figure, what, point), path, DPI, bbox_inches="tight")
 
 
-def view_figure(what: str, point: SolvedPoint, sample: FieldSample | None = None) -> Figure:
+def view_figure(what: str, point: SolvedPoint) -> Figure:
     """Draw one of :data:`PICTURES` of a point."""
-    actuator, sample = point.actuator, sample or sample_of(point)
+    actuator, sample = point.actuator, point.sample
     title = f"{actuator.name}: {words(what, 'title')}\n{point_title(sample)}"
     draw = {
         "geometry": lambda: actuator_figure(actuator, point.distance_m, title),
-        "mesh": lambda: mesh_figure(point, sample, title),
+        "mesh": lambda: mesh_figure(point, title),
         "flux-lines": lambda: flux_lines_figure(actuator, sample, title),
         "flux-density": lambda: field_figure(actuator, sample, title),
     }
@@ -118,17 +114,17 @@ def field_figure(actuator: Actuator, sample: FieldSample, title: str = "") -> Fi
     return figure
 
 
-def mesh_figure(point: SolvedPoint, sample: FieldSample, title: str = "") -> Figure:
+def mesh_figure(point: SolvedPoint, title: str = "") -> Figure:
     """Draw the finite elements over the parts, in mm."""
     import ngsolve as ng
 
-    figure, axes = _section(sample, title)
-    _light_parts(axes, point.actuator, sample)
+    figure, axes = _section(point.sample, title)
+    _light_parts(axes, point.actuator, point.sample)
     r, z = MM * np.array([vertex.point for vertex in point.mesh.vertices]).T
     elements = np.array([[vertex.nr for vertex in element.vertices] for element in point.mesh.Elements(ng.VOL)])
     for side in (1.0, -1.0):
         axes.triplot(side * r, z, elements, color=INK, linewidth=0.35)
-    counts = [f"{count:,}".replace(",", "\u2009") for count in (len(elements), sample.unknowns)]
+    counts = [f"{count:,}".replace(",", "\u2009") for count in (len(elements), point.unknowns)]
     _note(axes, words("mesh", "note", elements=counts[0], unknowns=counts[1]))
     return figure
 
@@ -168,7 +164,7 @@ def point_title(sample: FieldSample) -> str:
 def _light_parts(axes: Axes, actuator: Actuator, sample: FieldSample) -> None:
     parts = drawn_parts(actuator, sample.distance_m)
     draw_outlines(axes, parts, edge=INK, opacity=LIGHT)
-    kinds = {part.kind for part in parts}
+    kinds = {drawn.kind for drawn in parts}
     handles = [
         axes.fill([], [], facecolor=COLOURS[kind], alpha=LIGHT, edgecolor=INK, label=words("kinds", kind))[0]
         for kind in COLOURS

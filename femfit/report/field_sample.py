@@ -1,6 +1,7 @@
 """A solved point: its field on a regular grid of the half section for pictures, and as a file for ParaView."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
@@ -28,33 +29,6 @@ CORNER_PERCENTILE = 98.0
 
 
 @dataclass(frozen=True, eq=False)
-class SolvedPoint:
-    """A solution, A_phi = r w in T m, with its mesh, made at this very distance so that it is not stretched."""
-
-    actuator: Actuator
-    distance_m: float
-    current_A: float | tuple[float, ...]  # One each of several circuits
-    mesh: Any
-    w: Any
-    force_N: float
-    unknowns: int
-
-
-def solve_point(
-    actuator: Actuator, distance: float, current: float | tuple[float, ...], settings: SolverSettings | None = None
-) -> SolvedPoint:
-    """Solve at one point."""
-    from femfit.field.layout import layout_of
-    from femfit.field.problem import prepare
-
-    settings = settings or settings_for(actuator)
-    asked = np.atleast_2d(current)
-    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings, currents=asked)
-    w, force = problem.field(distance, current)
-    return SolvedPoint(actuator, distance, current, problem.mesh, w, force, problem.unknowns)
-
-
-@dataclass(frozen=True, eq=False)
 class FieldSample:
     """A field at one distance and current on a grid of m heights and n radii, arrays of shape (m, n)."""
 
@@ -69,42 +43,50 @@ class FieldSample:
     unknowns: int
 
 
-def sample_field(
+@dataclass(frozen=True, eq=False)
+class SolvedPoint:
+    """A solution, A_phi = r w in T m, with its mesh, made at this very distance so that it is not stretched."""
+
+    actuator: Actuator
+    distance_m: float
+    current_A: float | tuple[float, ...]
+    mesh: Any
+    w: Any
+    force_N: float
+    unknowns: int
+
+    @cached_property
+    def sample(self) -> FieldSample:
+        """The field on a grid, for pictures."""
+        from femfit.field.weak_form import flux_density
+
+        actuator, distance = self.actuator, self.distance_m
+        radius, height = _window(actuator, distance)
+        r, z = np.meshgrid(radius, height)
+        points = self.mesh(r.ravel(), z.ravel())
+        magnitude = np.hypot(*flux_density(self.w)(points).T).reshape(r.shape)
+        largest = {}
+        for region in actuator.regions:
+            heights = z if region in actuator.fixed else z - distance
+            inside = magnitude[shapely.contains_xy(polygon(region), r, heights)]
+            if inside.size:
+                largest[region.name] = float(np.percentile(inside, CORNER_PERCENTILE))
+        flux, force = 2.0 * np.pi * r**2 * self.w(points).reshape(r.shape), self.force_N
+        return FieldSample(distance, self.current_A, radius, height, magnitude, flux, force, largest, self.unknowns)
+
+
+def solve_point(
     actuator: Actuator, distance: float, current: float | tuple[float, ...], settings: SolverSettings | None = None
-) -> FieldSample:
-    """Solve at one point and sample the field."""
-    return sample_of(solve_point(actuator, distance, current, settings))
+) -> SolvedPoint:
+    """Solve at one point."""
+    from femfit.field.layout import layout_of
+    from femfit.field.problem import prepare
 
-
-def sample_of(point: SolvedPoint) -> FieldSample:
-    """Sample a field that is solved."""
-    from femfit.field.weak_form import flux_density
-
-    radius, height = _window(point.actuator, point.distance_m)
-    r, z = np.meshgrid(radius, height)
-    points = point.mesh(r.ravel(), z.ravel())
-    density = flux_density(point.w)(points)
-    w = point.w(points).reshape(r.shape)
-    magnitude = np.hypot(*density.T).reshape(r.shape)
-    actuator, distance = point.actuator, point.distance_m
-    heights = {region.name: z if region in actuator.fixed else z - distance for region in actuator.regions}
-    inside = {
-        region.name: magnitude[shapely.contains_xy(polygon(region), r, heights[region.name])]
-        for region in actuator.regions
-    }
-    return FieldSample(
-        distance_m=point.distance_m,
-        current_A=point.current_A,
-        radius_m=radius,
-        height_m=height,
-        flux_density_T=magnitude,
-        flux_Wb=2.0 * np.pi * r**2 * w,
-        force_N=point.force_N,
-        part_flux_density_T={
-            name: float(np.percentile(values, CORNER_PERCENTILE)) for name, values in inside.items() if values.size
-        },
-        unknowns=point.unknowns,
-    )
+    settings = settings or settings_for(actuator)
+    asked = np.atleast_2d(current)
+    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings, currents=asked)
+    w, force = problem.field(distance, current)
+    return SolvedPoint(actuator, distance, current, problem.mesh, w, force, problem.unknowns)
 
 
 def _window(actuator: Actuator, distance: float) -> tuple[FloatArray, FloatArray]:

@@ -46,7 +46,7 @@ class Bench:
     observations: Observations
     floor: Mapping[str, float]  # Standard deviation of one reading, in the channels in which it is known
     effects: Sequence[AddedEffect]
-    known: bool  # Whether the noise of every channel is
+    noise_known: bool  # Of every channel
     channels: Sequence[str]  # In the order of their misfit over the noise, or over their own size
     fails: str  # The channel of which a diagnosis says where it fails, and what its misfit changes with besides
     covariates: Sequence[str]
@@ -71,8 +71,8 @@ def bench_of(result: Comparison | Diagnosis | AddResult) -> Bench:
         fails, covariates = result.where.channel, [name for name in result.where.covariates if name in SCALAR and floor]
     else:
         floor, effects = dict(result.floor), result.added
-        kept = tuple(added for added in model.effects if added.effect.name in result.kept)
-        model = with_effects(model.without_effects, kept)
+        earlier = tuple(added for added in model.effects if added.effect.name in result.kept)
+        model = with_effects(model.without_effects, earlier)
     rms = observations.rms(observations.residual)
     largest = {name: float(np.max(np.abs(observations.value[observations.of(name)]), initial=0.0)) for name in rms}
     worst_first = sorted(rms, key=lambda name: round(-rms[name] / (floor.get(name) or largest[name] or 1.0), 9))
@@ -81,7 +81,7 @@ def bench_of(result: Comparison | Diagnosis | AddResult) -> Bench:
 
 def residual_maps_figure(bench: Bench) -> Figure:
     """Maps of recorded minus predicted over distance and current, a column a channel, a dot a setting."""
-    observations, sigma = bench.observations, bench.known
+    observations, sigma = bench.observations, bench.noise_known
     scale = bench.floor if sigma else dict.fromkeys(observations.channels, 1.0)
     names = observations.channels
     figure = new_figure(2.4, width=min(WIDTH, 1.4 + 2.2 * len(names)))
@@ -129,8 +129,8 @@ def _binned(ax: Axes, x: FloatArray, y: FloatArray) -> None:
     )  # fmt: skip
 
 
-_SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1e-3}
-"""Factor of a setting's axis, in mm, A or kHz."""
+_SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1.0}
+"""Factor of a setting's axis, in mm, A or Hz."""
 
 
 def curves_figure(bench: Bench, channel: str) -> Figure:

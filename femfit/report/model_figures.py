@@ -39,6 +39,9 @@ from femfit.report.style import (
 MM = 1e3
 POINTS = 200
 
+ROUNDED_AWAY = 1e-3
+"""Conventional: part of the largest current below which a current of several circuits is called 0."""
+
 
 @dataclass(frozen=True, eq=False)
 class Supplied:
@@ -123,8 +126,9 @@ def force_curves_figure(grid: SweepGrid, weight: float | None, legend: str = "le
     figure = new_figure(3.6)
     axes = figure.subplots()
     factor, unit = axis_scale(grid.force, "N")
-    for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
-        text = words("force-curves", "current", current=f"{current:.3g}")
+    currents = np.where(np.abs(grid.currents) < ROUNDED_AWAY * np.abs(grid.currents).max(), 0.0, grid.currents)
+    for colour, current, force in zip(ordered_colours(len(currents)), currents, grid.force, strict=True):
+        text = words("force-curves", "current", current=plain(current, 3))
         axes.plot(MM * grid.distances, factor * force, color=colour, label=text)
     if weight is not None:
         text = words("force-curves", "weight")
@@ -138,7 +142,7 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
     """Draw the sensor's output as the coil's part over voltage (or current), and as it is without current."""
     sensor = model.require_sensor()
     figure = new_figure(3.0)
-    left, *rest = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
+    coil, *rest = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
     currents, distances = rows.currents, rows.distances
     fine = np.linspace(currents[0], currents[-1], POINTS)
     resistance = None if model.circuit is None else model.circuit.resistance_ohm
@@ -147,9 +151,9 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
     for colour, style, d in zip(ordered_colours(3), ("-", "--", ":"), shown, strict=True):
         field = sensor.field.field(np.full_like(fine, d), fine[:, None]) - sensor.field.field(np.array(d), np.zeros(1))
         text = words("hall", "level", distance=f"{MM * d:g}")
-        left.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=text)
-    label(left, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
-    left.legend(loc="upper left")
+        coil.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=text)
+    label(coil, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
+    coil.legend(loc="upper left")
     if not rest:
         return figure
     right = rest[0]

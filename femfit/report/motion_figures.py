@@ -89,7 +89,7 @@ def closed_loop_figure(loop: LoopSummary) -> Figure:
     if len(names) > 1:
         middle.legend(ncols=len(names))
     middle.set_ylabel(words("loop", "current"))
-    bottom.set(ylabel=words("loop", "voltage"), xlabel=words("loop", "time"))
+    bottom.set(ylabel=words("loop", "voltage", unit=loop.design.command_unit), xlabel=words("loop", "time"))
     figure.align_ylabels()
     figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure

@@ -104,13 +104,13 @@ def _table_content(
 
 def with_field(content: ReportContent) -> ReportContent:
     """The content of a drawing and its sweep with the field solved at the points that a report shows."""
-    from femfit.report.field_sample import sample_field
+    from femfit.report.field_sample import solve_point
 
     actuator, rows = content.actuator, content.rows
     assert actuator is not None  # noqa: S101
     assert rows is not None  # noqa: S101
     points = picture_point(content, actuator, rows), strongest_point(actuator)
-    samples: dict[Place, FieldSample] = {p: sample_field(actuator, *p) for p in dict.fromkeys(points)}
+    samples: dict[Place, FieldSample] = {p: solve_point(actuator, *p).sample for p in dict.fromkeys(points)}
     return replace(content, field=samples[points[0]], strongest=samples[points[1]])
 
 

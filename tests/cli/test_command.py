@@ -10,6 +10,7 @@ from typing import Literal, get_args, get_origin
 import pytest
 
 import femfit.cli
+from femfit import PLACES
 from femfit.cli.command import MeasurementOptions, Outcome, TableOptions, command
 from femfit.cli.keywords import Keyword, Keywords
 from femfit.core.errors import OutputError, UsageError
@@ -18,7 +19,9 @@ MODULES = [import_module(f"femfit.cli.{path.stem}") for path in Path(femfit.cli.
 GROUPS = [value for module in MODULES for value in vars(module).values() if isinstance(value, Keywords)]
 GROUPS += [kind.__metadata__[0] for kind in (TableOptions, MeasurementOptions)]
 ENTRIES = [
-    pytest.param(group.place, entry, id=f"{group.place}-{entry.name}") for group in GROUPS for entry in group.entries
+    pytest.param(PLACES.get(group.function, group.function), entry, id=f"{group.function}-{entry.name}")
+    for group in GROUPS
+    for entry in group.entries
 ]
 
 
@@ -71,7 +74,7 @@ def test_what_is_given_becomes_what_the_function_takes():
 
 
 def test_what_is_not_given_is_left_to_the_function_and_a_zero_is_given():
-    drive = next(group for group in GROUPS if group.place.endswith("open_loop:simulate"))
+    drive = next(group for group in GROUPS if group.function == "simulate")
     assert drive.arguments({"option_start_m": 0.0, "option_voltage_V": (), "model": "m"}) == {"start_m": 0.0}
 
 

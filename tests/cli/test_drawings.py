@@ -10,7 +10,7 @@ from typing import get_args
 import pytest
 
 import femfit as ff
-from femfit.cli.new import Kind
+from femfit.cli.drawings import Kind
 from femfit.cli.run import _close_loop
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.load import actuator_from_toml, read_actuator

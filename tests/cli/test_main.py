@@ -7,6 +7,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -182,33 +183,34 @@ def test_a_signal_that_the_solver_swallows_is_no_failed_distance(tmp_path, monke
     assert ((rows["status"] == "ok").all(), len(rows)) == (True, 9)
 
 
-@pytest.fixture
-def clock(monkeypatch):
-    now = [0.0]
-    monkeypatch.setattr(output, "monotonic", lambda: now[0])
-    return now
+def spoken(capsys):
+    """What is said while nothing happens."""
+    capsys.readouterr()
+    time.sleep(0.1)
+    return set(capsys.readouterr().err.split("\n")) - {""}
 
 
-def lines(capsys):
-    return capsys.readouterr().err.splitlines()
-
-
-def test_long_work_tells_its_end_every_ten_seconds_and_each_part_by_itself(clock, capsys):
+def test_work_without_a_terminal_says_now_and_then_what_is_done_and_when_it_ends(monkeypatch, capsys):
+    clock = [0.0]
+    monkeypatch.setattr(output, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(output, "INTERVAL_S", 0.01)
     with progress("valve", "samples") as show:
-        for part in ("", "trial 1"):
-            for done in range(51):
-                show(done, 100, part)
-                clock[0] += 2.0
-    said = lines(capsys)
-    assert said[0] == "valve: 5 of 100 samples, about 190 s left"
-    assert said[10] == "trial 1 of valve: 5 of 100 samples, about 190 s left"
-    assert len(said) == 20
+        assert spoken(capsys) == {"valve"}
+        for part, name in (("", "valve"), ("trial 1", "trial 1 of valve")):
+            show(20, 100, part)
+            clock[0] += 10.0
+            show(25, 100, part)
+            assert spoken(capsys) == {f"{name}: 25 of 100 samples, about 150 s left"}  # 5 in 10 s
+    with status("Reading") as say:
+        say("Scoring the effects")
+        clock[0] += 12.0
+        assert spoken(capsys) == {"Scoring the effects, 12 s after the start"}
+    assert spoken(capsys) == set()
 
 
-def test_short_work_and_what_is_being_done_are_not_told_where_there_is_no_terminal(clock, capsys):
+def test_short_work_and_what_is_being_done_are_not_told_where_there_is_no_terminal(capsys):
     with progress("sweep x", "points") as show, status("Reading") as say:
         for done in range(11):
             show(done, 10)
-            clock[0] += 0.5
         say("Estimating the noise")
-    assert lines(capsys) == []
+    assert capsys.readouterr().err == ""

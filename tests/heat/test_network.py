@@ -246,7 +246,7 @@ def test_the_drawings_resistance_holds_at_the_drawings_temperature():
 
 def conductance(faces, one, other):
     """Area over gap, of all rays from one part to another."""
-    met = (faces.part == one) & (faces.facing == other)
+    met = (faces.owner == one) & (faces.facing == other)
     return np.sum(faces.area[met] / faces.gap[met])
 
 

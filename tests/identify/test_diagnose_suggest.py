@@ -13,7 +13,7 @@ from femfit.identify.bench import bench_observations, conditions_of
 from femfit.identify.decision.diagnose import Diagnosis, diagnose
 from femfit.identify.plan import examine_plan
 from femfit.identify.signatures import why_untestable
-from femfit.identify.suggest import Advice, _isolating, joined, suggest, suggest_measurements
+from femfit.identify.suggest import Advice, Suggestion, _isolating, joined, suggest, suggest_measurements
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of
@@ -143,6 +143,21 @@ def test_of_a_record_each_measurement_is_said_once_the_most_separating_first(lev
     assert second == "  This shows coulomb_friction by itself."
     assert sum("Weigh" in line for line in rest) == 1
     assert all(line.startswith(("Or: ", "  This shows ", "The data leave ")) for line in rest)
+
+
+def test_what_all_explanations_have_is_said_once_and_rivals_beyond_three_are_counted():
+    rest = ("remanence", "turns", "current_gain", "hysteresis", "eddy_lag", "mass_error")
+    names = tuple(f"hall_offset + {name}" for name in rest)
+    one, *others = names
+    apart = tuple((one, other, 9.0) for other in others)
+    some = (*((names[1], other, 9.0) for other in names[2:]), (names[2], names[3], 9.0))
+    left = tuple((a, b) for a, b in combinations(names, 2) if a != one)
+    known = tuple(Suggestion("Read.", 7.0, pairs, left) for pairs in (apart, some))
+    text = str(Advice(names, known, never=tuple(combinations(names[3:], 2))))
+    assert "separates remanence from every other." in text
+    assert "separates turns from current_gain, hysteresis, eddy_lag and 1 more; current_gain from hysteresis." in text
+    assert "separate hysteresis, eddy_lag and mass_error from each other." in text
+    assert text.endswith(f"leave hall_offset with {', '.join(rest[:-1])} or mass_error.")
 
 
 def test_a_gaussmeter_does_not_separate_a_weak_grade_from_a_magnet_that_lost_as_much(levitation_model):

@@ -25,7 +25,7 @@ def test_what_editors_see_is_what_is_loaded():
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
-    assert imported == femfit._PLACES
+    assert imported == femfit.PLACES
     assert set(femfit.__all__) <= set(dir(femfit))
 
 
@@ -66,7 +66,7 @@ def test_a_wrong_name_is_answered_with_the_right_ones():
     [
         ("import femfit; dir(femfit)", HEAVY),
         ("import femfit.cli.main as m; m.build_app(())", HEAVY),
-        ("import femfit.cli.fit, femfit.cli.compare", ("pandas",)),  # which load tables when they run
+        ("import femfit.cli.sweeps, femfit.cli.benches", ("pandas",)),  # which load tables when they run
     ],
 )
 def test_what_is_heavy_loads_late(code, late):

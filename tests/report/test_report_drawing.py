@@ -40,7 +40,9 @@ def test_the_full_section_is_symmetric_and_twice_as_large(inner, width, low, hei
 def test_every_starter_is_drawn_with_all_its_parts(name):
     actuator = actuator_from_toml(starter_text(name))
     distance = actuator.sweep.distances_m[0]
-    figure = actuator_figure(actuator, distance)
+    figure = actuator_figure(actuator, distance, "name: geometry\nd = 1 mm, i = 1 A, F = 1 N, attracted")
+    figure.draw_without_rendering()
+    assert figure.axes[0].yaxis.label.get_window_extent().x0 > 0.0  # within the picture, under two lines of title
     parts = len(actuator.fixed) + len(actuator.coils) + len(actuator.moving.regions)
     assert len(drawn_parts(actuator, distance)) == parts
     assert figure.axes[0].patches

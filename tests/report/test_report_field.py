@@ -8,7 +8,7 @@ from femfit.core.numerics import MU_0
 from femfit.device.load import read_actuator
 from femfit.device.materials import BHCurve
 from femfit.field.tolerance import SolverSettings
-from femfit.report.field_sample import sample_field, solve_point, write_vtu
+from femfit.report.field_sample import solve_point, write_vtu
 from support.actuators import GEOMETRY, assembly, magnet
 from support.saturating import bobbin
 from support.validation_cases import axis_field_of_cylinder
@@ -85,7 +85,7 @@ def actuator():
 
 def test_flux_and_flux_density_belong_together(actuator):
     """B_z = (1 / 2 pi r) d psi/dr and B_r = -(1 / 2 pi r) d psi/dz, in the air between magnet and core."""
-    sample = sample_field(actuator, SWEPT, CURRENT, SolverSettings(order=6))
+    sample = solve_point(actuator, SWEPT, CURRENT, SolverSettings(order=6)).sample
     r, z, psi = sample.radius_m, sample.height_m, sample.flux_Wb
     in_z, in_r = np.gradient(psi, z, r)
     gap = np.ix_((z > 0.005) & (z < 0.018), (r > 0.004) & (r < 0.02))
@@ -95,7 +95,7 @@ def test_flux_and_flux_density_belong_together(actuator):
 
 
 def test_no_flux_passes_through_the_axis_and_the_window_holds_every_part(actuator):
-    sample = sample_field(actuator, SWEPT, CURRENT)
+    sample = solve_point(actuator, SWEPT, CURRENT).sample
     assert sample.radius_m[0] == 0.0
     np.testing.assert_array_equal(sample.flux_Wb[:, 0], 0.0)
     assert sample.height_m[0] < -0.025

@@ -77,11 +77,11 @@ def test_beyond_the_knee_ten_per_cent_more_flux_density_take_half_more_field():
 def test_iron_is_judged_beside_its_own_knee_with_the_worst_part_first(plunger_content):
     actuator = read_actuator(GEOMETRY / "emaws-saturable.toml")
     loads = iron_loads(actuator, {"sleeve": 0.1, "upper_flange": 0.3, "lower_flange": 0.2})
-    assert [load.part for load in loads] == ["upper_flange", "lower_flange", "sleeve"]
+    assert [load.region for load in loads] == ["upper_flange", "lower_flange", "sleeve"]
     assert loads[0].margin < 0.0 < loads[1].margin
     largest = {"plunger": 1.2, "shell": 0.4, "upper_plate": 1.6, "pole_and_bottom": 1.0}
     loads = iron_loads(plunger_content.actuator, largest)
-    assert [load.part for load in loads] == ["upper_plate", "plunger", "pole_and_bottom", "shell"]
+    assert [load.region for load in loads] == ["upper_plate", "plunger", "pole_and_bottom", "shell"]
     assert all(load.margin is None for load in loads)  # a linear material does not say where it saturates
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from golden.door import model
 
 from femfit.core.errors import DomainError
 from femfit.device.electrics import Drive
@@ -12,6 +13,7 @@ from femfit.device.mechanics import Spring, Stop
 from femfit.model.bspline import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.validity import ProcessNoise
 from femfit.simulation.close_loop import choose, close_loop, closed_loop_study
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.experiment import direct_distance
@@ -239,3 +241,13 @@ def test_a_body_is_lost_where_it_meets_a_stop_whether_it_stays_or_bounces(ball):
         assert ((before > 0.0155) & (before < 0.024)).all()
         assert np.isnan(loop.result.series.distance_m[loop.result.time_s > lost_s[-1].max() + 1e-9]).all()
     np.testing.assert_array_equal(*lost_s)
+
+
+def test_a_loop_that_hardly_uses_its_sensors_is_not_sent_to_a_record_whose_noise_it_has():
+    coil, options = model("voice-coil"), {"controller": "backstepping", "estimator": "ekf", "seconds": 0.01, "runs": 1}
+    tuned = replace(coil, process_noise=ProcessNoise(acceleration_density=1e-9, voltage_V=1e-6))
+    drawn, recorded = (str(close_loop(kind, rng=1, **options)) for kind in (coil, tuned))
+    assert "hardly uses its sensors" in drawn
+    assert "hardly uses its sensors" in recorded
+    assert ("femfit observe" in drawn, "femfit observe" in recorded) == (True, False)
+    assert "median" not in drawn  # of one run
