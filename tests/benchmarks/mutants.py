@@ -112,14 +112,14 @@ def changed_bytes(content: bytes, _other: bytes, random: np.random.Generator) ->
 
 def changed_entry(content: bytes, other: bytes, random: np.random.Generator) -> bytes:
     """One place of a JSON document altered or left out."""
-    document = json.loads(content)
+    document = [json.loads(content)]
     holder, last = pick(list(places(document)), random)
     kept, values = holder[last], [pick(VALUES, random), pick(VALUES, random)]
     scaled = [kept * pick(FACTORS, random)] if isinstance(kept, float) else []
     holder[last] = pick([*values, *scaled, KeyError], random)
     if holder[last] is KeyError:
         del holder[last]
-    return json.dumps(document, indent=1).encode()
+    return json.dumps(*document or [None], indent=1).encode()
 
 
 def places(holder: Any) -> Iterator[tuple[Any, Any]]:
@@ -331,7 +331,7 @@ def targets(folder: Path) -> dict[str, Target]:
         "inductance": Target([INPUTS / "tables/inductance.csv"], [use_inductance]),
         "fem": Target([*found("fem/*.fem", FILES), *found("fem/*.fem")], [use_fem], 4),
         "sweep": Target([*found("sweeps/*/*.*"), *found("sweep/*", folder)], [use_sweep], 2),
-        "fit": Target(found("sweeps/*/sweep.csv"), [lambda path: use_model(ff.fit_model(path).model)], 0.01),
+        "fit": Target(found("sweeps/*/*.*"), [lambda path: use_model(ff.fit_model(path.parent).model)], 0.01),
         "journal": Target(found("journal/*", folder), [use_journal]),
         **{name: Target(found(f"{name}/*", folder), every, 2) for name in ("parquet", "tdms")},
         "xlsx": Target(found("xlsx/*", folder), every),
