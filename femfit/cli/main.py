@@ -95,8 +95,9 @@ def main() -> None:
         _fail(str(error), USAGE)
     except FemfitError as error:
         _fail(str(error))
-    except BrokenPipeError:
-        sys.exit(0)  # the reader has seen enough of what is printed, a command's help say
+    except (BrokenPipeError, SystemExit) as error:
+        # The reader has seen enough of what is printed; where that is a command's help, rich makes an exit of it
+        sys.exit(0 if BrokenPipeError in (type(error), type(error.__context__)) else getattr(error, "code", 0))
     except OSError as error:
         _fail(": ".join(filter(None, [error.strerror or str(error), str(error.filename or "")])))
     except MemoryError:
@@ -140,8 +141,8 @@ def _bug(error: Exception) -> str:
     import traceback
 
     with tempfile.NamedTemporaryFile("w", prefix="femfit-", suffix=".log", delete=False, encoding="utf-8") as log:
-        log.write(f"femfit {__version__}, Python {platform.python_version()}, {platform.platform()}\n")
-        log.write(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}")
+        versions = f"femfit {__version__}, Python {platform.python_version()}, {platform.platform()}"
+        log.write(f"{versions}\n{sys.argv}\n\n{''.join(traceback.format_exception(error))}")
     first_line = (str(error).splitlines() or [""])[0][:200]
     return (
         f"this is a bug of femfit ({type(error).__name__}: {first_line}). Please report it with the log file "

@@ -15,17 +15,14 @@ import os
 import secrets
 import stat
 import tomllib
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any, NamedTuple, TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 
-from femfit.core.errors import OutputError, TableError, UsageError
+from femfit.core.errors import FemfitError, OutputError, TableError, UsageError
 from femfit.core.text import quoted
 
 
@@ -199,8 +196,6 @@ def _is_of(path: Path, kind: Kind) -> bool:
 
 Made = TypeVar("Made")
 
-_DAMAGED = OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError, BadZipFile, zlib.error, TokenError
-
 
 def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:
     """Write what is not None of them, or remove an earlier file where there are no arrays."""
@@ -213,12 +208,18 @@ def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:
 
 
 @contextmanager
-def reading(file: Path, remedy: str) -> Iterator[None]:
-    """Say of what a sweep has written, and what cannot be read any more, what to do."""
+def reading(file: object, remedy: str, kind: str = "") -> Iterator[None]:
+    """Turn any exception into a TableError, but for femfit's own and for too little memory.
+
+    Libraries raise over damaged files what their authors never thought of: no list of exceptions is complete.
+    """
     try:
         yield
-    except _DAMAGED as error:
-        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. {remedy}") from error
+    except (FemfitError, MemoryError):
+        raise
+    except Exception as error:
+        reason = quoted(f"{type(error).__name__}: {error}", 300)
+        raise TableError(f"{file} cannot be read{kind}; it seems to be damaged ({reason}). {remedy}") from error
 
 
 def read_arrays(file: Path, make: Callable[[dict[str, Any]], Made], remedy: str) -> Made | None:
@@ -253,7 +254,6 @@ def finite_number(value: object) -> float | None:
     """Return a number of a settings file as a float; None for anything else, and for what a float does not hold."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    try:
+    with suppress(OverflowError):
         return float(value) if math.isfinite(value) else None
-    except OverflowError:
-        return None
+    return None

@@ -32,6 +32,9 @@ def evenly_spread(length: int, count: int) -> IntArray:
     return np.unique(np.linspace(0, length - 1, min(length, count)).round().astype(np.intp))
 
 
+LARGEST = 1e37
+"""No measured quantity is as large; instruments write 9.9E+37 for an overload, and 9.91E+37 for no number (SCPI-99)."""
+
 MU_0 = 4e-7 * math.pi
 """Vacuum permeability in H/m."""
 

@@ -68,7 +68,8 @@ def suspected_zero(
     box, of_the_circuit = model.without_effects.validity, {"voltage_V", "resistance_ohm"}
     travel = box.distance_max_m - box.distance_min_m
     reads = {name: read for name, read in reads.items() if name not in of_the_circuit and np.isfinite(read).any()}
-    if not reads:
+    # A shift meets a few settings whatever is wrong
+    if not reads or len(np.unique(np.column_stack([d, i]), axis=0)) < LEAST_READINGS:
         return None
     low, high = box.distance_min_m - DOMAIN_SLACK * travel, box.distance_max_m + DOMAIN_SLACK * travel
     recorded, usual = (d >= low) & (d <= high), predict(d, i)

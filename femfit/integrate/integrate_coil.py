@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from femfit.core.errors import TableError
 from femfit.core.files import INTEGRATED, finite_number, replacing, require_outputs
+from femfit.core.numerics import LARGEST
 from femfit.core.text import quoted
 from femfit.integrate.feed_forward import SETTLING_S, STILL_A
 from femfit.integrate.field_of_current import (
@@ -37,7 +38,6 @@ from femfit.integrate.methods import (
 from femfit.integrate.record_watch import RecordWatch, Reference, finding
 from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
 from femfit.tables.coil_record import RAW_SUFFIXES, CoilRecord, open_coil_record
-from femfit.tables.raw_table import LARGEST
 
 OFFSET_SIGMA_V = {"trapezoid": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6, **dict.fromkeys(FILTERS, 0.0)}
 """Standard uncertainty of the offset voltage that a method leaves. Chosen: 20 uV for an amplifier's own offset, 5 uV

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import LARGEST, FloatArray
 from femfit.core.text import counted
-from femfit.tables.raw_table import LARGEST
 
 # Second differences of white noise have six times its variance; the median of |normal| is 0.6745 sigma.
 _MEDIAN_TO_SIGMA = 1.0 / (0.6745 * math.sqrt(6.0))

@@ -19,13 +19,13 @@ import pyarrow.parquet as pq
 from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from femfit.core.errors import TableError
-from femfit.core.files import path_of, read_settings
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.files import path_of, read_settings, reading
+from femfit.core.numerics import LARGEST, BoolArray, FloatArray, IntArray
 from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.containers import is_container
 from femfit.tables.findings import refused
-from femfit.tables.raw_table import EMPTY, LARGEST, check_width, decoding, find_decimal, looks_numeric, typed_numbers
+from femfit.tables.raw_table import AGAIN, EMPTY, check_width, find_decimal, looks_numeric, typed_numbers
 from femfit.tables.reading import Wants, Words, read_raw_table, require_single_names, words_of
 from femfit.tables.text_table import decode, find_layout
 
@@ -86,7 +86,7 @@ class CoilRecord:
     def blocks(self, rows: int = BLOCK_ROWS) -> Iterator[CoilBlock]:
         """The record's blocks in order; rows without a time or a voltage are left out and show as gaps."""
         before, count = -np.inf, 0
-        with decoding(self.source, "a coil record"):
+        with reading(self.source, AGAIN, " as a coil record"):
             for table in self.tables(rows):
                 read = {}
                 for use in self.used:
@@ -139,7 +139,7 @@ def open_coil_record(
         if not path.is_file():
             raise refused("no-record", path=path)
         words = words if path.suffix in RAW_SUFFIXES else words_of(path, words)
-        with decoding(path, "a coil record"):
+        with reading(path, AGAIN, " as a coil record"):
             if path.suffix in RAW_SUFFIXES:
                 content = _raw_record(path)
             elif path.suffix == ".parquet":

@@ -12,13 +12,13 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from femfit.core.numerics import GRAVITY, FloatArray
+from femfit.core.numerics import GRAVITY, LARGEST, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.text import quoted
 from femfit.tables.findings import finding, refused
 from femfit.tables.header import Likeness, find_header, matching_headers, parse_header, score
 from femfit.tables.measurement import CHANNELS, SETTINGS
-from femfit.tables.raw_table import EMPTY, LARGEST, RawTable, clock_seconds, looks_numeric
+from femfit.tables.raw_table import EMPTY, RawTable, clock_seconds, looks_numeric
 from femfit.tables.units import column_unit, given_factor, unit_factor
 
 BENCH_COLUMNS = (*SETTINGS, *CHANNELS)

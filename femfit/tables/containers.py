@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
+from femfit.core.files import reading
 from femfit.core.processes import process_pool
 from femfit.core.results import listing
 from femfit.core.text import quoted
@@ -30,7 +31,7 @@ from femfit.tables.columns import match_column
 from femfit.tables.findings import refused
 from femfit.tables.header import with_unit
 from femfit.tables.nested import hdf5_tree, mat_tree, nested_tables, require_library, table_of_columns
-from femfit.tables.raw_table import RawTable, decoding, typed_table
+from femfit.tables.raw_table import AGAIN, RawTable, typed_table
 from femfit.tables.text_table import parse_text
 
 SUFFIXES = (".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet", ".xlsx", ".mat", ".h5", ".hdf5", ".tdms", ".wav")
@@ -78,7 +79,7 @@ def parse_table(
     """
     kind = container_kind(content, source)
     if kind:
-        with decoding(source, kind), warnings.catch_warnings():
+        with reading(source, AGAIN, f" as {kind}"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a file's styles, titles or index, which no number depends on
             tables, remark = _READERS[kind](content, source)
         return _chosen(tables, remark, source, table, wanted)
@@ -86,7 +87,7 @@ def parse_table(
         raise TableError(f"{source} holds one table, so that --table {quoted(table)} has no meaning. Leave it out.")
     if not content.startswith(b"PAR1") and not source.endswith(".parquet"):
         return parse_text(content, source, **dialect)
-    with decoding(source, "Parquet"):
+    with reading(source, AGAIN, " as Parquet"):
         frame = pd.read_parquet(io.BytesIO(content))
     indexed = any(level is not None for level in frame.index.names)
     return typed_table(frame.reset_index() if indexed else frame, source, "Parquet")

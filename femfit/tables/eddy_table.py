@@ -200,7 +200,10 @@ def read_eddy(directory: Path) -> EddyTable | None:
 def _of_arrays(arrays: dict[str, Any]) -> EddyTable:
     names = {name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")}
     numbers = {name: float(arrays[name]) for name in ("braking_error", "asked_error")}
-    return EddyTable(**{"hall": None, **arrays, **names, **numbers})
+    held: dict[str, Any] = {name: np.asarray(array, np.float64) for name, array in arrays.items() if name not in names}
+    table = EddyTable(**{"hall": None, **held, **names, **numbers})
+    table.transfers(len(table.distances_m) - 1, table.checked_Hz)  # which arrays of other shapes do not have
+    return table
 
 
 IMPEDANCES = "impedance.csv"

@@ -1,14 +1,12 @@
 """A table as it stands in its file, text or typed columns: headers, cells, and where each row came from.
 
 Numbers as text: decimal points and commas, thousands, exponents of Fortran, moments of a clock.
-
-The net under every library that decodes a foreign file: a damaged one is said to be damaged, whatever was raised.
 """
 
 import contextlib
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -18,16 +16,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.errors import FemfitError, TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.numerics import LARGEST, FloatArray
 from femfit.core.text import quoted
 from femfit.tables.findings import refused
 
 MOST_COLUMNS = 2000
 """A table that is wider was read with the wrong delimiter, or is no table of measurements."""
 
-LARGEST = 1e37
-"""No measured quantity is as large; instruments write 9.9E+37 for an overload, and 9.91E+37 for no number (SCPI-99)."""
+AGAIN = "Write it again, or export it as CSV."
+"""What is to be done with a foreign file that is damaged."""
 
 EMPTY = frozenset(("", "-", "--", "nan", "-nan", "na", "n/a", "#n/a", "null", "none", "<na>", "1.#qnan", "-1.#ind"))
 """What programs write into a cell without a number."""
@@ -95,21 +93,6 @@ def typed_numbers(column: "pd.Series[Any]") -> FloatArray:
         return np.asarray(elapsed.dt.total_seconds().to_numpy(dtype=np.float64, na_value=np.nan))
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
     return np.where(np.abs(values) < LARGEST, values, np.nan)
-
-
-@contextlib.contextmanager
-def decoding(source: object, kind: str) -> Iterator[None]:
-    """Turn any exception into a TableError, but for femfit's own and for too little memory.
-
-    Libraries raise over damaged files what their authors never thought of: no list of exceptions is complete.
-    """
-    try:
-        yield
-    except (FemfitError, MemoryError):
-        raise
-    except Exception as error:
-        reason = quoted(f"{type(error).__name__}: {error}", 300)
-        raise refused("damaged", source=source, kind=kind, reason=reason) from error
 
 
 def file_content(path: str | Path, what: str) -> bytes:

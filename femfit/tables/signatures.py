@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from femfit.core.files import read_arrays, read_settings, reading, replacing, write_json
-from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.core.numerics import LARGEST, ComplexArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import is_flux
 from femfit.core.text import amount
@@ -96,8 +96,11 @@ def read_signatures(directory: Path) -> Signatures | None:
     with reading(parquet, _REMEDY):
         rows = pd.read_parquet(parquet)
         numbers = _NUMBERS.validate_python(read_settings(listed, '"numbers": []').get("numbers"))
-        if lacking := {"number", "distance_m", "force_N"} - set(rows):
+        if lacking := {"number", "distance_m", "force_N"} - set(rows) or {n.key for n in numbers} - set(rows["number"]):
             raise ValueError(f"it lacks {', '.join(sorted(lacking))}")
+        steepest = np.nanmax(np.abs(rows.select_dtypes("number").to_numpy()), initial=0.0)
+        if not (steepest < LARGEST and all(number.tolerance < LARGEST for number in numbers)):
+            raise ValueError("it has slopes or tolerances that no number of a drawing has")
     return Signatures(numbers, rows)
 
 

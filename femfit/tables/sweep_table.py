@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.files import path_of, read_settings, replacing, write_arrays, write_json
+from femfit.core.files import path_of, read_settings, reading, replacing, write_arrays, write_json
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Plotted, listing
 from femfit.core.sweep_columns import VARIANT, is_current
@@ -197,7 +197,10 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
     folder = file.parent
-    return SweepTable(table.rows, manifest, read_signatures(folder), read_eddy(folder), read_slopes(folder))
+    table = SweepTable(table.rows, manifest, read_signatures(folder), read_eddy(folder), read_slopes(folder))
+    with reading(manifest_file, "Run the sweep or import again."):
+        str(table.saturating)
+    return table
 
 
 def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatArray:

@@ -30,7 +30,7 @@ _SUMMARY_WORDS = """
 mean means average avg mittel mittelwert durchschnitt sum summe total min max minimum maximum sd std stdev stddev
 standardabweichung streuung
 """
-"""First words of a last line that is worked out from the readings above and is none itself."""
+"""First words of a line that is worked out from readings and is none itself."""
 
 
 class Line(NamedTuple):
@@ -104,25 +104,25 @@ def parse_text(
 
 
 def _readings(layout: Layout) -> tuple[list[Line], list[str]]:
-    """The lines of readings: without repeated headers, blank rows, and what stands below the last."""
+    """The lines of readings: without repeated headers, blank rows, means of others, and what stands below the last."""
     header = [line.cells for line in layout.lines if line.number in layout.used and not line.comment]
     repeated = [line.number for line in layout.below if line.cells in header]
     body = [line for line in layout.below if any(line.cells) and line.cells not in header]
     notes = [f"repeated header at line {listing(repeated)} passed over"] if repeated else []
-    end = len(body)
-    while end:
-        # A footnote, or a mean or sum of the lines above, is no reading
-        cells = body[end - 1].cells
-        word = re.search(r"[^\W\d_]+", next(filter(None, cells), ""))
-        summary = word is not None and word[0].casefold() in _SUMMARY_WORDS.split()
-        if not summary and (len(cells) == layout.width or _is_data(cells)):
-            break
-        end -= 1
-    if 0 < end < len(body):
-        numbers, texts = listing(line.number for line in body[end:]), listing(line.text.strip() for line in body[end:])
-        notes.append(f"line {numbers} below the readings passed over ({texts})")
-        body = body[:end]
-    return body, notes
+    readings = [line for line in body if not _is_summary(line.cells)]
+    while readings and len(readings[-1].cells) != layout.width and not _is_data(readings[-1].cells):
+        readings.pop()  # a footnote
+    if 0 < len(readings) < len(body):
+        passed = sorted({*body}.difference(readings))
+        numbers, texts = listing(line.number for line in passed), listing(line.text.strip() for line in passed)
+        notes.append(f"line {numbers} between or below the readings passed over ({texts})")
+    return readings or body, notes
+
+
+def _is_summary(cells: Sequence[str]) -> bool:
+    """Whether a line is a mean or sum of others rather than a reading."""
+    word = re.search(r"[^\W\d_]+", next(filter(None, cells), ""))
+    return word is not None and word[0].casefold() in _SUMMARY_WORDS.split()
 
 
 def split(text: str, delimiter: str) -> tuple[str, ...]:

@@ -189,7 +189,8 @@ def suspected_by_size(rows: pd.DataFrame, _model: object = None, *, solved: bool
         elif limit.usual < median <= limit.usual / factor:
             findings.append(suspicion(name, unit, f"it is {median:.3g} in the median"))
         elif solved and size.max(initial=0.0) > limit.possible:
-            findings.append(suspicion(name, unit, f"it goes up to {size.max():.3g}"))
+            code = "suspected-unit" if size.max() <= limit.possible / factor else "suspected-unit impossible"
+            findings.append(finding(code, column=name, unit=unit, why=f"it goes up to {size.max():.3g}"))
     for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
         low, high = rows[name].min(), rows[name].max()
         if _KELVIN[0] < low and high < _KELVIN[1]:

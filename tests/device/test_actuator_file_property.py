@@ -3,7 +3,7 @@
 import contextlib
 
 import numpy as np
-from benchmarks.mutants import DRAWINGS, damaged_text, drawing_read
+from benchmarks.mutants import DRAWINGS, damaged_file, use_actuator
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,7 +18,7 @@ SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
 
 def load_or_refuse(text, directory=GEOMETRY):
     with contextlib.suppress(ActuatorFileError):
-        drawing_read(text, directory)
+        use_actuator(actuator_from_toml(text, "mutant", directory))
 
 
 @SETTINGS
@@ -26,7 +26,8 @@ def load_or_refuse(text, directory=GEOMETRY):
 def test_drawings_with_damaged_lines_load_or_are_refused(seed):
     random = np.random.default_rng(seed)
     path = DRAWINGS[random.integers(len(DRAWINGS))]
-    load_or_refuse(damaged_text(path.read_text(encoding="utf-8"), PLUNGER.splitlines(), random), path.parent)
+    content = damaged_file(path.read_bytes(), ".toml", PLUNGER.encode(), random)
+    load_or_refuse(content.decode(errors="replace"), path.parent)
 
 
 NUMBERS = st.floats(-30, 60, allow_nan=False).map(lambda value: round(value, 2))

@@ -1,7 +1,10 @@
 """The sweep table, read and written with nothing silent and nothing lost, and one variant out of several."""
 
 import json
+import shutil
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -9,6 +12,7 @@ from femfit.core.errors import TableError
 from femfit.tables.sweep_table import SweepTable, choose_variant, read_sweep_table, write_sweep_table
 from support.expected import unmentioned
 
+SWEEPS = Path(__file__).parents[1] / "golden/inputs/sweeps"
 ROWS = pd.DataFrame(
     {
         "current_A": [0.0, 0.0, 1.0, 1.0],
@@ -93,3 +97,28 @@ def test_a_choice_that_leaves_several_or_none_says_what_there_is(table, where, m
     with pytest.raises(TableError) as refused:
         choose_variant(table, where)
     assert not unmentioned(mentions, str(refused.value))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("manifest.json", '"fixed": [', '"fixed": [7, '),
+        ("signatures.json", '"key": "fixed.regions.upper_flange.r_mm[1]"', '"key": "fixed.regions.upper.r_mm"'),
+        ("signatures.json", '"tolerance": ', '"tolerance": 1e999, "was": '),
+    ],
+)
+def test_a_file_beside_a_sweep_that_no_longer_fits_it_is_refused(tmp_path, name, old, new):
+    shutil.copytree(SWEEPS / "rig", tmp_path / "run")
+    text = (tmp_path / "run" / name).read_text()
+    assert old in text
+    (tmp_path / "run" / name).write_text(text.replace(old, new, 1))
+    with pytest.raises(TableError, match=rf"{name.partition('.')[0]}.*damaged"):
+        read_sweep_table(tmp_path / "run")
+
+
+def test_eddy_currents_whose_arrays_do_not_fit_together_are_refused(tmp_path):
+    shutil.copytree(SWEEPS / "pot", tmp_path / "run")
+    with np.load(tmp_path / "run/eddy.npz") as held:
+        np.savez(tmp_path / "run/eddy.npz", **dict(held) | {"force": held["force"][:, 1:]})
+    with pytest.raises(TableError, match=r"eddy.npz.*damaged"):
+        read_sweep_table(tmp_path / "run")

@@ -15,7 +15,7 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 from femfit.core.errors import FemFileError
-from femfit.core.text import counted
+from femfit.core.text import counted, quoted
 from femfit.tables.femm import model
 from femfit.tables.units import unit_factor
 
@@ -150,7 +150,7 @@ class _Reader:
     def check_count(self, what: str, value: str, count: int) -> None:
         """Whether as many entries follow as a line says."""
         if value != str(count):
-            says = f"{what} says {value[:40] or 'nothing'} but {count} follow"
+            says = f"{what} says {quoted(value, 40) or 'nothing'} but {count} follow"
             self.fault(f"{says}; the file is cut or edited wrongly.")
 
 
