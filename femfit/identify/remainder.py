@@ -28,8 +28,9 @@ from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import Block
 from femfit.identify.decision.evidence import Linear, LogDensity
 from femfit.identify.noise.components import beside_effects
-from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
+from femfit.identify.patterns import orthonormal_basis
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
