@@ -195,10 +195,9 @@ def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
         return series
     sensor, reading = told[0]
     readings, passed = undelayed_readings(series, reading)
-    distance = distance_of(sensor, readings)
+    distance, noise = distance_of(sensor, readings), dict(series.declared_noise)
     slope = np.abs(piece_of(sensor, distance[np.isfinite(distance)])[2])
-    declared, noise = series.declared_noise.get(str(reading.column)), dict(series.declared_noise)
-    if declared and len(slope):
+    if (declared := series.declared_noise.get(str(reading.column))) and len(slope):
         noise["distance_m"] = declared / float(np.median(slope))
     placed = finding("distance position", source=reading.column, name=sensor.name, column="distance_m")
     return replace(

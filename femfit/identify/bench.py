@@ -27,7 +27,7 @@ from femfit.core.numerics import BIAS_SHARE, BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.effects.effect import AddedEffect
-from femfit.identify.constants import MOST_ROWS
+from femfit.identify.constants import AWAY, FREQUENCY_SLACK, LEAST_LINKED, MOST_ROWS, OF_THREE
 from femfit.identify.observations import Observations, Stacking, model_tolerance
 from femfit.identify.plausible import (
     nothing_in_domain,
@@ -47,20 +47,6 @@ from femfit.tables.header import parts_of
 from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import IMPEDANCE_SHARE, BenchTable, Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
-
-FREQUENCY_SLACK = 0.01
-"""Conventional: of a frequency, within which an instrument's and the drawing's are the same."""
-
-AWAY = 0.05
-"""Assumed: by how much, in its logarithm, a conductivity may seem wrong since iron was solved about another current."""
-
-LEAST_LINKED = 1e-3
-"""Assumed: share of the largest impedance at a setting down to which an instrument's errors go with the magnitude: two
-circuits may be hardly linked."""
-
-OF_THREE = 2.45
-"""Derived: misfit of Z_1 - Z_12^2 / Z_2 over that of Z_1 where Z_12^2 is about Z_1 Z_2 and each of the three is off by
-a same share, independently: the root of 1 + 2^2 + 1."""
 
 
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:

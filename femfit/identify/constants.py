@@ -3,7 +3,7 @@
 *Derived* follows from something else. *Conventional* is a usual level. *Calibrated* was set by trials with known truth,
 as the text says. *Assumed* is an engineer's judgement with no calibration behind it. *Numerical* bounds rounding or
 time; such ones stand beside their algorithm, and here what several share. Those of records over time stand in
-:mod:`femfit.identify.series`, those of impedances in :mod:`femfit.identify.bench`.
+:mod:`femfit.identify.series.constants`.
 """
 
 import math
@@ -125,10 +125,33 @@ LEFT_BY_SHARE, SAME_SHARE = 0.05, 0.25
 """Assumed: a misfit is the same everywhere, or one share of the prediction, where that leaves this part of its square,
 and where its size in the smaller half of the readings differs from that in all by less than this part."""
 
+# Impedances
+
+FREQUENCY_SLACK = 0.01
+"""Conventional: of a frequency, within which an instrument's and the drawing's are the same."""
+
+AWAY = 0.05
+"""Assumed: by how much, in its logarithm, a conductivity may seem wrong since iron was solved about another current."""
+
+LEAST_LINKED = 1e-3
+"""Assumed: share of the largest impedance at a setting down to which an instrument's errors go with the magnitude: two
+circuits may be hardly linked."""
+
+OF_THREE = 2.45
+"""Derived: misfit of Z_1 - Z_12^2 / Z_2 over that of Z_1 where Z_12^2 is about Z_1 Z_2 and each of the three is off by
+a same share, independently: the root of 1 + 2^2 + 1."""
+
 # A drawing that is calibrated
 
 CALIBRATION_SETTLED = 0.1
 """Conventional: a step below this part of the standard errors, root mean square, changes no conclusion."""
+
+OPEN = 0.5
+"""Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
+said to be determined."""
+
+IN_COMBINATION = 0.1
+"""Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""
 
 UNUSUAL = 3.0
 """Conventional: a number that is more tolerances than this from its drawn value is to be checked otherwise."""

@@ -91,7 +91,7 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
     assert f"{len(clean.rows):,} readings" in str(told)
     observations = found.observations
     assert len(observations.covariates) < MOST_ROWS
-    sigma = found.campaign.noise.floor["hall_V"]  # a mean of seven has 0.80 of the noise that is correlated by 0.8
+    sigma = found.campaign.noise.known["hall_V"]  # a mean of seven has 0.80 of the noise that is correlated by 0.8
     assert sigma == pytest.approx(3.0 * 0.80 * NOISE["hall_V"], rel=0.15)
     found = ff.diagnose(levitation_model, offset)
     assert [one.name for one in found.missing] == ["hall_offset"]

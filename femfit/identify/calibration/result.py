@@ -18,7 +18,7 @@ from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
 from femfit.identify.before_after import fit_facts, of_last_run, unseen_error
 from femfit.identify.calibration.fit import Estimate, Redrawn
-from femfit.identify.constants import CALIBRATION_SETTLED, WITHIN_NOISE
+from femfit.identify.constants import CALIBRATION_SETTLED, IN_COMBINATION, OPEN, WITHIN_NOISE
 from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall, allowed, beyond_noise
@@ -27,13 +27,6 @@ from femfit.identify.words import Result, plain, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.sweep_table import SweepTable
-
-OPEN = 0.5
-"""Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
-said to be determined."""
-
-IN_COMBINATION = 0.1
-"""Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""
 
 
 @dataclass(frozen=True)

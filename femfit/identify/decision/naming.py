@@ -115,7 +115,9 @@ def fails_surely(campaign: Campaign) -> bool:
 def decide(campaign: Campaign) -> Decision:
     """Name what is missing, or say that nothing or nothing known is."""
     posterior = explain(campaign)
-    probability = {word: posterior.of(effects=e, unknown=u) for word, (e, u) in _KINDS.items()}
+    probability, verdicts = dict.fromkeys(_KINDS, 0.0), {kind: word for word, kind in _KINDS.items()}
+    for (names, unknown), p in posterior.probability.items():
+        probability[verdicts[bool(names), unknown]] += p
     verdict: Verdict = "nothing_missing"
     if probability[verdict] <= NOTHING_MISSING:
         verdict = max((word for word in _KINDS if word != verdict), key=lambda word: probability[word])

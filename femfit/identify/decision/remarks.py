@@ -111,5 +111,5 @@ def creeping_zeros(campaign: Campaign) -> list[Finding]:
 
 def guessed_noises(noise: NoiseModel) -> list[Finding]:
     """Say that the noise is a guess, where nothing tells it."""
-    sizes = {name: noise.floor[name] for name, source in noise.source.items() if source == "guess"}
+    sizes = {name: noise.known[name] for name, source in noise.source.items() if source == "guess"}
     return [finding("guessed-noise", sizes=sizes)] if sizes else []

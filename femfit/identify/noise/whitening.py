@@ -186,14 +186,9 @@ class NoiseModel:
     never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
 
     @property
-    def floor(self) -> dict[str, float]:
-        """Standard deviation of one reading per channel."""
-        return dict(zip(self.channels, (float(s) for s in self.sigma), strict=True))
-
-    @property
     def known(self) -> dict[str, float]:
-        """The same of the channels whose noise has a source."""
-        return {name: sigma for name, sigma in self.floor.items() if name in self.source}
+        """Standard deviation of one reading per channel whose noise has a source."""
+        return {name: float(s) for name, s in zip(self.channels, self.sigma, strict=True) if name in self.source}
 
 
 @dataclass(frozen=True, eq=False)

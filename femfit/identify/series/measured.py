@@ -21,6 +21,7 @@ from femfit.effects.friction import REST
 from femfit.estimate.constants import DECISIVE
 from femfit.estimate.record import converter_step, white_noise
 from femfit.identify.constants import LEAST_REPEATS
+from femfit.identify.series.constants import METHOD_ACCURACY
 from femfit.identify.series.motion import FORCE_BALANCE, Motion, model_readings, voltage_balances
 from femfit.identify.series.samples import Samples, between_samples, held_from
 from femfit.identify.series.views import View
@@ -28,10 +29,6 @@ from femfit.identify.series.weights import Weights, Windows, held_weights, windo
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import MagneticState
-
-METHOD_ACCURACY = 3e-5
-"""Derived: error of the balances themselves, over the largest force, voltage and swing of the Hall output: a held
-command's kinks of the current in a window of 36 samples."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from femfit.estimate.record import with_distance
 from femfit.identify.constants import LEAST_REPEATS
 from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
 from femfit.identify.patterns import orthonormal_basis, smooth_patterns
+from femfit.identify.series.constants import LEAST_VARIANCE, MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import measure_balances, measure_sensors, recorded
 from femfit.identify.series.motion import FORCE_BALANCE, Motion, model_side, voltage_balances
 from femfit.identify.series.samples import take_samples
@@ -38,18 +39,6 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import TimeSeries
-
-LEAST_VARIANCE = 0.2
-"""Assumed: part of a difference's variance that the removed patterns must leave; it is 2 without them."""
-
-RESTLESS = 1.25
-"""Assumed: successive windows that scatter this many times more than the sensors' noise makes have another noise."""
-
-MEDIAN_CHANCE = 3.5
-"""Derived: three standard deviations of a median of magnitudes, times the root of their number (Hampel, 1974)."""
-
-TURNS_OF_MISFIT = 5.0
-"""Assumed: how often the misfit of a flux linkage turns its sign over the domain."""
 
 SLOPE_STEP = 1e-3
 """Numerical: step of a difference over the width of a parameter's plausible range."""

@@ -22,21 +22,13 @@ from femfit.estimate.record import undelayed_readings
 from femfit.estimate.record_checks import check_record
 from femfit.estimate.rests import Rest
 from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
+from femfit.identify.series.constants import ANYWHERE, EVEN, ON_STOP
 from femfit.identify.settings import currents_in, leading_current
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensors_of
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import POSITION_IN_VOLTS
-
-EVEN = 1.5
-"""Assumed: a step of the clock longer than this many times the usual one hides commands of the driver."""
-
-ANYWHERE = 0.25
-"""Derived: part of a command's change that acts before its sample, halfway from edges at samples to edges anywhere."""
-
-ON_STOP = 0.05
-"""Assumed: part of the range of distances by which a stop may stand elsewhere than drawn and still be that stop."""
 
 _READINGS = ("force_N", "hall_V")
 """What a record has of sensors beside the settings."""

@@ -20,20 +20,11 @@ from scipy import sparse
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.identify.observations import TEMPERATURES, circumstances
+from femfit.identify.series.constants import BEHIND, MIDDLE, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.series.motion import Motion
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, local_polynomials, window_weights
 from femfit.model.actuator_model import ActuatorModel
-
-SPAN, SLOPE_SPAN, BEHIND = 1.0 / 6.0, 0.5, 0.8
-"""Assumed: part of a window on each side of a node whose samples its polynomial is fitted to; the same where its slope
-is asked for, which noise disturbs more; and behind a node alone."""
-
-MIDDLE = 1.0 / 3.0
-"""Assumed: part of a window that a sensor is averaged over."""
-
-PLAY = 0.05
-"""Assumed: part of the validity domain's currents; a current that turns by less has not changed its branch."""
 
 NODES = 12
 """Numerical: intervals between the nodes of a window."""

@@ -24,23 +24,17 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.identify.series.constants import (
+    EXACT_DEGREE,
+    LEAST_SAMPLES,
+    LEAST_WINDOWS,
+    MOST_WINDOWS,
+    TIME_CONSTANTS,
+    USUAL_SAMPLES,
+    WIDEST_GAP,
+)
 from femfit.identify.series.samples import Samples
 from femfit.model.actuator_model import ActuatorModel
-
-LEAST_SAMPLES, USUAL_SAMPLES = 12, 36
-"""Derived: in a window, twice what its weights are exact for; and three times that, enough for its middle third."""
-
-TIME_CONSTANTS = 1.5
-"""Assumed: length of a window in time constants of the falling body: noise averages out, and the motion is seen."""
-
-LEAST_WINDOWS, MOST_WINDOWS = 120, 1200
-"""Assumed: windows of a record; fewer leave few readings, more take long."""
-
-WIDEST_GAP = 1.0 / 6.0
-"""Assumed: part of a window that may lie between two of its samples."""
-
-EXACT_DEGREE = 5
-"""Assumed: polynomials up to this degree are integrated exactly, whatever the sampling."""
 
 
 @dataclass(frozen=True, eq=False)
