@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
-    "What is missing, what to measure next, the noise, a drawing's numbers and records": PACKAGE
-    / "identify"
-    / "constants.py",
+    "What is missing, what to measure next, the noise, and a drawing's numbers": PACKAGE / "identify" / "constants.py",
+    "Windows of records, and their noise": PACKAGE / "identify" / "series" / "constants.py",
     "Which readings beside a model cannot be right": PACKAGE / "identify" / "plausible.py",
     "A remainder of unknown cause": PACKAGE / "identify" / "remainder.py",
     "What a measurement costs, and shows": PACKAGE / "identify" / "plan.py",

@@ -62,7 +62,7 @@ COIL_TEMPERATURE = Effect(
         ),
         parameter_of(
             "warming_K",
-            limits=(-60.0, -10.0, 100.0, 250.0),
+            limits=(-10.0, -10.0, 100.0, 250.0),
             description="Where its temperature was not recorded: final warming since the start of the run.",
             words="the winding {warms|cools} by {size} in a run",
         ),
@@ -206,7 +206,7 @@ TURNS = effect_of(
     symptom="The current's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
     parameter="turns_error",
     limits=(-0.5, -0.1, 0.1, 1.0),
-    description="True over drawn number of turns, less one.",
+    description="True over drawn number of turns, less one, of a wire that is as much longer and otherwise as drawn.",
     words="the winding has {size} {more|fewer} turns than drawn",
     needs=("~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage "

@@ -194,10 +194,10 @@ def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
     if "distance_m" in series.given or not told:
         return series
     sensor, reading = told[0]
-    distance, passed = _known_distance(sensor, series, reading)
+    readings, passed = undelayed_readings(series, reading)
+    distance, noise = distance_of(sensor, readings), dict(series.declared_noise)
     slope = np.abs(piece_of(sensor, distance[np.isfinite(distance)])[2])
-    declared, noise = series.declared_noise.get(str(reading.column)), dict(series.declared_noise)
-    if declared and len(slope):
+    if (declared := series.declared_noise.get(str(reading.column))) and len(slope):
         noise["distance_m"] = declared / float(np.median(slope))
     placed = finding("distance position", source=reading.column, name=sensor.name, column="distance_m")
     return replace(
@@ -209,21 +209,21 @@ def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
     )
 
 
-def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading) -> tuple[FloatArray, list[Finding]]:
-    """Distances in m when they were, NaN where none is known: at the ends of the range, and between slow readings.
+def undelayed_readings(series: TimeSeries, reading: Reading) -> tuple[FloatArray, list[Finding]]:
+    """Readings of a sensor when they were true, NaN where none is known: at the ends of its range, between slow ones.
 
     A delay that is no whole number of samples is taken back by a line between two; between slow readings there is none,
     and the nearest sample takes its place.
     """
     time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
     begins, step = stretches_and_step(time, segment)
-    readings, passed = sensor_readings(series, reading, begins, step)
-    distance, late = pd.Series(distance_of(sensor, readings)).groupby(segment), reading.delay_s / step
+    values, passed = sensor_readings(series, reading, begins, step)
+    readings, late = pd.Series(values).groupby(segment), reading.delay_s / step
     slow = reading.sample_time_s is not None and reading.sample_time_s > 1.5 * step
     if slow or abs(late - round(late)) < WHOLE:
-        return np.asarray(distance.shift(-round(late))), passed
+        return np.asarray(readings.shift(-round(late))), passed
     fraction, samples = late - floor(late), floor(late)
-    early, later = (np.asarray(distance.shift(-shift)) for shift in (samples, samples + 1))
+    early, later = (np.asarray(readings.shift(-shift)) for shift in (samples, samples + 1))
     return (1.0 - fraction) * early + fraction * later, passed
 
 

@@ -13,21 +13,21 @@ from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.before_after import AddResult, fit_facts, of_last_run, run_facts, suspicious_values
+from femfit.identify.before_after import AddResult, fit_facts, of_last_run, run_facts, suspicious_values, unseen_error
 from femfit.identify.bench import measurement_of, placed
+from femfit.identify.constants import SETTLED
 from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.decision.remarks import guessed_noises
-from femfit.identify.left_out import checked_refit, unseen_error
 from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import TEMPERATURES, Observations
-from femfit.identify.refit import Start, starting_point
+from femfit.identify.refit import Refit, Start, refit, starting_point
 from femfit.identify.remainder import NAME as UNEXPLAINED
 from femfit.identify.remainder import learn_remainder
 from femfit.identify.signatures import why_untestable
-from femfit.identify.words import sentence
+from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
@@ -118,6 +118,53 @@ def add_effects(
         **run_facts(model, after, measured),
         **fit_facts(whitening, refitted, fit.effects, fit.jacobian[:, ~fit.active]),
     )
+
+
+def checked_refit(whitening: Whitening, start: Sequence[Start]) -> tuple[Refit, tuple[Finding, ...]]:
+    """A refit of what the data show, and what was held: amplitudes that they do not identify, and extrapolated ends."""
+    fit = refit(whitening, start)
+    for values_of in (_unsettled, _unidentified):
+        held = values_of(whitening.observations, fit)
+        if any(held):
+            restart = zip(fit.restart, held, strict=True)
+            fit = refit(whitening, [replace(effect, held={**effect.held, **values}) for effect, values in restart])
+    slow = [
+        effect.name
+        for effect in fit.start
+        if any(p.name in effect.held for p in effect.columns.effect.parameters if p.nonlinear)
+    ]
+    return fit, tuple(finding("not-settled", name=name) for name in slow)
+
+
+def _unsettled(observations: Observations, fit: Refit) -> list[dict[str, float]]:
+    """Of each effect time constants of the circuit that are longer than the runs, held at these.
+
+    The new model runs with the end of such a change. A fit to its beginning says only its rate, and would put an end
+    into the circuit that nobody has seen.
+    """
+    clock = observations.column("time_s" if observations.in_motion else "order")
+    longest = float(clock.max()) / SETTLED
+    held: list[dict[str, float]] = [{} for _ in fit.effects]
+    for k, p in fit.free:
+        added = fit.effects[k]
+        slow = p.nonlinear and p.name.endswith("_time") and added.parameters[p.name] > longest
+        if slow and added.effect.circuit is not None:
+            held[k] = {p.name: max(longest, p.lower)}
+    return held
+
+
+def _unidentified(_: Observations, fit: Refit) -> list[dict[str, float]]:
+    """Of each effect the amplitudes that the data do not identify, held at their nulls; one stays free at least.
+
+    Their interval holds the null and more than their plausible range.
+    """
+    held: list[dict[str, float]] = []
+    for start, added in zip(fit.start, fit.effects, strict=True):
+        free = [p for p in start.columns.amplitudes if p.name not in start.held]
+        limits = [(p, *added.ci95.get(p.name, (np.nan, np.nan))) for p in free]
+        vague = {p.name: p.null for p, low, high in limits if low < p.null < high and high - low > p.width}
+        held.append(vague if len(vague) < len(free) else {})
+    return held
 
 
 def _with_remainder(

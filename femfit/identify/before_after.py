@@ -1,12 +1,20 @@
-"""A model before and after effects were added: its errors, how it runs, what is unusual, and what speaks against it."""
+"""A model before and after effects were added: its errors, how it runs, what is unusual, and what speaks against it.
 
-from collections.abc import Mapping, Sequence
+Errors on readings that the effects were not fitted to: each run is left out in turn and they are fitted to the others,
+without any linearisation.
+
+References
+----------
+M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-validation.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding, Plotted
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
@@ -16,11 +24,17 @@ from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Refit, is_plausible
-from femfit.identify.remainder import PARTS
+from femfit.identify.refit import Refit, is_plausible, refit
 from femfit.identify.words import Result, plain, printed
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import Measurement, TimeSeries
+from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
+
+COENERGY = "coenergy"
+READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
+PARTS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
+    name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
+}
+"""What a remainder may change."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -214,3 +228,37 @@ def fit_facts(
         "observations": observations,
         "beyond_noise": beyond_noise(observations, noise, fall.rms_after),
     }
+
+
+def unseen_error(whitening: Whitening, fit: Refit) -> dict[str, float]:
+    """Rms of recorded minus predicted per channel on runs left out, the effects of a fit fitted to the others."""
+
+    def fitted(keep: BoolArray) -> tuple[AddedEffect, ...]:
+        readings = whitening.observations.select(keep)
+        return refit(Whitening.granting(readings, whitening.noise), fit.restart).effects
+
+    rms, _ = cross_validated(whitening, fitted)
+    return rms
+
+
+def cross_validated(
+    whitening: Whitening, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]
+) -> tuple[dict[str, float], float]:
+    """The error on each run, or quarter of a single one, by effects fitted to the readings that stay, of shape (M,).
+
+    The root mean square of recorded minus predicted per channel, and the weighted sum of squares over all noise,
+    re-mounts and offsets.
+    """
+    observations = whitening.observations
+    group = observations.column("run").astype(int)
+    if len(np.unique(group)) == 1:  # four stretches of a single run
+        order: FloatArray = observations.column("order")
+        group = np.searchsorted(np.quantile(order, [0.25, 0.5, 0.75]), order)
+    as_read, chi2 = np.zeros(len(group)), 0.0
+    for number in np.unique(group):
+        out = group == number
+        unseen = observations.select(out)
+        as_read[out] = unseen.value - unseen.predict(fitted(~out))
+        white = Whitening(unseen, whitening.noise).full(as_read[out])
+        chi2 += float(white @ white)
+    return observations.rms(as_read), chi2

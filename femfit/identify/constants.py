@@ -2,7 +2,8 @@
 
 *Derived* follows from something else. *Conventional* is a usual level. *Calibrated* was set by trials with known truth,
 as the text says. *Assumed* is an engineer's judgement with no calibration behind it. *Numerical* bounds rounding or
-time; such ones stand beside their algorithm, and here what several share.
+time; such ones stand beside their algorithm, and here what several share. Those of records over time stand in
+:mod:`femfit.identify.series.constants`.
 """
 
 import math
@@ -140,6 +141,8 @@ OF_THREE = 2.45
 """Derived: misfit of Z_1 - Z_12^2 / Z_2 over that of Z_1 where Z_12^2 is about Z_1 Z_2 and each of the three is off by
 a same share, independently: the root of 1 + 2^2 + 1."""
 
+# A drawing that is calibrated
+
 CALIBRATION_SETTLED = 0.1
 """Conventional: a step below this part of the standard errors, root mean square, changes no conclusion."""
 
@@ -152,62 +155,6 @@ IN_COMBINATION = 0.1
 
 UNUSUAL = 3.0
 """Conventional: a number that is more tolerances than this from its drawn value is to be checked otherwise."""
-
-# Records over time: windows
-
-LEAST_SAMPLES, USUAL_SAMPLES = 12, 36
-"""Derived: in a window, twice what its weights are exact for; and three times that, enough for its middle third."""
-
-TIME_CONSTANTS = 1.5
-"""Assumed: length of a window in time constants of the falling body: noise averages out, and the motion is seen."""
-
-LEAST_WINDOWS, MOST_WINDOWS = 120, 1200
-"""Assumed: windows of a record; fewer leave few readings, more take long."""
-
-WIDEST_GAP = 1.0 / 6.0
-"""Assumed: part of a window that may lie between two of its samples."""
-
-EXACT_DEGREE = 5
-"""Assumed: polynomials up to this degree are integrated exactly, whatever the sampling."""
-
-EVEN = 1.5
-"""Assumed: a step of the clock longer than this many times the usual one hides commands of the driver."""
-
-ANYWHERE = 0.25
-"""Derived: part of a command's change that acts before its sample, halfway from edges at samples to edges anywhere."""
-
-# The smoothed motion of a record within a window
-
-SPAN, SLOPE_SPAN, BEHIND = 1.0 / 6.0, 0.5, 0.8
-"""Assumed: part of a window on each side of a node whose samples its polynomial is fitted to; the same where its slope
-is asked for, which noise disturbs more; and behind a node alone."""
-
-MIDDLE = 1.0 / 3.0
-"""Assumed: part of a window that a sensor is averaged over."""
-
-PLAY = 0.05
-"""Assumed: part of the validity domain's currents; a current that turns by less has not changed its branch."""
-
-ON_STOP = 0.05
-"""Assumed: part of the range of distances by which a stop may stand elsewhere than drawn and still be that stop."""
-
-# The noise of samples and windows
-
-LEAST_VARIANCE = 0.2
-"""Assumed: part of a difference's variance that the removed patterns must leave; it is 2 without them."""
-
-RESTLESS = 1.25
-"""Assumed: successive windows that scatter this many times more than the sensors' noise makes have another noise."""
-
-MEDIAN_CHANCE = 3.5
-"""Derived: three standard deviations of a median of magnitudes, times the root of their number (Hampel, 1974)."""
-
-METHOD_ACCURACY = 3e-5
-"""Derived: error of the balances themselves, over the largest force, voltage and swing of the Hall output: a held
-command's kinks of the current in a window of 36 samples."""
-
-TURNS_OF_MISFIT = 5.0
-"""Assumed: how often the misfit of a flux linkage turns its sign over the domain."""
 
 # What is left unexplained
 

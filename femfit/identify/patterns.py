@@ -172,3 +172,18 @@ def scaled_to_one(x: FloatArray) -> FloatArray:
     """Scaled to -1..1; zeros where it does not vary."""
     low, high = float(x.min()), float(x.max())
     return np.asarray((2.0 * x - low - high) / (high - low)) if high > low else np.zeros_like(x)
+
+
+def orthonormal_basis(columns: FloatArray) -> FloatArray:
+    """An orthonormal basis of the space of columns of any scale; zero and dependent columns are passed over.
+
+    From the eigenvectors of the scaled columns' products, which is several times faster than QR for many rows;
+    directions below 1e-5 of the longest are passed over, so the basis is orthonormal to about 1e-6.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0.0] / size[size > 0.0]
+    if not columns.shape[1]:
+        return columns
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    keep = values > 1e-10 * values[-1]
+    return np.asarray(columns @ (vectors[:, keep] / np.sqrt(values[keep])))

@@ -94,7 +94,7 @@ def examine_plan(
         del families[name]
     detectable = detectable_magnitudes([start for variants in families.values() for start in variants])
     return PlanReport(
-        noise=noise.floor,
+        noise=noise.known,
         detectable=detectable,
         invisible=invisible,
         together=_together(whitening, families),

@@ -23,20 +23,21 @@ from scipy import linalg
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.identify.before_after import COENERGY, PARTS, READINGS, cross_validated
 from femfit.identify.bench import placed
 from femfit.identify.decision.campaign import Block
 from femfit.identify.decision.evidence import Linear, LogDensity
-from femfit.identify.left_out import cross_validated
 from femfit.identify.noise.components import beside_effects
-from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
+from femfit.identify.patterns import orthonormal_basis
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
-from femfit.tables.measurement import CHANNEL_WORDS, Measurement
+from femfit.tables.measurement import Measurement
 
 PRICE = 4.5
 """Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
@@ -60,13 +61,6 @@ REMAINDER_SIZES = 50
 
 NAME = "unexplained"
 """What the remainder is called as an effect; no cause is."""
-
-COENERGY = "coenergy"
-READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
-PARTS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
-    name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
-}
-"""What a remainder may change."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The settings of a bench table: its currents as a model takes them, and which rows repeat a setting.
+"""The settings of a bench table: currents as a model takes them, what effects know of rows, which rows are repeats.
 
 A table of very many readings as the means of short stretches of them, with the noise of a mean.
 
@@ -23,16 +23,18 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, resistance_column
+from femfit.effects.catalogue import all_effects
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import converter_step
-from femfit.identify.constants import LEAST_REPEATS, MOST_DROPPED, MOST_ROWS, SAME_LINE, SAME_SETTING, SHORT
-from femfit.identify.observations import TEMPERATURES, Observations, once_for_settings
+from femfit.identify.constants import IN_ORDER, LEAST_REPEATS, MOST_DROPPED, MOST_ROWS, SAME_LINE, SAME_SETTING, SHORT
+from femfit.identify.observations import TEMPERATURES, Observations, circumstances, once_for_settings
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
 from femfit.tables.header import parts_of
 from femfit.tables.impedance import SERIES
-from femfit.tables.measurement import BenchTable
+from femfit.tables.measurement import STILL_CURRENT, BenchTable
 
 AVERAGED_TO = 1000
 """Numerical: rows to about which a longer bench table is averaged."""
@@ -82,6 +84,59 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     if foreign:
         raise TableError(sentence("refusals", "foreign_impedance", model, table, circuits, foreign, inductances))
     return replace(table, rows=rows.assign(current_A=rows[leading_current(model, rows)]), given=columns)
+
+
+def covariates_of(rows: pd.DataFrame, currents: Sequence[str]) -> pd.DataFrame:
+    """Settings with runs and mounts numbered from 0, and both clocks."""
+    run = pd.factorize(rows["run"])[0]
+    mount = pd.factorize(rows["mount"].where(rows["mount"].notna(), rows["run"]))[0]
+    place, order = pd.Series(run).groupby(run).cumcount().to_numpy(), rows["order"].to_numpy()
+    order = np.where(np.isfinite(order), order, place)
+    by_run = pd.Series(order).groupby(run)
+    first, last = (by_run.agg(end).to_numpy() for end in ("min", "max"))
+    within, elapsed = order - first[run], order - order.min()
+    if (np.diff(first) <= 0.0).any():  # an order that starts anew with each run counts on from the run before
+        elapsed = within + np.append(0.0, np.cumsum(last - first + 1.0)[:-1])[run]
+    settings = ("distance_m", *dict.fromkeys(["current_A", *currents]), "branch", *TEMPERATURES)
+    at_frequencies = "frequency_Hz" in rows and bool(rows["frequency_Hz"].notna().any())
+    covariates = rows[[*settings, *(("frequency_Hz",) * at_frequencies)]].astype(np.float64).reset_index(drop=True)
+    return covariates.assign(run=run, mount=mount, order=within, elapsed=elapsed).fillna({"branch": 0.0})
+
+
+def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
+    """What effects need to know of every row of the covariates; a temperature that was not recorded is NaN."""
+    return Conditions(
+        nominal=nominal,
+        **circumstances(covariates, ("run", "distance_m")),
+        time_s=covariates["order"].to_numpy(),
+        elapsed=covariates["elapsed"].to_numpy(),
+        recalled=_recalled(covariates, nominal),
+        frequency_Hz=covariates["frequency_Hz"].to_numpy() if "frequency_Hz" in covariates else np.nan,
+    )
+
+
+def _recalled(covariates: pd.DataFrame, nominal: Nominal) -> Mapping[str, FloatArray]:
+    """What the effects recall of the order of measuring; nothing where the branches contradict it."""
+    in_order = covariates.sort_values(["run", "order"], kind="stable")
+    current, run = in_order["current_A"].to_numpy(), in_order["run"].to_numpy()
+    begins = np.append(True, run[1:] != run[:-1])
+    path, still = current.copy(), STILL_CURRENT * np.ptp(current)
+    for k in np.flatnonzero(~begins):
+        if abs(current[k] - path[k - 1]) <= still:
+            path[k] = path[k - 1]
+    step, branch = np.where(begins, 0.0, np.diff(path, prepend=path[0])), in_order["branch"].to_numpy()
+    same_place = np.append(False, np.diff(in_order["distance_m"].to_numpy()) == 0.0)
+    # A branch that changes while the current stands still contradicts the order, but for a turning point read twice
+    moving = same_place & (branch != 0.0) & ((step != 0.0) | np.append(False, branch[1:] != branch[:-1]))
+    if not moving.any() or np.mean(np.sign(step[moving]) == branch[moving]) < IN_ORDER:
+        return {}
+    place = np.argsort(in_order.index.to_numpy())
+    return {
+        name: values[place]
+        for effect in all_effects().values()
+        if effect.memory is not None and effect.memory.recall is not None
+        for name, values in effect.memory.recall(path, begins, nominal).items()
+    }
 
 
 @once_for_settings

@@ -10,9 +10,8 @@ from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import EffectPoint
-from femfit.identify.add_effects import add_effects
+from femfit.identify.add_effects import _unidentified, add_effects
 from femfit.identify.bench import bench_observations
-from femfit.identify.left_out import _unidentified
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.refit import refit, starting_point

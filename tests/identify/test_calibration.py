@@ -256,6 +256,21 @@ def test_standard_deviations_hold_what_was_not_fitted(found, place):
     assert np.all(np.diag(now.error) > 10.0 * np.diag(now.covariance))
 
 
+def test_the_error_of_turns_holds_what_the_wire_leaves_open_of_the_resistance(found, place):
+    """A voltage cannot tell 2 % of the wire's cross-section from turns, and no file needs to give the resistance."""
+    text = found.drawing.replace("resistance_ohm = 2", "wire_diameter_mm = 0.35")
+    drawing, model = Drawing(text, "small.toml", place), found.model.without_effects
+    read = pd.concat([pd.DataFrame({"run": run, "distance_m": 0.006, "current_A": [0.2, 0.4, 0.6]}) for run in (1, 2)])
+    read["voltage_V"] = 1.02 * model.circuit.resistance_ohm * read["current_A"]
+    read.to_csv(place / "voltages.csv", index=False)
+    table = replace(read_bench_table(place / "voltages.csv"), declared_noise={"voltage_V": 1e-3})
+    whitening = whitening_beside(placed(model, table))
+    choice = Choice(drawing.wanted("coils.coil.turns"))
+    now = estimate(Redrawn(drawing, found.table, model, whitening), choice, np.array([100.0]))
+    assert 4.0 * np.sqrt(now.covariance[0, 0]) < now.change[0] < 2.0 * np.sqrt(now.error[0, 0])
+    assert "coils.coil.resistance_ohm" not in {suspect.key for suspect in drawing.suspects}
+
+
 DRAWING = Drawing(SMALL, "small.toml", Path())
 KNOWN = DRAWING.suspects
 RADIUS = "moving.regions.magnet.r_mm[1]"

@@ -221,7 +221,7 @@ def found(levitation_model):
 
 @pytest.mark.parametrize(("times", "readings", "said"), [(1.76, 121, True), (1.1, 121, False), (1.4, 4, True)])
 def test_an_error_that_is_left_beyond_the_noise_is_said_in_the_verdict(found, times, readings, said):
-    sigma = found.campaign.noise.floor["voltage_V"]
+    sigma = found.campaign.noise.known["voltage_V"]
     left = ChannelFall("voltage_V", readings, 3.0, times * sigma, sigma)
     campaign_without_mounts = replace(
         found.campaign, whitening=replace(found.campaign.whitening, noise=replace(found.campaign.noise, mount_m=0.0))

@@ -9,9 +9,10 @@ import pytest
 from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
-from femfit.identify.bench import bench_observations, conditions_of
+from femfit.identify.bench import bench_observations
 from femfit.identify.decision.diagnose import Diagnosis, diagnose
 from femfit.identify.plan import examine_plan
+from femfit.identify.settings import conditions_of
 from femfit.identify.signatures import why_untestable
 from femfit.identify.suggest import Advice, Suggestion, _isolating, joined, suggest, suggest_measurements
 from femfit.model.readings import predict_readings

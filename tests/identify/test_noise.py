@@ -387,7 +387,7 @@ def test_a_smooth_misfit_is_not_taken_for_noise(levitation_model):
         levitation_model, rising(levitation_model, 4, distances=16, currents=12, change=bent)
     )
     assert np.abs(observations.residual[observations.of("force_N")]).max() > 50 * NOISE["force_N"]
-    assert estimate_noise(observations).floor["force_N"] < 1.5 * NOISE["force_N"]
+    assert estimate_noise(observations).known["force_N"] < 1.5 * NOISE["force_N"]
 
 
 def test_noise_that_lasts_along_a_sweep_is_not_taken_for_less(levitation_model):

@@ -69,6 +69,16 @@ def test_the_scatter_of_the_balances_is_what_the_sensors_noise_makes(model, loop
         assert low < rms / observations.declared_noise[name] < 1.15
 
 
+def test_a_hall_reading_is_as_late_as_the_drawing_says(model, loops):
+    late = loops.assign(hall_V=loops.groupby("run")["hall_V"].shift(10))
+    series = recorded(late, runs=range(1, 7), distance_m=0.0, current_A=0.0)
+    observations = series_observations(replace(model, sensor=replace(model.sensor, delay_s=0.01)), series)
+    rms = observations.rms(observations.residual)["hall_V"]
+    assert rms < 1.15 * observations.declared_noise["hall_V"]
+    unaware = series_observations(model, series)
+    assert rms < 0.5 * unaware.rms(unaware.residual)["hall_V"]
+
+
 # The gate opens on 1 % of clean campaigns: two openings are less likely than 1 % among twelve
 @pytest.mark.parametrize("records", [2, pytest.param(12, marks=pytest.mark.nightly)])
 def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, loops, records):

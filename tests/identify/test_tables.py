@@ -10,11 +10,12 @@ from femfit.core.errors import TableError
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.bench import bench_observations, conditions_of
+from femfit.identify.bench import bench_observations
 from femfit.identify.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.plan import possible_experiments
 from femfit.identify.plausible import plausible_table, suspect_units
+from femfit.identify.settings import conditions_of
 from femfit.identify.signatures import why_untestable
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind

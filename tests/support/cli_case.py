@@ -7,7 +7,7 @@ import pandas as pd
 
 from femfit.device.load import actuator_from_toml
 from femfit.field.sweep import run_sweep
-from femfit.identify.bench import conditions_of
+from femfit.identify.settings import conditions_of
 from femfit.model.json_file import write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of

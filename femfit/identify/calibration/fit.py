@@ -143,7 +143,7 @@ class Estimate:
         fitted = {*(number.name for number in self.choice.numbers), *self.choice.beside}
         unfitted = [
             suspect
-            for suspect in self.redrawn.drawing.suspects
+            for suspect in self.redrawn.drawing.uncertain
             if suspect.name not in fitted
             and not suspect.is_contour
             and not any(map(suspect.overlaps, self.choice.numbers))

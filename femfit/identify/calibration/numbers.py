@@ -43,9 +43,14 @@ class Drawing:
         return numbers_from_toml(self.text, self.source, self.directory, harmonic=harmonic)
 
     @cached_property
-    def suspects(self) -> tuple[NumberFacts, ...]:
-        """What can be calibrated: these, and the resistance of the only coil, on which no field depends."""
+    def uncertain(self) -> tuple[NumberFacts, ...]:
+        """These, and the resistance of the only coil, on which no field depends, though it may follow from the wire."""
         return (*(number.facts for number in self.numbers), *_resistance(parse(self.text, self.source)))
+
+    @cached_property
+    def suspects(self) -> tuple[NumberFacts, ...]:
+        """What can be calibrated: those that stand in the file."""
+        return tuple(number for number in self.uncertain if number.kind != "resistance" or number.value)
 
     @cached_property
     def each(self) -> tuple[NumberFacts, ...]:
@@ -109,11 +114,11 @@ def shown(number: NumberFacts) -> str:
 
 
 def _resistance(data: Mapping[str, Any]) -> Iterator[NumberFacts]:
-    """Of the only coil, where the file gives it."""
+    """Of the only coil; its value is 0 where the file leaves it to the wire."""
     paths = [("coil",), *(("coils", name) for name in table_at(data, "coils"))]
     coils = [(joined("", *path), table_at(data, *path)) for path in paths if table_at(data, *path)]
-    if len(coils) == 1 and coils[0][1].get("resistance_ohm"):
-        key, value = f"{coils[0][0]}.resistance_ohm", float(coils[0][1]["resistance_ohm"])
+    if len(coils) == 1:
+        key, value = f"{coils[0][0]}.resistance_ohm", float(coils[0][1].get("resistance_ohm") or 0.0)
         declared_ohm = read_tolerances(data, [])[0].get(key)
         tolerance = KINDS["resistance"].tolerance if declared_ohm is None else declared_ohm / value
         yield NumberFacts(

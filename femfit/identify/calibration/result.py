@@ -16,12 +16,11 @@ from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
-from femfit.identify.before_after import fit_facts, of_last_run
+from femfit.identify.before_after import fit_facts, of_last_run, unseen_error
 from femfit.identify.calibration.fit import Estimate, Redrawn
 from femfit.identify.constants import CALIBRATION_SETTLED, IN_COMBINATION, OPEN, WITHIN_NOISE
 from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit
-from femfit.identify.left_out import unseen_error
 from femfit.identify.misfit import ErrorFall, allowed, beyond_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.words import Result, plain, printed, sentence

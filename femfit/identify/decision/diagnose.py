@@ -5,66 +5,31 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from femfit.core.numerics import ranked
 from femfit.core.results import Finding, Plotted
 from femfit.effects.catalogue import device_effects, known_effect
-from femfit.effects.words import describe, smallest_visible, titled, titles_of
+from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
-from femfit.identify.constants import CERTAIN, LEVEL, ROUNDING
+from femfit.identify.constants import CERTAIN, LEVEL
 from femfit.identify.decision.campaign import Campaign, considered_effects, detectable_magnitudes, gather
-from femfit.identify.decision.naming import Decision, decide, look_alikes
-from femfit.identify.decision.remarks import campaign_remarks, creeping_zeros, stage_errors
+from femfit.identify.decision.naming import Decision, NamedEffect, decide, look_alikes, named_effects
+from femfit.identify.decision.remarks import (
+    ScoredEffect,
+    campaign_remarks,
+    creeping_zeros,
+    ranking_of,
+    scored,
+    stage_errors,
+)
 from femfit.identify.lack_of_fit import Where, where_it_fails
 from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
-from femfit.identify.refit import Refit, fitted_together, plausible
+from femfit.identify.refit import Refit
 from femfit.identify.signatures import CHANGES_NOTHING
 from femfit.identify.words import Result, finding, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
-
-
-@dataclass(frozen=True)
-class NamedEffect:
-    """An effect that the verdict names."""
-
-    name: str
-    members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
-    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
-    explained_share: float  # Part of the structured misfit, above the noise, that all that is named explains
-    parameters: Mapping[str, float]
-    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
-    words: tuple[str, ...] = ()
-    tied_words: tuple[tuple[str, ...], ...] = ()  # Of the others of the tie, in their order
-    plausible: bool = True  # Whether every parameter lies in its plausible range
-    # First and last run in which it acts, counted from 1; None for all
-    runs: tuple[int, int] | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data; ``members`` is called ``class``."""
-        when = dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
-        rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
-        return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
-
-
-@dataclass(frozen=True)
-class ScoredEffect:
-    """An effect of the catalogue as these data see it."""
-
-    name: str
-    # By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
-    # order
-    chi2_fall: float
-    degrees_of_freedom: int  # Number of its amplitudes that these data can see
-    explained_share: float = float("nan")  # As in :class:`NamedEffect`; NaN where it was not refitted
-    note: str = ""  # Why it cannot be tested; empty where it can
-    # Rms error that it leaves alone, refitted, over the noise of one reading, all channels together; NaN where it was
-    # not refitted
-    error_left: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -81,8 +46,6 @@ class Diagnosis(Plotted, Result, Decision):
         Where the model fails before anything is added.
     error_fall : ErrorFall
         Error before, and with what is named.
-    noise_floor : mapping of str to float
-        Standard deviation of one reading per channel in which it is known.
     detectable : mapping of str to mapping of str to float
         Smallest magnitude of each effect's parameters that these data would have shown.
     probability : mapping of str to float
@@ -123,7 +86,6 @@ class Diagnosis(Plotted, Result, Decision):
     model: ActuatorModel
     observations: Observations
     missing: tuple[NamedEffect, ...] = ()
-    noise_floor: Mapping[str, float] = field(default_factory=dict)
     detectable: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     excess: float = 0.0
     look_alikes: tuple[str, ...] = ()
@@ -151,6 +113,11 @@ class Diagnosis(Plotted, Result, Decision):
     def noise(self) -> NoiseModel | None:
         """Variances of the readings; None where they are unknown."""
         return self.campaign.noise if self.campaign else None
+
+    @property
+    def noise_floor(self) -> Mapping[str, float]:
+        """Standard deviation of one reading per channel in which it is known."""
+        return self.noise.known if self.noise else {}
 
     @property
     def allowed(self) -> Mapping[str, Any]:
@@ -250,10 +217,10 @@ def diagnose_observations(
         second = replace(decide(again), lack_of_fit_before=decision.lack_of_fit_before)
         campaign, decision = (again, second) if second.chosen else (campaign, decision)
     observations, noise, fit = campaign.observations, campaign.noise, decision.fit
-    scores = _scored(campaign)
+    scores = scored(campaign)
     # What the patterns cannot see of an effect between them counts as well
     excess = max(campaign.patterns.excess(campaign.whitening.residual), *(s.chi2_fall for s in scores), 0.0)
-    missing = _named_effects(campaign, decision, fit, excess) if fit else ()
+    missing = named_effects(campaign, decision, fit, excess) if fit else ()
     alike = look_alikes(campaign, decision)
     remarks = campaign_remarks(campaign)
     visible = decision.p_value <= LEVEL  # what no test sees, anything would explain
@@ -272,10 +239,9 @@ def diagnose_observations(
     return Diagnosis(
         **vars(decision),
         missing=missing,
-        ranking=_ranking(campaign, decision, scores, excess),
+        ranking=ranking_of(campaign, decision, scores, excess),
         where=where,
         error_fall=error_fall(observations, observations.base, after, noise.known),
-        noise_floor=noise.known,
         detectable=detectable_magnitudes(campaign.effects),
         model=model,
         observations=observations,
@@ -286,58 +252,6 @@ def diagnose_observations(
         findings=(*observations.findings, *remarks),
         campaign=campaign,
     )
-
-
-def _scored(campaign: Campaign) -> tuple[ScoredEffect, ...]:
-    """Every effect alone to first order, at its best nonlinear parameters; what lowers the misfit most stands first."""
-    best: dict[str, tuple[float, int]] = {}
-    for start in campaign.effects:
-        _, fall = fitted_together(campaign.whitening.residual, [start])
-        best[start.name] = max(best.get(start.name, (0.0, start.count)), (fall, start.count))
-    scores = [ScoredEffect(name, *fall_and_count) for name, fall_and_count in best.items()]
-    absent = (ScoredEffect(name, 0.0, 0, note=why) for name, why in campaign.untestable.items())
-    return (*ranked(scores, lambda score: score.chi2_fall - score.degrees_of_freedom, ROUNDING), *absent)
-
-
-def _ranking(
-    campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
-) -> tuple[ScoredEffect, ...]:
-    """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
-    before, by_name = float(np.sum(campaign.whitening.residual**2)), {score.name: score for score in scores}
-    observations, noise, refitted = campaign.observations, campaign.noise, dict[str, ScoredEffect]()
-    judged = np.array([name in noise.source for name in noise.channels])[observations.channel]
-    for name, fit in ((names[0], fit) for names, fit in decision.fits.items() if len(names) == 1):
-        # Over the noise of one reading, as the fall of the error has it; all channels together
-        residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
-        share, error = campaign.explained_share(fit, excess), float(np.sqrt(np.mean(residual[judged] ** 2)))
-        fall = before - fit.chi2
-        refitted[name] = replace(by_name[name], chi2_fall=fall, explained_share=share, error_left=error)
-    return (*refitted.values(), *(score for score in scores if score.name not in refitted))
-
-
-def _named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
-    """What is named, each effect with its class and the sizes of those that are as likely."""
-    by_name = {added.effect.name: added for added in fit.effects}
-    exchanged = {frozenset(each.names): each.fit for each in decision.remaining if each.fit}
-    nominal, result = campaign.observations.nominal, []
-    for members, tie in zip(decision.classes, decision.ties, strict=True):
-        added, beside = by_name[members[0]], set(fit.names) - {members[0]}
-        refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        exchanges = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
-        named = NamedEffect(
-            name=members[0],
-            members=members,
-            tie=tie,
-            explained_share=campaign.explained_share(fit, excess),
-            parameters=dict(added.parameters),
-            ci95=dict(added.ci95),
-            words=tuple(describe(added, nominal)),
-            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in exchanges),
-            plausible=plausible(added),
-            runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
-        )
-        result.append(named)
-    return tuple(result)
 
 
 def said_of(diagnosis: Diagnosis, what: str) -> str:

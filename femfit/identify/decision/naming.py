@@ -9,12 +9,13 @@ than any list holds, so that a constant error of each channel is always among th
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
 from femfit.core.numerics import ranked
+from femfit.effects.words import describe
 from femfit.identify.constants import (
     BEYOND_NOISE,
     EXPLAINED,
@@ -83,6 +84,29 @@ class Decision:
         return {each.names: fit for each, fit in ranked(refitted, lambda pair: pair[0].log_evidence, ROUNDING)}
 
 
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that the verdict names."""
+
+    name: str
+    members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
+    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
+    explained_share: float  # Part of the structured misfit, above the noise, that all that is named explains
+    parameters: Mapping[str, float]
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
+    words: tuple[str, ...] = ()
+    tied_words: tuple[tuple[str, ...], ...] = ()  # Of the others of the tie, in their order
+    plausible: bool = True  # Whether every parameter lies in its plausible range
+    # First and last run in which it acts, counted from 1; None for all
+    runs: tuple[int, int] | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data; ``members`` is called ``class``."""
+        when = dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
+        rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
+        return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
+
+
 def fails_surely(campaign: Campaign) -> bool:
     """Whether something is missing, whatever a search for its name would find."""
     return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
@@ -91,7 +115,9 @@ def fails_surely(campaign: Campaign) -> bool:
 def decide(campaign: Campaign) -> Decision:
     """Name what is missing, or say that nothing or nothing known is."""
     posterior = explain(campaign)
-    probability = {word: posterior.of(effects=e, unknown=u) for word, (e, u) in _KINDS.items()}
+    probability, verdicts = dict.fromkeys(_KINDS, 0.0), {kind: word for word, kind in _KINDS.items()}
+    for (names, unknown), p in posterior.probability.items():
+        probability[verdicts[bool(names), unknown]] += p
     verdict: Verdict = "nothing_missing"
     if probability[verdict] <= NOTHING_MISSING:
         verdict = max((word for word in _KINDS if word != verdict), key=lambda word: probability[word])
@@ -241,3 +267,28 @@ def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]
             if most >= length:
                 result[name] = min(result.get(name, np.inf), float(odds))
     return result
+
+
+def named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
+    """What is named, each effect with its class and the sizes of those that are as likely."""
+    by_name = {added.effect.name: added for added in fit.effects}
+    exchanged = {frozenset(each.names): each.fit for each in decision.remaining if each.fit}
+    nominal, result = campaign.observations.nominal, []
+    for members, tie in zip(decision.classes, decision.ties, strict=True):
+        added, beside = by_name[members[0]], set(fit.names) - {members[0]}
+        refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
+        exchanges = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
+        named = NamedEffect(
+            name=members[0],
+            members=members,
+            tie=tie,
+            explained_share=campaign.explained_share(fit, excess),
+            parameters=dict(added.parameters),
+            ci95=dict(added.ci95),
+            words=tuple(describe(added, nominal)),
+            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in exchanges),
+            plausible=plausible(added),
+            runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
+        )
+        result.append(named)
+    return tuple(result)

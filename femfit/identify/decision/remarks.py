@@ -1,19 +1,66 @@
-"""What is remarked on a campaign: sensors that say nothing, noise that is a guess, errors of the bench that would do.
+"""What a campaign says beside what is named: each effect alone, dead sensors, guessed noise, errors of the bench.
 
 An error of the bench that no effect of the catalogue is, of the stage or of a sensor's zero, is taken out of the misfit
 with whatever sizes it may have; it is said where nothing is left then.
 """
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from femfit.core.numerics import ranked
 from femfit.core.results import Finding
-from femfit.identify.constants import CREEP_DEGREE, LEVEL, READINGS_OF_A_STOP
+from femfit.identify.constants import CREEP_DEGREE, LEVEL, READINGS_OF_A_STOP, ROUNDING
 from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.naming import Decision
 from femfit.identify.noise.components import dead_sensors
 from femfit.identify.noise.whitening import NoiseModel, stops
+from femfit.identify.refit import fitted_together
 from femfit.identify.words import finding
+
+
+@dataclass(frozen=True)
+class ScoredEffect:
+    """An effect of the catalogue as these data see it."""
+
+    name: str
+    # By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
+    # order
+    chi2_fall: float
+    degrees_of_freedom: int  # Number of its amplitudes that these data can see
+    explained_share: float = float("nan")  # As in :class:`NamedEffect`; NaN where it was not refitted
+    note: str = ""  # Why it cannot be tested; empty where it can
+    # Rms error that it leaves alone, refitted, over the noise of one reading, all channels together; NaN where it was
+    # not refitted
+    error_left: float = float("nan")
+
+
+def scored(campaign: Campaign) -> tuple[ScoredEffect, ...]:
+    """Every effect alone to first order, at its best nonlinear parameters; what lowers the misfit most stands first."""
+    best: dict[str, tuple[float, int]] = {}
+    for start in campaign.effects:
+        _, fall = fitted_together(campaign.whitening.residual, [start])
+        best[start.name] = max(best.get(start.name, (0.0, start.count)), (fall, start.count))
+    scores = [ScoredEffect(name, *fall_and_count) for name, fall_and_count in best.items()]
+    absent = (ScoredEffect(name, 0.0, 0, note=why) for name, why in campaign.untestable.items())
+    return (*ranked(scores, lambda score: score.chi2_fall - score.degrees_of_freedom, ROUNDING), *absent)
+
+
+def ranking_of(
+    campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
+) -> tuple[ScoredEffect, ...]:
+    """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
+    before, by_name = float(np.sum(campaign.whitening.residual**2)), {score.name: score for score in scores}
+    observations, noise, refitted = campaign.observations, campaign.noise, dict[str, ScoredEffect]()
+    judged = np.array([name in noise.source for name in noise.channels])[observations.channel]
+    for name, fit in ((names[0], fit) for names, fit in decision.fits.items() if len(names) == 1):
+        # Over the noise of one reading, as the fall of the error has it; all channels together
+        residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
+        share, error = campaign.explained_share(fit, excess), float(np.sqrt(np.mean(residual[judged] ** 2)))
+        fall = before - fit.chi2
+        refitted[name] = replace(by_name[name], chi2_fall=fall, explained_share=share, error_left=error)
+    return (*refitted.values(), *(score for score in scores if score.name not in refitted))
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
@@ -64,5 +111,5 @@ def creeping_zeros(campaign: Campaign) -> list[Finding]:
 
 def guessed_noises(noise: NoiseModel) -> list[Finding]:
     """Say that the noise is a guess, where nothing tells it."""
-    sizes = {name: noise.floor[name] for name, source in noise.source.items() if source == "guess"}
+    sizes = {name: noise.known[name] for name, source in noise.source.items() if source == "guess"}
     return [finding("guessed-noise", sizes=sizes)] if sizes else []

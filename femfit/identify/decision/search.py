@@ -146,10 +146,6 @@ class Posterior:
     probability: Mapping[tuple[Names, bool], float] = field(default_factory=dict)
     ended: bool = False  # Whether sets were left to first order since so many had been refitted
 
-    def of(self, *, effects: bool, unknown: bool) -> float:
-        """Probability of all explanations with and without effects, with and without an unknown cause."""
-        return sum(p for (names, beside), p in self.probability.items() if bool(names) == effects and beside == unknown)
-
 
 def most_of_nothing(campaign: Campaign) -> float:
     """Probability that nothing is missing before any effect is looked at, an unknown cause alone beside it.

@@ -25,9 +25,9 @@ from femfit.core.numerics import FloatArray, IntArray, root_beside_one
 from femfit.estimate.record import converter_step
 from femfit.identify.constants import LARGEST_CORRELATION, LEAST_REPEATS, OF_SETTINGS, PRIOR_MEMORY, PRIOR_SHARE
 from femfit.identify.noise.likelihood import Contrasts
-from femfit.identify.noise.whitening import Chain, chain_of, orthonormal_basis, random_effects
+from femfit.identify.noise.whitening import Chain, chain_of, random_effects
 from femfit.identify.observations import Observations
-from femfit.identify.patterns import smooth_patterns
+from femfit.identify.patterns import orthonormal_basis, smooth_patterns
 from femfit.identify.settings import setting_cells
 
 LEAST_SHARE, LARGEST_SHARE, SHARES = 0.1, 1000.0, 36

@@ -186,14 +186,9 @@ class NoiseModel:
     never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
 
     @property
-    def floor(self) -> dict[str, float]:
-        """Standard deviation of one reading per channel."""
-        return dict(zip(self.channels, (float(s) for s in self.sigma), strict=True))
-
-    @property
     def known(self) -> dict[str, float]:
-        """The same of the channels whose noise has a source."""
-        return {name: sigma for name, sigma in self.floor.items() if name in self.source}
+        """Standard deviation of one reading per channel whose noise has a source."""
+        return {name: float(s) for name, s in zip(self.channels, self.sigma, strict=True) if name in self.source}
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,18 +282,3 @@ def without_shared(shared: sparse.csr_array) -> Callable[[FloatArray], FloatArra
     inverse, beyond = (splu(each.tocsc(), permc_spec="NATURAL", **symmetric) for each in triangular)
     columns = shared[:, np.argsort(factors.perm_c)]  # in the order of least fill
     return lambda x: x - np.asarray(columns @ beyond.solve(inverse.solve(columns.T @ x)))
-
-
-def orthonormal_basis(columns: FloatArray) -> FloatArray:
-    """An orthonormal basis of the space of columns of any scale; zero and dependent columns are passed over.
-
-    From the eigenvectors of the scaled columns' products, which is several times faster than QR for many rows;
-    directions below 1e-5 of the longest are passed over, so the basis is orthonormal to about 1e-6.
-    """
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 0.0] / size[size > 0.0]
-    if not columns.shape[1]:
-        return columns
-    values, vectors = np.linalg.eigh(columns.T @ columns)
-    keep = values > 1e-10 * values[-1]
-    return np.asarray(columns @ (vectors[:, keep] / np.sqrt(values[keep])))

@@ -20,7 +20,8 @@ from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.friction import REST
 from femfit.estimate.constants import DECISIVE
 from femfit.estimate.record import converter_step, white_noise
-from femfit.identify.constants import LEAST_REPEATS, METHOD_ACCURACY
+from femfit.identify.constants import LEAST_REPEATS
+from femfit.identify.series.constants import METHOD_ACCURACY
 from femfit.identify.series.motion import FORCE_BALANCE, Motion, model_readings, voltage_balances
 from femfit.identify.series.samples import Samples, between_samples, held_from
 from femfit.identify.series.views import View

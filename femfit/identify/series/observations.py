@@ -25,10 +25,10 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import with_distance
-from femfit.identify.constants import LEAST_REPEATS, LEAST_VARIANCE, MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
-from femfit.identify.noise.whitening import orthonormal_basis
+from femfit.identify.constants import LEAST_REPEATS
 from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
-from femfit.identify.patterns import smooth_patterns
+from femfit.identify.patterns import orthonormal_basis, smooth_patterns
+from femfit.identify.series.constants import LEAST_VARIANCE, MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import measure_balances, measure_sensors, recorded
 from femfit.identify.series.motion import FORCE_BALANCE, Motion, model_side, voltage_balances
 from femfit.identify.series.samples import take_samples

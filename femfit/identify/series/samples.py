@@ -7,7 +7,7 @@ scatter as the seen ones do.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,20 @@ from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns, voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
+from femfit.estimate.record import undelayed_readings
 from femfit.estimate.record_checks import check_record
 from femfit.estimate.rests import Rest
-from femfit.identify.constants import ANYWHERE, EVEN, ON_STOP
 from femfit.identify.plausible import at_ends_of_range, nothing_in_domain, within_domain
+from femfit.identify.series.constants import ANYWHERE, EVEN, ON_STOP
 from femfit.identify.settings import currents_in, leading_current
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensors_of
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import POSITION_IN_VOLTS
+
+_READINGS = ("force_N", "hall_V")
+"""What a record has of sensors beside the settings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,10 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     if model.sensor is not None and (ended := at_ends_of_range(model.sensor, rows["hall_V"].to_numpy())).any():
         findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
         rows["hall_V"] = rows["hall_V"].mask(ended)
+    for reading in (reading_of(model, name) for name in sensors_of(model)):
+        if reading.column in _READINGS:  # as late as the drawing says
+            rows[reading.column], passed = undelayed_readings(replace(series, rows=rows), reading)
+            findings += passed
     free, touches, new = ~rests.contact, rests.contact & ~rests.held, np.diff(track.segment) != 0
     rows = rows.assign(
         time_s=track.time_s,

@@ -19,8 +19,8 @@ from scipy import sparse
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.identify.constants import BEHIND, MIDDLE, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.observations import TEMPERATURES, circumstances
+from femfit.identify.series.constants import BEHIND, MIDDLE, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.series.motion import Motion
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, local_polynomials, window_weights

@@ -24,7 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import (
+from femfit.identify.series.constants import (
     EXACT_DEGREE,
     LEAST_SAMPLES,
     LEAST_WINDOWS,
