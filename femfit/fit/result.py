@@ -10,7 +10,7 @@ from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.constants import DOMAIN_GRID
 from femfit.fit.law_fit import LawFit
-from femfit.fit.ranking import Ranking, between_points
+from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.fit.words import printed
@@ -76,8 +76,7 @@ class FitResult(Plotted, Fits):
     --------
     >>> import femfit as ff
     >>> print(ff.fit_model("runs/rig"))
-    emaws-rig: co-energy
-    it misses its table of 50 points by...
+    emaws-rig: the co-energy misses the force by ... % rms at the 50 points of its table; valid from ...
     """
 
     model: ActuatorModel
@@ -106,7 +105,7 @@ class FitResult(Plotted, Fits):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
-        between = asdict(between_points(self.spline, self.rows)) if self.spline else None
+        between = self.misfit.between
         return {
             "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
@@ -117,8 +116,7 @@ class FitResult(Plotted, Fits):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": None if self.hall is None else self.hall.to_dict(),
-            "finer_sweep": between.pop("finer") if between else None,
-            "missed_between": between,
+            "finer_sweep": between and {"distance_m": between.finer_distance_m, "current_A": between.finer_current_A},
             "notes": [*self.of_data, *self.notes],
         }
 

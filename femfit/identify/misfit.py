@@ -18,6 +18,7 @@ from scipy import stats
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.fit.ranking import is_coarse
 from femfit.fit.words import note
 from femfit.identify.constants import LEVEL, OWN_MISFIT, WITHIN_NOISE
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
@@ -173,8 +174,15 @@ def finer_sweep(model: ActuatorModel) -> str:
     """Settings to add to the sweep; ``law`` where a model is none of the co-energy, empty where none are known."""
     if isinstance(model.without_effects.magnetics, LawMagnetics | NetworkMagnetics):
         return "law"
-    finer = (model.provenance.get("fit") or {}).get("finer_sweep")
-    return note("to_be_added", finer) if finer else ""
+    misfit = model.misfit
+    return note("to_be_added", misfit.between) if misfit and misfit.between else ""
+
+
+def coarse_sweep(model: ActuatorModel) -> str:
+    """That a sweep may be what the model fails by, where it is too coarse for its co-energy, and what to add to it."""
+    misfit = model.misfit
+    coarse = misfit and misfit.between and is_coarse(misfit.between)
+    return note("coarse_for_readings", misfit.between) if misfit and coarse else ""
 
 
 _MOST_CURVES = 6
