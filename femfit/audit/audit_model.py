@@ -83,8 +83,7 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
 
 def _between_points(model: ActuatorModel) -> list[AuditFinding]:
     """What is to be expected between the points of its sweep of a co-energy that saturates."""
-    misfit = model.misfit
-    between = misfit and misfit.between
+    between = model.misfit and model.misfit.between
     if not between or between.inductance_share is None:
         return []
     severity: Severity = "note" if is_coarse(between) else "stated"

@@ -161,12 +161,11 @@ def fit_model(
         *(fits.circuits.notes() if fits.circuits else misfit_notes(misfit, magnetics)),
     )
     result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=import_notes(table))
-    versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
-    sweep = {key: value for key, value in table.manifest.items() if key != "actuator"}
     provenance = {
         "fit": result.to_dict(),
-        "sweep": sweep,
-        "versions": {"python": platform.python_version(), **versions},
+        "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
+        "versions": {"python": platform.python_version()}
+        | {name: version(name) for name in ("femfit", "numpy", "scipy")},
     }
     return replace(result, model=replace(model, provenance=provenance))
 

@@ -104,14 +104,13 @@ def _errors(
     """
     point = rows.distance, rows.circuit_currents
     errors = {"force": (np.abs(magnetics.force(*point) - rows.force), left_out[0])}
-    if not rows.saturates:
-        return errors
-    linked = np.abs(magnetics.flux_linkage(*point) - rows.linked)[:, 0]
-    errors["flux linkage"] = linked, left_out[1]
-    if rows.inductance is None:
+    if rows.saturates:
+        linked = np.abs(magnetics.flux_linkage(*point) - rows.linked)[:, 0]
+        errors["flux linkage"] = linked, left_out[1]
+    if rows.saturates and rows.inductance is None:
         half = 0.5 * np.gradient(rows.currents)[np.searchsorted(rows.currents, rows.current)]
         errors["inductance"] = linked / half, left_out[1] / half
-    else:
+    elif rows.inductance is not None:
         fitted = np.nan_to_num(magnetics.inductance(*point) - rows.inductance)[:, 0, 0]
         errors["inductance"] = np.abs(fitted), left_out[2]
     return errors

@@ -117,8 +117,7 @@ def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
             for name, errors in coenergy.fitted.items()
         }
     share = {name: rows.share(name, errors) for name, errors in missed.items() if name in constants.COARSE_BETWEEN}
-    most = max(share, key=lambda name: share[name] / constants.COARSE_BETWEEN[name])
-    worst = int(np.argmax(alone[most]))
+    worst = int(np.argmax(alone[max(share, key=lambda name: share[name] / constants.COARSE_BETWEEN[name])]))
     distance, current = float(rows.distance[worst]), float(rows.current[worst])
     return BetweenPoints(
         force_rms_N=rms(missed["force"]),

@@ -100,8 +100,8 @@ class FitResult(Plotted, Fits):
         """Motional constant and inductance over all of the domain, where they are known."""
         state = self.model.magnetics.state(*self.model.validity.grid(*DOMAIN_GRID))
         constant, inductance = ((np.min(x), np.max(x)) for x in (state.motional_constant, state.inductance))
-        unknown = self.model.circuit is None and self.rows.flux_linkage is None
-        return {"motional_constant": constant, "inductance": None if unknown else inductance}
+        known = self.model.circuit is not None or self.rows.flux_linkage is not None
+        return {"motional_constant": constant, "inductance": inductance if known else None}
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
@@ -122,11 +122,10 @@ class FitResult(Plotted, Fits):
 
 
 def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
-    splines = fit.basis.functions
     return {
         "coefficients": fit.basis.size,
-        "cells": [fit.basis.u_cells, *splines.cells],
-        "current_degree": splines.degrees[0],
+        "cells": [fit.basis.u_cells, *fit.basis.functions.cells],
+        "current_degree": fit.basis.functions.degrees[0],
         "held_out_relative_rms": fit.held_out,
         "left_out_force_rms_N": rms(fit.left_out["force"]),
         "constraints": list(fit.constraints),

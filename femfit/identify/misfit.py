@@ -170,19 +170,17 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     }
 
 
-def finer_sweep(model: ActuatorModel) -> str:
-    """Settings to add to the sweep; ``law`` where a model is none of the co-energy, empty where none are known."""
+def sweep_words(model: ActuatorModel) -> dict[str, str]:
+    """What to do about the sweep that a model was fitted to: nothing where its fit told nothing.
+
+    ``finer`` says which settings to add, or is ``law`` where a model is none of the co-energy; ``coarse`` says that it
+    may be what the model fails by, of one that is too coarse.
+    """
     if isinstance(model.without_effects.magnetics, LawMagnetics | NetworkMagnetics):
-        return "law"
-    misfit = model.misfit
-    return note("to_be_added", misfit.between) if misfit and misfit.between else ""
-
-
-def coarse_sweep(model: ActuatorModel) -> str:
-    """That a sweep may be what the model fails by, where it is too coarse for its co-energy, and what to add to it."""
-    misfit = model.misfit
-    coarse = misfit and misfit.between and is_coarse(misfit.between)
-    return note("coarse_for_readings", misfit.between) if misfit and coarse else ""
+        return {"finer": "law", "coarse": ""}
+    between = model.misfit and model.misfit.between
+    coarse = note("coarse_for_readings", between) if between and is_coarse(between) else ""
+    return {"finer": note("to_be_added", between) if between else "", "coarse": coarse}
 
 
 _MOST_CURVES = 6

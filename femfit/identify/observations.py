@@ -241,11 +241,8 @@ def model_tolerance(model: ActuatorModel) -> dict[str, float]:
     if misfit is None:
         return {}
     hall = None if sensor is None or misfit.hall_rms_T is None else misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
-    sizes = [("force_N", misfit.force_rms_N), ("flux_linkage_Wb", misfit.flux_linkage_rms_Wb), ("hall_V", hall)]
-    if misfit.between is not None:
-        sizes += [("force_N", misfit.between.force_rms_N), ("flux_linkage_Wb", misfit.between.flux_linkage_rms_Wb)]
-    result: dict[str, float] = {}
-    for name, size in sizes:
-        if size is not None:
-            result[name] = max(size, result.get(name, 0.0))
-    return result
+    sizes = {"force_N": misfit.force_rms_N, "flux_linkage_Wb": misfit.flux_linkage_rms_Wb, "hall_V": hall}
+    if (between := misfit.between) is not None:
+        sizes["force_N"] = max(misfit.force_rms_N, between.force_rms_N)
+        sizes["flux_linkage_Wb"] = max(misfit.flux_linkage_rms_Wb or 0.0, between.flux_linkage_rms_Wb or 0.0)
+    return {name: size for name, size in sizes.items() if size is not None}

@@ -100,8 +100,8 @@ def decide(campaign: Campaign) -> Decision:
     if _KINDS[verdict][0]:
         decision = _named(campaign, decision)
     as_its_own = _as_its_own(campaign)
-    worse = decision.fit is not None and _spoils(campaign, decision.fit)
-    if as_its_own and (worse or decision.verdict in {"unexplained", "form_insufficient"}):
+    explained = decision.verdict == "named" and (decision.fit is None or _explains_most(campaign, decision.fit))
+    if as_its_own and decision.verdict != "nothing_missing" and not explained:
         return Decision("nothing_missing", probability, test, own_misfit=True, posterior=posterior)
     if as_its_own and decision.verdict == "nothing_missing":  # is it more than noise that the own misfit explains?
         alone = replace(campaign.whitening, misfit=None)
@@ -143,7 +143,9 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
 
 
 def _explains_most(campaign: Campaign, fit: Refit) -> bool:
-    """Whether effects of another form than the readings explain most of the squared misfit, and spoil nothing.
+    """Whether effects explain most of the squared misfit, and spoil nothing.
+
+    That is asked of those of another form than the readings, and where a model misses these no more than its own table.
 
     Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
     whose size is as unlikely as its form.
@@ -151,15 +153,10 @@ def _explains_most(campaign: Campaign, fit: Refit) -> bool:
     before, readings = float(np.sum(campaign.whitening.residual**2)), len(campaign.whitening.residual)
     if fit.chi2 - readings >= (1.0 - EXPLAINED) * (before - readings) or not all(map(plausible, fit.effects)):
         return False
-    return not _spoils(campaign, fit)
-
-
-def _spoils(campaign: Campaign, fit: Refit) -> bool:
-    """Whether effects make the error of a channel larger, as patterns of the model's own misfit may let them."""
     observations = campaign.observations
     after = observations.value - observations.predict(fit.effects)
     was, now = (np.sqrt(observations.mean_square(residual)) for residual in (observations.residual, after))
-    return bool(np.any(now > WITHIN_NOISE * np.maximum(was, campaign.noise.sigma)))
+    return bool(np.all(now <= WITHIN_NOISE * np.maximum(was, campaign.noise.sigma)))
 
 
 def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
