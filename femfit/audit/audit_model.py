@@ -1,5 +1,6 @@
 """Checks of a model as its file holds it: misfit, signs, the range that its supply can hold, its sensor."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from femfit.device.electrics import where_clipped
 from femfit.device.parts import REFERENCE_TEMPERATURE, copper_growth
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.fit.constants import DOMAIN_GRID, POOR_POINT
-from femfit.fit.ranking import misfit_to_rows
+from femfit.fit.ranking import is_coarse, misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
@@ -82,13 +83,12 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
 
 def _between_points(model: ActuatorModel) -> list[AuditFinding]:
     """What is to be expected between the points of its sweep of a co-energy that saturates."""
-    fit = model.provenance.get("fit") or {}
-    between = fit.get("missed_between")
-    if not between or not between["saturates"]:
+    between = model.misfit and model.misfit.between
+    if not between or between.inductance_share is None:
         return []
-    severity: Severity = "note" if between["coarse"] else "stated"
-    numbers = between | {"finer": fit["finer_sweep"]}
-    return [AuditFinding("missed_between", severity, "co-energy", None, max(between["shares"].values()), numbers)]
+    severity: Severity = "note" if is_coarse(between) else "stated"
+    largest = max(between.force_share, between.inductance_share)
+    return [AuditFinding("missed_between", severity, "co-energy", None, largest, asdict(between))]
 
 
 def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:

@@ -63,15 +63,13 @@ class CurrentSplines:
         """Each function at currents (rows, n), differentiated once along each circuit named; (rows, count)."""
         axes = enumerate(zip(self.knots, self.degrees, strict=True))
         splines = [basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes]
-        return self._summed(row_products(*splines) if splines else np.ones((len(currents), 1)))
+        products = row_products(*splines) if splines else np.ones((len(currents), 1))
+        return products if self.sums is None else products @ self.sums
 
     def table(self, coefficients: FloatArray) -> FloatArray:
         """Coefficients (functions of u, count) as those of the products, (functions of u, functions of i_1, ..)."""
         of_products = coefficients if self.sums is None else coefficients @ self.sums.T
         return np.asarray(of_products).reshape(-1, *self.shape)
-
-    def _summed(self, rows: FloatArray) -> FloatArray:
-        return rows if self.sums is None else np.asarray(rows @ self.sums)
 
     def roughness(self) -> FloatArray:
         """Sums of the coefficients that are penalised, (penalties, count).
@@ -85,7 +83,7 @@ class CurrentSplines:
             parts = [_differences(knots, order.get(k, 0)) for k, knots in enumerate(self.knots)]
             weight = 1.0 if len(order) == 2 else ALONE
             blocks.append(weight * reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
-        return self._summed(np.concatenate(blocks))
+        return np.concatenate(blocks) if self.sums is None else np.concatenate(blocks) @ self.sums
 
 
 def _differences(knots: FloatArray, order: int) -> FloatArray:

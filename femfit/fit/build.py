@@ -29,7 +29,7 @@ from femfit.fit.model_parts import (
     validity_of,
     within_sweep,
 )
-from femfit.fit.ranking import as_written, import_notes, misfit_notes, misfit_to_rows, rank_laws
+from femfit.fit.ranking import as_written, between_points, import_notes, misfit_notes, misfit_to_rows, rank_laws
 from femfit.fit.result import FitResult, Fits
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.fit.sensed_field import HallFit, SensedFit, fit_hall, fit_pickups, sensed_or_why
@@ -150,21 +150,22 @@ def fit_model(
     )
     model = with_eddy_currents(model, table)
     model = replace(model, sample_time_s=period_of(entry) or sample_time(model))
-    model = replace(model, misfit=misfit_to_rows(as_written(model), rows))
+    between = between_points(fits.spline, rows) if fits.spline else None
+    misfit = replace(misfit_to_rows(as_written(model), rows), between=between)
+    model = replace(model, misfit=misfit)
     notes = (
         *(unknown if has_coil else ()),  # a pair of magnets lacks none
         *unmoved,
         *not_held,
         *unsensed,
-        *(fits.circuits.notes() if fits.circuits else misfit_notes(model, rows, fits.spline)),
+        *(fits.circuits.notes() if fits.circuits else misfit_notes(misfit, magnetics)),
     )
     result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=import_notes(table))
-    versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
-    sweep = {key: value for key, value in table.manifest.items() if key != "actuator"}
     provenance = {
         "fit": result.to_dict(),
-        "sweep": sweep,
-        "versions": {"python": platform.python_version(), **versions},
+        "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
+        "versions": {"python": platform.python_version()}
+        | {name: version(name) for name in ("femfit", "numpy", "scipy")},
     }
     return replace(result, model=replace(model, provenance=provenance))
 

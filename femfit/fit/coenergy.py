@@ -45,8 +45,8 @@ class CoenergyFit:
     # Rms error by which the basis was chosen, the larger of force (relative to itself) and flux linkage (relative to
     # its change over the distance): on held-out rows, or on all rows where that is larger
     held_out: float
-    # Errors of force in N and, where the iron saturates, inductance in H at each row: of the fit, and with inner rows
-    # predicted by the others, at least those of the fit; shape (rows,) each
+    # Errors of force in N and, where the iron saturates, flux linkage in Wb and inductance in H at each row: as fitted,
+    # and with inner rows predicted by the others, at least those of the fit; shape (rows,) each
     fitted: dict[str, FloatArray]
     left_out: dict[str, FloatArray]
     constraints: tuple[str, ...]
@@ -98,19 +98,21 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
 def _errors(
     rows: FitRows, magnetics: CoenergySpline, left_out: Sequence[FloatArray]
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Sizes of the errors of force and, where the iron saturates, inductance at each row: as fitted, and left out.
+    """Sizes of the errors of force and, where the iron saturates, flux linkage and inductance: as fitted, and left out.
 
     Where the table has no inductances a flux linkage that is off bends the slopes up to half a step beside it.
     """
     point = rows.distance, rows.circuit_currents
     errors = {"force": (np.abs(magnetics.force(*point) - rows.force), left_out[0])}
-    if rows.inductance is not None:
+    if rows.saturates:
+        linked = np.abs(magnetics.flux_linkage(*point) - rows.linked)[:, 0]
+        errors["flux linkage"] = linked, left_out[1]
+    if rows.saturates and rows.inductance is None:
+        half = 0.5 * np.gradient(rows.currents)[np.searchsorted(rows.currents, rows.current)]
+        errors["inductance"] = linked / half, left_out[1] / half
+    elif rows.inductance is not None:
         fitted = np.nan_to_num(magnetics.inductance(*point) - rows.inductance)[:, 0, 0]
         errors["inductance"] = np.abs(fitted), left_out[2]
-    elif rows.saturates:
-        half = 0.5 * np.gradient(rows.currents)[np.searchsorted(rows.currents, rows.current)]
-        fitted = (magnetics.flux_linkage(*point) - rows.linked)[:, 0]
-        errors["inductance"] = np.abs(fitted) / half, left_out[1] / half
     return errors
 
 

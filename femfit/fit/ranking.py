@@ -30,8 +30,8 @@ from femfit.fit.words import note
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_from_dict, model_to_dict
-from femfit.model.magnetics import CoenergySpline
-from femfit.model.validity import Misfit
+from femfit.model.magnetics import CoenergySpline, Magnetics
+from femfit.model.validity import BetweenPoints, Misfit
 from femfit.tables.sweep_table import SweepTable
 
 
@@ -48,7 +48,7 @@ def misfit_to_rows(model: ActuatorModel, rows: FitRows) -> Misfit:
     """
     sensor, magnetics = model.sensor, model.magnetics
     error = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
-    stated = dict[str, float | None](flux_linkage_rms_Wb=None, hall_rms_T=None)
+    stated: dict[str, Any] = {"flux_linkage_rms_Wb": None, "hall_rms_T": None}
     if rows.flux_linkage is not None:
         linked = magnetics.flux_linkage(rows.distance, rows.circuit_currents)
         missed = linked - rows.flux_linkage
@@ -81,69 +81,54 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     )
 
 
-def misfit_notes(model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | None) -> tuple[str, ...]:
-    """Warnings where the model misses the table that it was fitted to.
-
-    Parameters
-    ----------
-    model : ActuatorModel
-        With its misfit.
-    rows : FitRows
-        The table's.
-    coenergy : CoenergyFit or None
-        The model, where it is one.
-    """
-    misfit = model.misfit
-    assert misfit is not None  # noqa: S101  every fit computes it
-    notes = []
-    if coenergy is not None:
-        between, of_each = between_points(coenergy, rows), misfit.force_rms_relative
-        if between.coarse or of_each >= constants.COARSE:
-            notes.append(note("coarse_sweep", between, of_each))
+def misfit_notes(misfit: Misfit, magnetics: Magnetics) -> tuple[str, ...]:
+    """Warnings where a model misses the table that it was fitted to, or is expected to between its points."""
+    between, of_each, notes = misfit.between, misfit.force_rms_relative, []
+    if between and (is_coarse(between) or of_each >= constants.COARSE):
+        notes.append(note("coarse_sweep", between, is_coarse(between), of_each))
     shares = {"flux linkage": misfit.flux_linkage_share, "inductance": misfit.inductance_share}
     poor = {name: share for name, share in shares.items() if share is not None and share > constants.POOR_CIRCUIT}
     if poor:
-        notes.append(note("circuit_misfit", poor, isinstance(model.magnetics, CoenergySpline)))
+        notes.append(note("circuit_misfit", poor, isinstance(magnetics, CoenergySpline)))
     return tuple(notes)
 
 
-@dataclass(frozen=True)
-class BetweenPoints:
-    """What a co-energy misses between the points of its sweep, where most, and the settings that help there."""
-
-    # Rms errors of force and inductance over their rms: where the iron saturates what is to be expected between the
-    # points by those left out, for a spline may meet its own table and swing between, else as fitted
-    shares: dict[str, float]
-    saturates: bool
-    coarse: bool  # Whether one of them is more than its user should not know of
-    distance_m: float
-    current_A: float
-    finer: dict[str, list[float]]  # The ``distance_m`` and ``current_A`` that halve the intervals around that place
+def is_coarse(between: BetweenPoints) -> bool:
+    """Whether more is missed between the points of a sweep than a model's user should not know of."""
+    bent = between.inductance_share or 0.0
+    return between.force_share >= constants.COARSE or bent >= constants.COARSE_INDUCTANCE
 
 
 def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
-    """The place is that of the quantity that is missed most beside what is allowed.
+    """What a co-energy is expected to miss between its points, most beside what is allowed of force and inductance.
 
-    The largest error in newtons or henries is asked for even where errors relative to each point's own force are poor:
-    points there help between the points too, where points at the smallest forces do not.
+    Where the iron saturates a row is missed by as much as with its row left out: its neighbours on both sides hold it
+    there as they do between two rows. At the least and at the largest distance they stand on one side, and a part of
+    that counts. The place is that of the largest error when left out, in newtons or henries even where errors relative
+    to each point's own force are poor: points there help between the points too, where points at the smallest forces do
+    not.
     """
-    missed = coenergy.left_out if rows.saturates else coenergy.fitted
-    expected = (
-        {"force": constants.BETWEEN_LEFT_OUT, "inductance": constants.BETWEEN_INDUCTANCE}
-        if rows.saturates
-        else {"force": 1.0}
-    )
-    shares = {name: part * rows.share(name, missed[name]) for name, part in expected.items()}
-    excess = {
-        name: share / (constants.COARSE if name == "force" else constants.COARSE_INDUCTANCE)
-        for name, share in shares.items()
-    }
-    most = max(excess, key=excess.__getitem__)
-    worst = int(np.argmax(missed[most]))
+    missed = alone = coenergy.fitted
+    if rows.saturates:
+        alone = coenergy.left_out
+        at_ends = np.isin(rows.distance, rows.distances[[0, -1]])
+        missed = {
+            name: np.maximum(errors, np.where(at_ends, constants.BETWEEN_AT_ENDS[name], 1.0) * coenergy.left_out[name])
+            for name, errors in coenergy.fitted.items()
+        }
+    share = {name: rows.share(name, errors) for name, errors in missed.items() if name in constants.COARSE_BETWEEN}
+    worst = int(np.argmax(alone[max(share, key=lambda name: share[name] / constants.COARSE_BETWEEN[name])]))
     distance, current = float(rows.distance[worst]), float(rows.current[worst])
-    around = {"distance_m": (rows.distances, distance), "current_A": (rows.currents, current)}
-    finer = {name: middles(axis, place).tolist() for name, (axis, place) in around.items()}
-    return BetweenPoints(shares, rows.saturates, excess[most] >= 1.0, distance, current, finer)
+    return BetweenPoints(
+        force_rms_N=rms(missed["force"]),
+        force_share=share["force"],
+        distance_m=distance,
+        current_A=current,
+        finer_distance_m=tuple(middles(rows.distances, distance).tolist()),
+        finer_current_A=tuple(middles(rows.currents, current).tolist()),
+        flux_linkage_rms_Wb=rms(missed["flux linkage"]) if "flux linkage" in missed else None,
+        inductance_share=share.get("inductance"),
+    )
 
 
 def middles(axis: FloatArray, place: float) -> FloatArray:

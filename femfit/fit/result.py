@@ -10,7 +10,7 @@ from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.constants import DOMAIN_GRID
 from femfit.fit.law_fit import LawFit
-from femfit.fit.ranking import Ranking, between_points
+from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.fit.words import printed
@@ -76,8 +76,7 @@ class FitResult(Plotted, Fits):
     --------
     >>> import femfit as ff
     >>> print(ff.fit_model("runs/rig"))
-    emaws-rig: co-energy
-    it misses its table of 50 points by...
+    emaws-rig: the co-energy misses the force by ... % rms at the 50 points of its table; valid from ...
     """
 
     model: ActuatorModel
@@ -101,12 +100,12 @@ class FitResult(Plotted, Fits):
         """Motional constant and inductance over all of the domain, where they are known."""
         state = self.model.magnetics.state(*self.model.validity.grid(*DOMAIN_GRID))
         constant, inductance = ((np.min(x), np.max(x)) for x in (state.motional_constant, state.inductance))
-        unknown = self.model.circuit is None and self.rows.flux_linkage is None
-        return {"motional_constant": constant, "inductance": None if unknown else inductance}
+        known = self.model.circuit is not None or self.rows.flux_linkage is not None
+        return {"motional_constant": constant, "inductance": inductance if known else None}
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
-        between = asdict(between_points(self.spline, self.rows)) if self.spline else None
+        between = self.misfit.between
         return {
             "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
@@ -117,18 +116,16 @@ class FitResult(Plotted, Fits):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": None if self.hall is None else self.hall.to_dict(),
-            "finer_sweep": between.pop("finer") if between else None,
-            "missed_between": between,
+            "finer_sweep": between and {"distance_m": between.finer_distance_m, "current_A": between.finer_current_A},
             "notes": [*self.of_data, *self.notes],
         }
 
 
 def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
-    splines = fit.basis.functions
     return {
         "coefficients": fit.basis.size,
-        "cells": [fit.basis.u_cells, *splines.cells],
-        "current_degree": splines.degrees[0],
+        "cells": [fit.basis.u_cells, *fit.basis.functions.cells],
+        "current_degree": fit.basis.functions.degrees[0],
         "held_out_relative_rms": fit.held_out,
         "left_out_force_rms_N": rms(fit.left_out["force"]),
         "constraints": list(fit.constraints),

@@ -15,7 +15,7 @@ from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import decide, fails_surely
 from femfit.identify.decision.remarks import campaign_remarks
 from femfit.identify.lack_of_fit import LackOfFit, Where, where_it_fails
-from femfit.identify.misfit import allowed, beyond_noise, finer_sweep
+from femfit.identify.misfit import allowed, beyond_noise, sweep_words
 from femfit.identify.noise.components import estimate_noise, noise_by_smoothness
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
@@ -112,7 +112,7 @@ class Comparison(Plotted, Result):
             a=allowed(self.observations, self.noise, rms),
             scattered=scattered,
             guessed=any(channel.noise_source == "guess" for channel in self.channels),
-            finer=finer_sweep(self.model),
+            **sweep_words(self.model),
         )
 
 

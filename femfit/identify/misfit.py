@@ -18,6 +18,7 @@ from scipy import stats
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.fit.ranking import is_coarse
 from femfit.fit.words import note
 from femfit.identify.constants import LEVEL, OWN_MISFIT, WITHIN_NOISE
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
@@ -169,12 +170,17 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     }
 
 
-def finer_sweep(model: ActuatorModel) -> str:
-    """Settings to add to the sweep; ``law`` where a model is none of the co-energy, empty where none are known."""
+def sweep_words(model: ActuatorModel) -> dict[str, str]:
+    """What to do about the sweep that a model was fitted to: nothing where its fit told nothing.
+
+    ``finer`` says which settings to add, or is ``law`` where a model is none of the co-energy; ``coarse`` says that it
+    may be what the model fails by, of one that is too coarse.
+    """
     if isinstance(model.without_effects.magnetics, LawMagnetics | NetworkMagnetics):
-        return "law"
-    finer = (model.provenance.get("fit") or {}).get("finer_sweep")
-    return note("to_be_added", finer) if finer else ""
+        return {"finer": "law", "coarse": ""}
+    between = model.misfit and model.misfit.between
+    coarse = note("coarse_for_readings", between) if between and is_coarse(between) else ""
+    return {"finer": note("to_be_added", between) if between else "", "coarse": coarse}
 
 
 _MOST_CURVES = 6

@@ -232,10 +232,17 @@ def circumstances(covariates: pd.DataFrame, cycle: Sequence[str]) -> dict[str, A
 
 
 def model_tolerance(model: ActuatorModel) -> dict[str, float]:
-    """Misfit of a model to the table that it was fitted to: root mean square per channel in which it is known."""
+    """Misfit of a model to the table that it was fitted to: root mean square per channel in which it is known.
+
+    Readings lie between the points of that table as well as at them: what the model is expected to miss there counts
+    where it is more.
+    """
     misfit, sensor = model.misfit, model.sensor
     if misfit is None:
         return {}
     hall = None if sensor is None or misfit.hall_rms_T is None else misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
-    misfits = {"force_N": misfit.force_rms_N, "flux_linkage_Wb": misfit.flux_linkage_rms_Wb, "hall_V": hall}
-    return {name: size for name, size in misfits.items() if size is not None}
+    sizes = {"force_N": misfit.force_rms_N, "flux_linkage_Wb": misfit.flux_linkage_rms_Wb, "hall_V": hall}
+    if (between := misfit.between) is not None:
+        sizes["force_N"] = max(misfit.force_rms_N, between.force_rms_N)
+        sizes["flux_linkage_Wb"] = max(misfit.flux_linkage_rms_Wb or 0.0, between.flux_linkage_rms_Wb or 0.0)
+    return {name: size for name, size in sizes.items() if size is not None}

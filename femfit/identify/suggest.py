@@ -26,7 +26,7 @@ from femfit.identify.bench import bench_observations, measurement_of
 from femfit.identify.constants import COMPARED, NEEDED_DISTANCE
 from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.decision.diagnose import diagnose as diagnosed
-from femfit.identify.misfit import finer_sweep
+from femfit.identify.misfit import sweep_words
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import TEMPERATURES
 from femfit.identify.plan import Experiment, pair_clauses, planned_noise, possible_experiments, separation
@@ -122,7 +122,7 @@ def suggest(
     advice = Advice(names, remarks=guesses, titles=titles_of(nominal.drawn))
     if diagnosis.campaign is None or len(every) < 2:
         unsure = [] if diagnosis.confident and not diagnosis.excluded else [[each.name for each in diagnosis.missing]]
-        note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, finer_sweep(diagnosis.model))
+        note = sentence("advice", "nothing", diagnosis, diagnosis.allowed, sweep_words(diagnosis.model)["finer"])
         return replace(advice, isolating=_isolating(unsure, nominal), note=note)
     if not isinstance(measured, BenchTable) or nominal.circuits:
         return replace(advice, isolating=_isolating([fit.names for fit in every], nominal))

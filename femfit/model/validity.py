@@ -134,6 +134,25 @@ class ValidityBox:
 
 
 @dataclass(frozen=True)
+class BetweenPoints:
+    """What a co-energy is expected to miss between the points of its sweep, where most, and what to add there.
+
+    Where the iron saturates it is told by the points left out, to within a factor of two mostly; else it is what the
+    points themselves are missed by.
+    """
+
+    force_rms_N: float
+    force_share: float  # Of the rms of the table's own force, as the inductance's of its
+    distance_m: float
+    current_A: float
+    finer_distance_m: tuple[float, ...]  # Settings that halve the intervals around that place
+    finer_current_A: tuple[float, ...]
+    # None where the iron does not saturate
+    flux_linkage_rms_Wb: float | None = None
+    inductance_share: float | None = None
+
+
+@dataclass(frozen=True)
 class Misfit:
     """How far the model, as it is written, is from the table that it was fitted to.
 
@@ -152,6 +171,8 @@ class Misfit:
         What it was compared with, for example ``sweep``.
     force_share, flux_linkage_share, inductance_share : float or None
         Each rms over the rms of the table's own values; None in files of earlier versions.
+    between : BetweenPoints or None
+        Of one circuit's co-energy what it misses between those points; None in files of earlier versions.
     """
 
     force_rms_N: float
@@ -166,6 +187,7 @@ class Misfit:
     force_share: float | None = None
     flux_linkage_share: float | None = None
     inductance_share: float | None = None
+    between: BetweenPoints | None = field(default=None, metadata={"omit": True})
 
 
 @dataclass(frozen=True)

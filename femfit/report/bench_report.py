@@ -14,7 +14,7 @@ from femfit.identify.before_after import AddResult
 from femfit.identify.compare import Comparison
 from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnose import Diagnosis, said_of
-from femfit.identify.misfit import finer_sweep
+from femfit.identify.misfit import sweep_words
 from femfit.identify.settings import setting_cells
 from femfit.identify.suggest import Suggestion
 from femfit.identify.words import sentence
@@ -129,7 +129,7 @@ def _summary(
     if certainty:
         summary.append(("How certain", certainty))
     if suggestions or diagnosis.own_misfit:
-        finer = sentence("allowances", "finer_model", finer_sweep(diagnosis.model))
+        finer = sentence("allowances", "finer_model", sweep_words(diagnosis.model)["finer"])
         summary.append(("Next", suggestions[0].text if suggestions else finer))
     if diagnosis.missing:
         fall = diagnosis.error_fall

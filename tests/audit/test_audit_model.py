@@ -10,6 +10,7 @@ import pytest
 from femfit.audit.audit_model import audit_model
 from femfit.device.mechanics import Stop
 from femfit.fit.build import fit_model
+from femfit.fit.ranking import as_written
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
@@ -126,6 +127,8 @@ def test_a_model_is_compared_with_the_table_beside_it_where_it_holds(fitted, lev
 def test_an_audit_says_of_a_coarse_sweep_and_of_inductances_what_the_fit_says():
     """A knee between six currents."""
     fit = fit_model(VALVE.table(FEW, NARROW))
+    assert as_written(fit.model).misfit == fit.misfit
+    fit = replace(fit, model=replace(fit.model, provenance={"fit": "edited by hand"}))
     (between,) = (finding for finding in audit_model(fit.model).findings if finding.code == "missed_between")
     (note,) = (note for note in fit.notes if "too coarse" in note)
     assert between.severity == "note"

@@ -21,7 +21,7 @@ from femfit.identify.decision.remarks import (
     stage_errors,
 )
 from femfit.identify.lack_of_fit import Where, where_it_fails
-from femfit.identify.misfit import ErrorFall, allowed, error_fall, finer_sweep
+from femfit.identify.misfit import ErrorFall, allowed, error_fall, sweep_words
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit
@@ -137,7 +137,7 @@ class Diagnosis(Plotted, Result, Decision):
             a=after,
             symptoms={effect.name: getattr(known_effect(effect.name), "symptom", "") for effect in self.missing},
             blind=hidden.get(CHANGES_NOTHING, []),  # it may be missing all the same, since it changes no reading
-            finer=finer_sweep(self.model),
+            **sweep_words(self.model),
             visible={
                 name: smallest_visible(effects[name], amplitudes, nominal)
                 for name, amplitudes in self.detectable.items()

@@ -126,7 +126,8 @@ def decide(campaign: Campaign) -> Decision:
     if _KINDS[verdict][0]:
         decision = _named(campaign, decision)
     as_its_own = _as_its_own(campaign)
-    if as_its_own and decision.verdict in {"unexplained", "form_insufficient"}:
+    explained = decision.verdict == "named" and (decision.fit is None or _explains_most(campaign, decision.fit))
+    if as_its_own and decision.verdict != "nothing_missing" and not explained:
         return Decision("nothing_missing", probability, test, own_misfit=True, posterior=posterior)
     if as_its_own and decision.verdict == "nothing_missing":  # is it more than noise that the own misfit explains?
         alone = replace(campaign.whitening, misfit=None)
@@ -168,7 +169,9 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
 
 
 def _explains_most(campaign: Campaign, fit: Refit) -> bool:
-    """Whether effects of another form than the readings explain most of the squared misfit, and spoil nothing.
+    """Whether effects explain most of the squared misfit, and spoil nothing.
+
+    That is asked of those of another form than the readings, and where a model misses these no more than its own table.
 
     Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
     whose size is as unlikely as its form.
