@@ -18,6 +18,7 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.core.public import random_generator
 from femfit.core.text import quoted
+from femfit.estimate.kalman_filter import MOST_DELAYED_SAMPLES
 from femfit.estimate.noise import consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -137,6 +138,11 @@ def close_loop(
             raise DomainError(
                 f"{name} must be a whole number >= {least}; instead received {name}={count!r}. Give 20, say."
             )
+    if latency > MOST_DELAYED_SAMPLES:
+        raise DomainError(
+            f"latency must be at most {MOST_DELAYED_SAMPLES} samples, as many as a filter remembers; instead received "
+            f"latency={latency}. Make the sample time of the model longer where a command takes so long."
+        )
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
     believed = model_of(model)
