@@ -283,13 +283,24 @@ def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
     ----------
     G. H. Golub and C. F. Van Loan, Matrix Computations (Johns Hopkins, 2013), section 4.2.5.
     """
-    definite = np.ones(len(matrices), dtype=np.bool_)
-    with suppress(np.linalg.LinAlgError):
-        return np.asarray(np.linalg.cholesky(matrices)), definite
-    factor = np.full(matrices.shape, np.nan)
-    for k, matrix in enumerate(matrices):
-        try:
-            factor[k] = np.linalg.cholesky(matrix)
-        except np.linalg.LinAlgError:
-            definite[k] = False
+    runs, order, _ = matrices.shape
+    if runs < order**3:
+        with suppress(np.linalg.LinAlgError):
+            return np.asarray(np.linalg.cholesky(matrices), np.float64), np.ones(runs, dtype=np.bool_)
+    factor = np.zeros((order, order, runs))  # each entry's values of all runs are neighbours
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore", under="ignore"):
+        for j in range(order):
+            pivot = matrices[:, j, j]
+            for k in range(j):
+                pivot = pivot - factor[j, k] ** 2
+            root = np.sqrt(pivot, out=factor[j, j])
+            for i in range(j + 1, order):
+                entry = matrices[:, i, j]
+                for k in range(j):
+                    entry = entry - factor[i, k] * factor[j, k]
+                np.divide(entry, root, out=factor[i, j])
+        definite = factor[-1, -1] > 0.0  # a pivot that is not positive makes all later ones NaN
+    factor = factor.transpose(2, 0, 1)
+    if not definite.all():
+        factor[~definite] = np.nan
     return factor, definite
