@@ -11,7 +11,7 @@ from femfit.core.errors import DomainError, FilterError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import remembered
 from femfit.estimate.filter import Filter
-from femfit.estimate.kalman_filter import FilterKind, chosen_sensors, kalman_filter
+from femfit.estimate.kalman_filter import MOST_DELAYED_SAMPLES, FilterKind, chosen_sensors, kalman_filter
 from femfit.estimate.noise import FIRST_DEVIATION_M, FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
@@ -216,6 +216,11 @@ def design_loop(
     latency : int
         Samples from a reading to the command that it leads to.
     """
+    if not isinstance(latency, int | np.integer) or not 0 <= latency <= MOST_DELAYED_SAMPLES:
+        raise DomainError(
+            f"latency must be a whole number of samples, at most {MOST_DELAYED_SAMPLES} as in a filter; instead "
+            f"received latency={latency!r}. Where commands take longer, make the model's sample time longer."
+        )
     if not model.circuits:
         model.require_circuit()
     model.require_motion()
