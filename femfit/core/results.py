@@ -9,13 +9,13 @@ the blanks of a column.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, wraps
 from html import escape
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -109,29 +109,35 @@ def listing(items: Iterable[object], limit: int = 8) -> str:
     return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"
 
 
-Given = TypeVar("Given")
+Subject = TypeVar("Subject")
+Further = ParamSpec("Further")
 Found = TypeVar("Found")
 
 
-def remembered(function: Callable[[Given], Found]) -> Callable[[Given], Found]:
-    """A function of one immutable object that is called once for each; an array that it returns cannot be written to.
+def remembered(
+    function: Callable[Concatenate[Subject, Further], Found],
+) -> Callable[Concatenate[Subject, Further], Found]:
+    """A function of an immutable object that is called once for each, and for each of its further arguments.
+
+    An array that it returns cannot be written to. No pickle of the object has the results, which must not refer to it.
 
     >>> class Coil: pass
-    >>> ohms = remembered(lambda coil: np.ones(2))
+    >>> ohms = remembered(lambda coil, turns=2: np.ones(turns))
     >>> coil = Coil()
-    >>> ohms(coil) is ohms(coil)
-    True
+    >>> ohms(coil) is ohms(coil), ohms(coil, 3).size
+    (True, 3)
     """
-    results: WeakKeyDictionary[Given, Found] = WeakKeyDictionary()
+    results: WeakKeyDictionary[Subject, dict[Hashable, Found]] = WeakKeyDictionary()
 
     @wraps(function)
-    def once(subject: Given) -> Found:
-        if subject not in results:
-            result = function(subject)
+    def once(subject: Subject, /, *further: Further.args, **named: Further.kwargs) -> Found:
+        made, key = results.setdefault(subject, {}), (*further, *named.items())
+        if key not in made:
+            result = function(subject, *further, **named)
             if isinstance(result, np.ndarray):
                 result.flags.writeable = False
-            results[subject] = result
-        return results[subject]
+            made[key] = result
+        return made[key]
 
     return once
 

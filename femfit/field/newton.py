@@ -174,7 +174,8 @@ def _solver_error(problem: "NonlinearSystem", state: FloatArray, currents: Float
     gradient = problem.evaluate(state, currents).gradient
     correction = problem.solve(-gradient)
     change = problem.evaluate(state + RESOLVED * correction, currents).gradient - gradient
-    return abs(inner(change / RESOLVED + gradient, correction) / inner(gradient, correction))
+    expected = inner(gradient, correction)
+    return abs(inner(change / RESOLVED + gradient, correction) / expected) if expected else 0.0
 
 
 def _steps_left(before: float, residual: float, tolerance: float) -> float:

@@ -3,35 +3,28 @@
 Which loops of a model hold, and how well they measure: every controller over the reference steps, on the same noise.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from math import ceil
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import DomainError
-from femfit.core.numerics import FloatArray
 from femfit.core.public import random_generator
 from femfit.core.text import quoted
-from femfit.estimate.noise import consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS, UNCERTAIN
+from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.controllers import ControllerName
-from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, ObserverName, adjusted, design_loop
-from femfit.simulation.experiment import Experiment, LoopRuns, direct_distance, run_together, why_lost
-from femfit.simulation.loop import LoopOutcome, LoopProgress, LoopResult
+from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, adjusted, design_loop
+from femfit.simulation.experiment import Experiment, LoopRuns, direct_distance, run_together
+from femfit.simulation.loop import LoopProgress
 from femfit.simulation.margins import Margins
-from femfit.simulation.summary import FILTER, Choice, ClosedLoopStudy, LoopSummary, Spread, StepRow
-from femfit.simulation.words import finding
-
-CERTAIN = 30.0
-"""Derived: growth times duration from which a deviation of one rounding, 1e-13 of the range, has grown to the range."""
+from femfit.simulation.summary import FILTER, Choice, ClosedLoopStudy, LoopSummary, StepRow
 
 MOST_STEPS = 10**8
 """Conventional: samples of a run, whose record takes ten gigabytes and more."""
@@ -129,49 +122,45 @@ def close_loop(
     >>> loop.estimate_rms_m.median < 50e-6
     True
     """
-    for option, value, names in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
-        if value is not None and value not in names:
-            raise DomainError(f"There is no {option} {value!r}. Give one of {', '.join(names)}.")
-    for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0), ("latency", latency, 0)):
+    experiment = Experiment(
+        controller or "pid", estimator, (), force_scale, faulty=faulty, offset=offset, drift_per_s=drift_per_s,
+        stuck_after_s=np.inf if stuck_after_s is None else stuck_after_s, dropout_probability=dropout,
+    )  # fmt: skip
+    for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0)):
         if not isinstance(count, int | np.integer) or count < least:
-            raise DomainError(
-                f"{name} must be a whole number >= {least}; instead received {name}={count!r}. Give 20, say."
-            )
+            raise DomainError(f"{name} must be a whole number >= {least}; instead received {count!r}. Give 20, say.")
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
-    believed = model_of(model)
-    if targets_m is not None:
-        try:
-            distances = tuple(float(d) for d in targets_m)
-        except (TypeError, ValueError) as error:
-            raise DomainError(
-                f"targets_m must be a list of distances in m; instead received {quoted(targets_m)}. Give [0.02], say."
-            ) from error
-        believed = replace(believed, reference_distances_m=distances)
     random, truth = random_generator(rng), None if plant is None else model_of(plant)
-    faults: dict[str, Any] = {"faulty": faulty, "offset": offset, "drift_per_s": drift_per_s}
-    faults |= {"stuck_after_s": np.inf if stuck_after_s is None else stuck_after_s, "dropout_probability": dropout}
-    experiment = Experiment(controller or "pid", estimator, (), force_scale, **faults)
+    believed = with_reference(model_of(model), targets_m)
     design = design_loop(believed, noise, sensors=sensors, latency=latency)
     choice = {} if controller or gains or bandwidth_rad_s is not None else choose(design, estimator)
     experiment = replace(experiment, controller=next(iter(choice), experiment.controller), targets_m=design.targets_m)
     design = adjusted(design, experiment.controller, gains=gains, bandwidth_rad_s=bandwidth_rad_s)
     duration = len(design.targets_m) * design.stay_s if seconds is None else seconds
-    options: dict[str, Any] = {"runs": runs, "duration_s": duration, "recorded": recorded, "plant": truth}
-    options["progress"] = progress
+    run = partial(run_loops, design, runs=runs, duration_s=duration, recorded=recorded, plant=truth, progress=progress)
     # The best linear margin that holds all runs: steps of the reference may be more than a margin tells
     lost: list[ControllerName] = []
     for name in [name for name, margins in choice.items() if margins.stable]:
         noise_of_trial = deepcopy(random)
-        tried = replace(experiment, controller=name)
-        (summary,) = run_loops(design, [tried], noise_of_trial, advised=False, **options)
+        (summary,) = run([replace(experiment, controller=name)], noise_of_trial, advised=False)
         if summary.held == summary.runs:
             random.bit_generator.state = noise_of_trial.bit_generator.state
             return replace(summary, choice=Choice(choice, tuple(lost)))
         lost.append(name)
     # Where none does, that of the best margin with the cause of its loss
-    (summary,) = run_loops(design, [experiment], random, **options)
+    (summary,) = run([experiment], random)
     return replace(summary, choice=Choice(choice) if choice else None)
+
+
+def with_reference(model: ActuatorModel, targets_m: Iterable[float] | None) -> ActuatorModel:
+    """The model with these reference distances in place of its own."""
+    try:
+        return model if targets_m is None else replace(model, reference_distances_m=tuple(map(float, targets_m)))
+    except (TypeError, ValueError) as error:
+        raise DomainError(
+            f"targets_m must be a list of distances in m; instead received {quoted(targets_m)}. Give [0.02], say."
+        ) from error
 
 
 def choose(design: LoopDesign, observer: ObserverName) -> dict[ControllerName, Margins]:
@@ -228,48 +217,7 @@ def run_loops(
         for experiment in experiments
     ]
     results = run_together(loops, "closed loop", random, recorded=recorded)
-    return [_summary(loop, result, advised=advised) for loop, result in zip(loops, results, strict=True)]
-
-
-def _summary(loop: LoopRuns, result: LoopResult, *, advised: bool) -> LoopSummary:
-    held = result.held
-    lost_s = result.outcome_time_s[~held].tolist()
-    read = np.where(held, result.readings, 0.0)
-    total = int(read.sum())
-    squared = float(np.nansum(result.normalised_innovation_squared * read)) / total if total else None
-    tracking = _spread(result.tracking_rms_m[held])
-    findings = []
-    if held.any() and loop.plant is None and (growths := loop.growths) > 1.0:
-        growth, grown = loop.growth_per_s(), growths > CERTAIN
-        findings.append(
-            finding("limit-cycle", size=growth, growth_per_s=growth, grown=grown, tracking_rms_m=tracking.median)
-        )
-    margins = loop.design.judged(loop.experiment.controller, loop.experiment.observer).margins
-    if margins is not None and margins.stable and not margins.uses_sensors:
-        findings.append(finding("unused-sensors", size=margins.largest_gain, margins=margins, model=loop.design.model))
-    if squared is not None and squared > UNCERTAIN:
-        findings.append(finding("innovations", size=squared, excess=squared))
-    return LoopSummary(
-        design=loop.design,
-        experiment=loop.experiment,
-        plant=loop.plant.name if loop.plant is not None else None,
-        runs=loop.runs,
-        steps=loop.steps,
-        outcomes=Counter(LoopOutcome(code).name for code in result.outcome.tolist()),
-        first_loss_s=min(lost_s, default=None),
-        last_loss_s=max(lost_s, default=None),
-        estimate_rms_m=_spread(result.estimate_rms_m[held]),
-        tracking_rms_m=tracking,
-        normalised_innovation_squared=squared,
-        innovation_band=consistency_band(max(1, total)),
-        cause=why_lost(loop, result) if lost_s and advised else None,
-        result=result,
-        findings=tuple(findings),
-    )
-
-
-def _spread(values: FloatArray) -> Spread:
-    return Spread(*np.quantile(values, (0.5, 0.95)).tolist()) if values.size else Spread(np.nan, np.nan)
+    return [LoopSummary.of(loop, result, advised=advised) for loop, result in zip(loops, results, strict=True)]
 
 
 STUDIED_RUNS = 8
@@ -303,9 +251,11 @@ def closed_loop_study(
         raise DomainError(" ".join(design.why_no(name) for name in CONTROLLERS))
     samples = len(design.targets_m) * ceil(design.step_s / design.model.sample_time_s)
     experiments = [Experiment(name, FILTER, design.targets_m) for name in design.controllers]
-    options: dict[str, Any] = {"runs": STUDIED_RUNS, "recorded": STUDIED_RUNS, "advised": False, "progress": progress}
-    duration = samples * design.model.sample_time_s
-    loops, rows = run_loops(design, experiments, np.random.default_rng(seed), duration_s=duration, **options), []
+    duration_s, runs, random = samples * design.model.sample_time_s, STUDIED_RUNS, np.random.default_rng(seed)
+    loops = run_loops(
+        design, experiments, random, runs=runs, duration_s=duration_s, recorded=runs, progress=progress, advised=False
+    )
+    rows = []
     for loop in loops:
         held, series = loop.result.held, loop.result.series
         measured = {} if design.why_no_direct else {"direct": direct_distance(design, series)}

@@ -1,16 +1,17 @@
 """What a closed loop of a model needs: reference distances, sensors, observers, controllers, derived from the model."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
-from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, TypeVar, cast, get_args
+from functools import cached_property
+from typing import Literal, TypeAlias, cast, get_args
 
 import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.numerics import FloatArray
+from femfit.core.results import remembered
 from femfit.estimate.filter import Filter
-from femfit.estimate.kalman_filter import FilterKind, chosen_sensors, kalman_filter
+from femfit.estimate.kalman_filter import MOST_DELAYED_SAMPLES, FilterKind, chosen_sensors, kalman_filter
 from femfit.estimate.noise import FIRST_DEVIATION_M, FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
@@ -32,23 +33,6 @@ LoopObserver: TypeAlias = ObserverName | Literal["exact"]
 
 CONTROLLERS: tuple[ControllerName, ...] = get_args(ControllerName)
 OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
-
-
-Given = ParamSpec("Given")
-Made = TypeVar("Made")
-
-
-def once(method: Callable[Concatenate["LoopDesign", Given], Made]) -> Callable[Concatenate["LoopDesign", Given], Made]:
-    """A method of a design that works out for each of its arguments once what it returns."""
-
-    @wraps(method)
-    def kept(design: "LoopDesign", /, *given: Given.args, **named: Given.kwargs) -> Made:
-        key = (method.__name__, *given, *named.items())
-        if key not in design.worked_out:
-            design.worked_out[key] = method(design, *given, **named)
-        return cast("Made", design.worked_out[key])
-
-    return kept
 
 
 @dataclass(frozen=True)
@@ -75,7 +59,6 @@ class LoopDesign:
     latency: int = 0  # Samples from a reading to the command that it leads to
     given: Mapping[str, Controller] = field(default_factory=dict)  # In place of the designed ones
     command_error: float = 1.0  # Factor on the error of the drivers' voltages that the filters allow for
-    worked_out: dict[tuple[object, ...], Any] = field(default_factory=dict, init=False)  # What was asked for before
 
     @property
     def command_unit(self) -> str:
@@ -129,12 +112,12 @@ class LoopDesign:
         """Whether a sensor is not read at each sample."""
         return any(sensor.period > 1 for sensor in self.loop_sensors())
 
-    @once
+    @remembered
     def controller(self, name: ControllerName) -> Controller:
         """The controller that is given or designed, which is what comes nearest to a stable one."""
         return self.given.get(name) or self._filtered.tuned(name)
 
-    @once
+    @remembered
     def why_no(self, name: ControllerName) -> str:
         """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
         try:
@@ -164,7 +147,7 @@ class LoopDesign:
         except (DomainError, FilterError):
             return bench
 
-    @once
+    @remembered
     def bench(self, observer: LoopObserver) -> Bench:
         """What linear controllers are judged in: at the nearest, the middle and the farthest point."""
         seen_by, sensors = None if observer == "exact" else self.observer(observer), self.loop_sensors()
@@ -176,7 +159,7 @@ class LoopDesign:
         """Stability margins of a loop at the nearest, the middle and the farthest point."""
         return self.bench(observer).judge(self.controller(name))
 
-    @once
+    @remembered
     def judged(self, name: ControllerName, observer: LoopObserver) -> JudgedLoop:
         """The least margins of a loop, or why there are none."""
         try:
@@ -233,6 +216,11 @@ def design_loop(
     latency : int
         Samples from a reading to the command that it leads to.
     """
+    if not isinstance(latency, int | np.integer) or not 0 <= latency <= MOST_DELAYED_SAMPLES:
+        raise DomainError(
+            f"latency must be a whole number of samples, at most {MOST_DELAYED_SAMPLES} as in a filter; instead "
+            f"received latency={latency!r}. Where commands take longer, make the model's sample time longer."
+        )
     if not model.circuits:
         model.require_circuit()
     model.require_motion()

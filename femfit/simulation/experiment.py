@@ -22,7 +22,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration, force_range
 from femfit.simulation.constants import NOISE_FILLS
 from femfit.simulation.controllers import ControllerName
-from femfit.simulation.design import LoopDesign, LoopObserver, ObserverName, keeping_margins
+from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, LoopObserver, ObserverName, keeping_margins
 from femfit.simulation.loop import ClosedLoop, LoopProgress, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observers import distance_inverse
 from femfit.simulation.operating_point import operating_point
@@ -36,10 +36,14 @@ class Experiment(SensorErrors):
 
     controller: ControllerName
     observer: ObserverName
-    targets_m: tuple[float, ...]  # Reference distances in turn; one for a hold
+    targets_m: tuple[float, ...] = ()  # Reference distances in turn; one for a hold
     force_scale: float = 1.0
 
     def __post_init__(self) -> None:
+        chosen = ("controller", self.controller, CONTROLLERS), ("estimator", self.observer, OBSERVERS)
+        for option, choice, names in chosen:
+            if choice not in names:
+                raise DomainError(f"There is no {option} {choice!r}. Give one of {', '.join(names)}.")
         for name, value, lawful, needed in (
             ("force scale", self.force_scale, 0.0 < self.force_scale < np.inf, "> 0"),
             ("sensor offset", self.offset, np.isfinite(self.offset), "finite"),

@@ -149,19 +149,18 @@ def regulator(
 ) -> StateFeedback:
     """The linear-quadratic regulator of a bandwidth.
 
-    It is designed on the sampled linear model with the commands that are still on their way and the integral as states:
-    x+ = A x + B u over (x, u(k-1) .. u(k-latency), q). Distance and integral are weighed against the commands; the
-    weights are those that put the poles of the ideal chain from command to distance on a circle whose radius is the
-    bandwidth (Butterworth's pattern).
+    It is designed on the sampled linear model with the integral as a state, z = (x, q) and z+ = A z + B u. Distance and
+    integral are weighed against the commands; the weights are those that put the poles of the ideal chain from command
+    to distance on a circle whose radius is the bandwidth (Butterworth's pattern). Commands that act q samples late are
+    those for the state q samples on, which follows from the commands on their way:
+
+        u = -K z(k + q),    z(k + q) = A^q z(k) + B u(k - 1) + A B u(k - 2) + ..
     """
     n = len(point.commands)
     order = 2 + n  # states of effects follow the currents and are not fed back
-    size = order + n * latency + 1
-    x, pending, integral, command = np.split(np.eye(size + n), [order, size - 1, size])
-    commands = np.concatenate([command, pending])
-    moved = plant.A[:order, :order] @ x + plant.B[:order] @ commands[n * latency :]
-    both = np.concatenate([moved, commands[: n * latency], integral + model.sample_time_s * x[:1]])
-    A, B = both[:, :size], both[:, size:]
+    A, B = np.eye(order + 1), np.zeros((order + 1, n))
+    A[:order, :order], B[:order] = plant.A[:order, :order], plant.B[:order]
+    A[-1, 0] = model.sample_time_s
     low, high = limits_of(model)
     span = np.where(np.isfinite(high - low), high - low, 1.0)
     # Distance per command far above all poles: k_m / (m L s^3) behind a voltage, k_m / (m s^2) behind an amplifier
@@ -173,5 +172,8 @@ def regulator(
     Q[0, 0] = weight
     Q[-1, -1] = weight * (INTEGRAL_PART * bandwidth_rad_s) ** 2
     X = solve_riccati(A, B, Q, R)
-    gain = np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A)
-    return StateFeedback(model, gain[:, :order], gain[:, -1], gain[:, order:-1], point.direction)
+    gain, pending = np.asarray(np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A), np.float64), [np.zeros((n, 0))]
+    for _ in range(latency):
+        pending.append(gain @ B)
+        gain = gain @ A
+    return StateFeedback(model, gain[:, :order], gain[:, -1], np.hstack(pending), point.direction)

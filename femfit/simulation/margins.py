@@ -20,7 +20,7 @@ S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005),
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -76,12 +76,14 @@ class Margins:
 
 
 def worst_of(margins: Sequence[Margins]) -> Margins:
-    """The least of each margin over the points of rest, and the largest gain of the loop at any of them."""
-    least = {name: min(getattr(point, name) for point in margins) for name in Margins.__dataclass_fields__}
-    most = {
-        name: max(getattr(point, name) for point in margins) for name in ("gain_below", "largest_gain", "noise_share")
-    }
-    return Margins(**{**least, **most})
+    """The least of each margin over the points of rest, and the largest gain of the loop at any of them.
+
+    A number that one point has not is NaN.
+    """
+    numbers = np.array([astuple(point) for point in margins], dtype=np.float64)
+    least, most = (Margins(*edge.tolist()) for edge in (numbers.min(axis=0), numbers.max(axis=0)))
+    largest = {name: getattr(most, name) for name in ("gain_below", "largest_gain", "noise_share")}
+    return replace(least, stable=bool(least.stable), **largest)
 
 
 def margins(

@@ -1,7 +1,6 @@
 """Where the controller's state comes from: a Kalman filter, or the direct measurement.
 
-An observer steps as :class:`femfit.estimate.filter.Filter` does, and its state has the same three readings: ``mean``
-(runs, 2 + n or more: distance, velocity, currents), ``diverged`` and ``normalised_innovation_squared`` (runs,).
+An observer steps as :class:`femfit.estimate.filter.Filter` does, from one of its states to the next.
 
 The distance straight from the first sensor's reading, where it tells one.
 
@@ -24,9 +23,10 @@ from typing import TypeAlias
 import numpy as np
 
 from femfit.core.errors import FilterError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.electrics import PositionSensor
 from femfit.estimate.filter import Filter
+from femfit.estimate.filter_state import FilterState
 from femfit.estimate.record import distance_of
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
@@ -120,16 +120,6 @@ def _of_hall_voltage(
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """A state without a covariance, and what a filter would say of its innovations: nothing."""
-
-    mean: FloatArray
-    diverged: BoolArray
-    normalised_innovation_squared: FloatArray
-    innovation_variance: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class DirectObserver:
     """The direct measurement, which the paper compares its filter with.
 
@@ -149,18 +139,19 @@ class DirectObserver:
         """Distance from its reading."""
         return distance_inverse(self.model, self.sensor)
 
-    def start(self, mean: FloatArray) -> Seen:
-        """The belief itself."""
-        unknown = np.full(len(mean), np.nan)
-        return Seen(np.array(mean), np.zeros(len(mean), dtype=bool), unknown, unknown)
+    def start(self, mean: FloatArray) -> FilterState:
+        """The belief itself, without a covariance and innovations."""
+        runs, mean = len(mean), np.array(mean)
+        unknown, none, quiet = np.full(runs, np.nan), np.empty((runs, 0, 0)), np.zeros(runs, dtype=np.intp)
+        return FilterState(mean, mean, none, none, unknown, unknown, np.zeros(runs), quiet)
 
-    def update(self, state: Seen, measurement: FloatArray) -> Seen:
+    def update(self, state: FilterState, measurement: FloatArray) -> FilterState:
         """The distance alone, from readings of shape (runs, sensors)."""
         mean, first = state.mean.copy(), measurement[:, 0]
         mean[:, 0] = np.where(np.isnan(first), mean[:, 0], self.inverse(first, self.model.currents_of(mean)))
         return replace(state, mean=mean)
 
-    def step(self, state: Seen, voltage: FloatArray, measurement: FloatArray) -> Seen:
+    def step(self, state: FilterState, voltage: FloatArray, measurement: FloatArray) -> FilterState:
         """Coil equations, inversion, difference quotient; a sample that is missing leaves distance and velocity."""
         before, first = state.mean, measurement[:, 0]
         currents = self._coil_currents(before, voltage)

@@ -3,6 +3,7 @@
 Recorded runs of a loop as a table: one row a sample, up to the sample at which a run was lost.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,16 +13,18 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Plotted
 from femfit.core.sweep_columns import circuit_currents
-from femfit.estimate.noise import ConsistencyBand
+from femfit.estimate.noise import ConsistencyBand, consistency_band
+from femfit.simulation.constants import UNCERTAIN
 from femfit.simulation.controllers import ControllerName
 from femfit.simulation.design import CONTROLLERS, JudgedLoop, LoopDesign, ObserverName
-from femfit.simulation.experiment import Cause, Experiment
+from femfit.simulation.experiment import Cause, Experiment, LoopRuns, why_lost
 from femfit.simulation.loop import LoopOutcome, LoopResult
 from femfit.simulation.margins import Margins
 from femfit.simulation.open_result import write_table
-from femfit.simulation.words import sentence
+from femfit.simulation.words import finding, sentence
 
 _OF_BACKSTEPPING = {"position_gain_1_s2": "position", "velocity_gain_1_s": "velocity", "current_gain_ohm": "current"}
 _OF_POINT = ("distance_m", "currents_A", "commands", "unstable_pole_rad_s", "coil_pole_rad_s")
@@ -88,6 +91,15 @@ class Spread:
     median: float
     upper: float
 
+    @classmethod
+    def of(cls, values: FloatArray) -> "Spread":
+        """Of a number for each run that was held."""
+        return cls(*np.quantile(values, (0.5, 0.95)).tolist()) if values.size else cls(np.nan, np.nan)
+
+
+CERTAIN = 30.0
+"""Derived: growth times duration from which a deviation of one rounding, 1e-13 of the range, has grown to the range."""
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -146,6 +158,44 @@ class LoopSummary(Plotted):
     result: LoopResult
     choice: Choice | None = None
     findings: tuple[Finding, ...] = ()  # What is remarked on the runs that were held
+
+    @classmethod
+    def of(cls, loop: LoopRuns, result: LoopResult, *, advised: bool) -> "LoopSummary":
+        """Sum up runs; where it is advised, trials find out why some of them are lost."""
+        held = result.held
+        lost_s = result.outcome_time_s[~held].tolist()
+        read = np.where(held, result.readings, 0.0)
+        total = int(read.sum())
+        squared = float(np.nansum(result.normalised_innovation_squared * read)) / total if total else None
+        tracking = Spread.of(result.tracking_rms_m[held])
+        findings = []
+        if held.any() and loop.plant is None and (growths := loop.growths) > 1.0:
+            growth, grown = loop.growth_per_s(), growths > CERTAIN
+            findings.append(
+                finding("limit-cycle", size=growth, growth_per_s=growth, grown=grown, tracking_rms_m=tracking.median)
+            )
+        margins = loop.design.judged(loop.experiment.controller, loop.experiment.observer).margins
+        if margins is not None and margins.stable and not margins.uses_sensors:
+            findings.append(finding("unused-sensors", size=margins.largest_gain, margins=margins, model=loop.design.model))
+        if squared is not None and squared > UNCERTAIN:
+            findings.append(finding("innovations", size=squared, excess=squared))
+        return cls(
+            design=loop.design,
+            experiment=loop.experiment,
+            plant=loop.plant.name if loop.plant is not None else None,
+            runs=loop.runs,
+            steps=loop.steps,
+            outcomes=Counter(LoopOutcome(code).name for code in result.outcome.tolist()),
+            first_loss_s=min(lost_s, default=None),
+            last_loss_s=max(lost_s, default=None),
+            estimate_rms_m=Spread.of(result.estimate_rms_m[held]),
+            tracking_rms_m=tracking,
+            normalised_innovation_squared=squared,
+            innovation_band=consistency_band(max(1, total)),
+            cause=why_lost(loop, result) if lost_s and advised else None,
+            result=result,
+            findings=tuple(findings),
+        )
 
     @property
     def held(self) -> int:
