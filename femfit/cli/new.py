@@ -23,7 +23,8 @@ def new(kind: Kind | None = None, *, schema: bool = False, output: Annotated[Pat
     output : Path
         File to write, which must not be there yet; KIND.toml or actuator-schema.json by default.
     """
-    from femfit.device.load import json_schema, starter_text
+    from femfit.device.load import starter_text
+    from femfit.device.schema import json_schema
 
     if (kind is None) != schema:
         raise UsageError("Give a kind of actuator, such as solenoid, or --schema alone.")

@@ -113,11 +113,11 @@ def with_value(data: dict[str, Any], location: Place, value: float | str | list[
     value_at(data, location[:-1])[location[-1]] = value
 
 
-def nearest(path: str, known: Iterable[str]) -> list[str]:
+def nearest(path: str, paths: Iterable[str]) -> list[str]:
     """The key paths closest to one that does not exist, closest first."""
-    known = list(known)
-    inside = [name for name in known if path and name.startswith((f"{path}.", f"{path}["))]
-    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], known, n=4, cutoff=0.4)]))[:4]
+    paths = list(paths)
+    inside = [name for name in paths if path and name.startswith((f"{path}.", f"{path}["))]
+    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], paths, n=4, cutoff=0.4)]))[:4]
 
 
 def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[str, float], float | None]:
