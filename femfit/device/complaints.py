@@ -123,10 +123,9 @@ def read_entry(record: Any, table: object, path: str, problems: list[str]) -> En
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
         entry.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        twice = keys.keys() & getattr(table, "older", {}).keys()  # under its older name, as the file has it
-        older = (each.rpartition(".") for each, today in OLDER.items() if today not in twice)
-        names = [*keys, *(key for above, _, key in older if above == path)]
-        refuse_name(problems, "unknown", joined(path, name), str(name), names)
+        today = (getattr(table, "older", {}).get(key, key) for key in keys)  # or as the file has it
+        older = (key for above, _, key in (each.rpartition(".") for each in OLDER) if above == path)
+        refuse_name(problems, "unknown", joined(path, name), str(name), dict.fromkeys([*today, *older]))
     return entry
 
 

@@ -231,8 +231,8 @@ def hall_places(data: Mapping[str, Any]) -> dict[str, Entry]:
     """Place in the drawing of each Hall element whose place is right, by its path, whatever else of it is wrong."""
     tables = {joined("sensors", name): table for name, table in table_at(data, "sensors").items()}
     halls = {path: table for path, table in tables.items() if isinstance(table, dict) and table.get("kind") == "hall"}
-    places = {path: read_part(HallElement, table, "r_mm", "z_mm") for path, table in halls.items()}
-    return {path: place for path, place in places.items() if place is not None}
+    places = ((path, read_part(HallElement, table, "r_mm", "z_mm")) for path, table in halls.items())
+    return {path: place for path, place in places if place is not None}
 
 
 def swept(polygon: Polygon, start: float, stop: float) -> Polygon:

@@ -189,27 +189,16 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
     remedy = declared.remedy.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
     listed = get_origin(hint) is tuple
     alternatives = get_args(hint) if isinstance(hint, UnionType) or listed else (hint,)
-    records = tuple(
-        kind for kind in (*alternatives, *(k for each in alternatives for k in get_args(each))) if is_dataclass(kind)
-    )
+    kinds = [kind for each in alternatives for kind in (each, *get_args(each))]
+    records = tuple(kind for kind in kinds if is_dataclass(kind))
     unit, usual = unit_of(file), declared.usual
     power = 0 if not unit or member.name.endswith(f"_{unit}") else UNITS[unit].power
     required = declared.required or (usual is ... and member.default is MISSING)
     if usual is ...:
         usual = None if required or records else converted(member.default, -power)
-    return replace(
-        declared,
-        field=member.name if is_field else "",
-        hint=hint,
-        remedy=remedy,
-        file=file,
-        records=records,
-        power=power,
-        named=bool(records) and listed,
-        is_number=float in alternatives and not listed,
-        required=required,
-        usual=usual,
-    )
+    named, is_number, name = bool(records) and listed, float in alternatives and not listed, member.name * is_field
+    bound = replace(declared, field=name, hint=hint, remedy=remedy, file=file, records=records, power=power)
+    return replace(bound, named=named, is_number=is_number, required=required, usual=usual)
 
 
 @cache

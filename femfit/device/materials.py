@@ -189,8 +189,8 @@ class LibraryMaterial:
         values = vars(self.material) | vars(self.material.thermal)
         keys = keys_of(type(self.material)).items()
         written = {name: converted(values.get(key.field), -key.power) for name, key in keys}
-        lists = {name: list(value) for name, value in written.items() if isinstance(value, tuple)}
-        return {name: value for name, value in (written | lists).items() if value is not None}
+        stated = ((name, value) for name, value in written.items() if value is not None)
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in stated}
 
 
 def _library() -> dict[str, LibraryMaterial]:

@@ -53,12 +53,8 @@ class SweptParameter(Record):
     # Of numbers that it sets to offset + factor * value, or of names of materials that it sets
     keys: tuple[schema.KeyEntry, ...]
     values: Values
-    followers: ClassVar[tuple[Any, ...]] = key(
-        "the key paths that follow the parameter", file="keys", count=((1, 100),)
-    )
-    values_in_file: ClassVar[Any] = key(
-        "a list, { start, stop, step }, or { min, max } for a latin_hypercube", file="values"
-    )
+    paths: ClassVar[tuple[Any, ...]] = key("the key paths that follow the parameter", file="keys", count=((1, 100),))
+    range: ClassVar[Any] = key("a list, { start, stop, step }, or { min, max } for a latin_hypercube", file="values")
 
     @property
     def column(self) -> str:
@@ -217,14 +213,12 @@ def _points(entry: Entry, parameters: tuple[SweptParameter, ...], problems: list
     if sampled:
         return latin_hypercube(columns, entry.samples, entry.seed)
     sizes = {parameter.name: len(column) for parameter, column in zip(parameters, columns, strict=True)}
-    if entry.design == "grid":
-        if prod(sizes.values()) <= schema.MAX_AXIS_POINTS:
-            return tuple(product(*columns))
+    if entry.design == "grid" and prod(sizes.values()) > schema.MAX_AXIS_POINTS:
         complain(problems, "many_points", most=schema.MAX_AXIS_POINTS, count=prod(sizes.values()))
-    elif len({*sizes.values()}) == 1:
-        return tuple(zip(*columns, strict=True))
-    else:
+    elif entry.design == "list" and len({*sizes.values()}) > 1:
         complain(problems, "list_lengths", lengths=", ".join(f"{name} {size}" for name, size in sizes.items()))
+    else:
+        return tuple(product(*columns) if entry.design == "grid" else zip(*columns, strict=True))
     return ()
 
 

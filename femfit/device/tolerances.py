@@ -129,9 +129,8 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
     # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
     curves = {joined("materials", name, key) for name in materials_used(data) for key in CURVE_KEYS}
-    contours = (
-        {in_file(data, face.key) for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
-    )
+    faces = drawn_faces(data) if any(CONTOUR in key for key in table) else []
+    contours = {in_file(data, face.key) for face in faces}
     numbers, tolerances = numbers_of(data), {}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
         if not key or key not in {*numbers, *curves, *contours}:
