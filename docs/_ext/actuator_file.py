@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from femfit.device import electrics, mechanics, parts, schema
-from femfit.device.complaints import adapter
-from femfit.device.keys import UNITS, Key, keys_of, kind_of, unit_of
+from femfit.device import electrics, mechanics, parameters, parts, schema
+from femfit.device.keys import UNITS, Key, adapter, keys_of, kind_of, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.thermal import Surroundings
 
@@ -24,14 +23,14 @@ TABLES: tuple[tuple[str, str, Any], ...] = (
         parts.LinearMaterial,
     ),
     ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", parts.NonlinearMaterial),
-    ("[fixed.regions.NAME]", "A part that stands still.", schema.RegionEntry),
-    ("[coils.NAME]", "A winding.", schema.CoilEntry),
+    ("[fixed.regions.NAME]", "A part that stands still.", parts.Region),
+    ("[coils.NAME]", "A winding.", parts.Coil),
     (
         "[circuits.NAME]",
         "Coils in series and what feeds them. Without it each coil has its own, fed by `[supply]`.",
-        schema.CircuitEntry,
+        electrics.Circuit,
     ),
-    ("[moving.regions.NAME]", "A magnetic part of the moving body.", schema.RegionEntry),
+    ("[moving.regions.NAME]", "A magnetic part of the moving body.", parts.Region),
     ("[mechanics]", "The mass and what else acts on the moving part.", mechanics.Mechanics),
     ("[mechanics.springs.NAME]", "A spring by its stiffness.", mechanics.Spring),
     ("[mechanics.springs.NAME] as measured", "A spring as measured.", mechanics.ForceTable),
@@ -44,7 +43,7 @@ TABLES: tuple[tuple[str, str, Any], ...] = (
     ("[sensors.NAME] force", "A load cell.", electrics.ForceSensor),
     ("[supply]", "The driver of every circuit without limits of its own.", schema.SupplyEntry),
     ("[sweep]", "The points that are solved.", schema.SweepEntry),
-    ("[sweep.parameters.NAME]", "A name of your own for one or more keys that are swept.", schema.NamedParameterEntry),
+    ("[sweep.parameters.NAME]", "A name of your own for one or more keys that are swept.", parameters.SweptParameter),
     ("{ key, factor, offset }", "A key that follows a named parameter.", schema.KeyEntry),
     ("{ min, max, step }", "The range of a Latin hypercube.", schema.SampledEntry),
     ("{ start, stop, step }", "Equally spaced values, both ends included.", schema.RangeEntry),

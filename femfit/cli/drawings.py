@@ -37,13 +37,13 @@ def new(kind: Kind | None = None, *, schema: bool = False, output: Annotated[Pat
     output : Path
         File to write, which must not be there yet; KIND.toml or actuator-schema.json by default.
     """
-    from femfit.device.load import json_schema, starter_text
+    from femfit.device.load import starter_text
+    from femfit.device.schema import json_schema
 
     if (kind is None) != schema:
         raise UsageError("Give a kind of actuator, such as solenoid, or --schema alone.")
-    end = ".toml" if kind else ".json"
-    path = output or Path(f"{kind or 'actuator-schema'}{end}")
-    if path.suffix != end:
+    path = output or Path(f"{kind}.toml" if kind else "actuator-schema.json")
+    if path.suffix != (end := ".toml" if kind else ".json"):
         raise OutputError(f"The file must end in {end}; instead received {path}. Give for example -o mine{end}.")
     if path.exists():
         raise OutputError(f"{path} is there already. Give another name with -o, or remove it.")

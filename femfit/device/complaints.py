@@ -10,20 +10,17 @@ import difflib
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache, reduce
+from copy import deepcopy
+from dataclasses import dataclass
 from importlib.resources import files
 from itertools import pairwise
-from operator import or_
-from types import UnionType
-from typing import Annotated, Any, get_args, get_origin
+from typing import Any, get_args
 
-from pydantic import AllowInfNan, Field, PlainValidator, Strict, TypeAdapter, ValidationError, WithJsonSchema
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
-from femfit.device.keys import Given, Key, Place, in_si, keys_of, kind_of
-from femfit.device.schema import MAX_NAME, NAME_PATTERN, OLDER, DrawnTables, FileEntry
-
-MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinite
+from femfit.device.keys import Entry, Key, Place, adapter, in_si, keys_apart, keys_of, kind_of
+from femfit.device.schema import MAX_NAME, NAME_PATTERN, OLDER, FileEntry
 
 Tables = Mapping[str, Any]
 
@@ -38,16 +35,36 @@ class MistakeError(ValueError):
         super().__init__(_SENTENCES[code].format(path=path, **facts))
 
 
+class DrawnTables(dict[str, Any]):
+    """The tables of a file by today's names."""
+
+    is_schema_1: bool
+    older: dict[str, str]  # Key paths that the file has, by today's where these are others
+    problems: list[str]  # What is wrong with its names
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A file that is read."""
+
+    data: DrawnTables
+    problems: list[str]
+    entries: dict[str, Any]  # Records of its tables by key path, without those in which anything is wrong
+
+    def complain(self, code: str, path: str = "", /, **facts: Any) -> None:
+        """Report a mistake."""
+        complain(self.problems, code, path, **facts)
+
+
 def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) -> None:
     """Append the sentence of a code on the table or key at a path."""
     problems.append(str(MistakeError(code, path, **facts)))
 
 
-def refuse_name(problems: list[str], code: str, path: str, given: str, names: Iterable[str]) -> None:
+def refuse_name(problems: list[str], code: str, path: str, name: str, names: Iterable[str]) -> None:
     """Append the sentence of a code on a name that is none of those known, with the closest one."""
-    known = [*names]
-    near, listed = did_you_mean(given, known), ", ".join(known) or "none"
-    complain(problems, code, path, given=given[:60], near=near, known=listed)
+    listed = ", ".join(names := [*names]) or "none"
+    complain(problems, code, path, given=name[:60], near=did_you_mean(name, names), known=listed)
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
@@ -63,48 +80,53 @@ def read_table(record: Any, table: object, path: str, problems: list[str], **mor
     Unknown keys are reported and then ignored, so that they do not keep later checks from their work. Tables within
     this one are read by themselves; what the record has beside its keys is ``more``.
     """
-    given = given_by(record, table, path, problems)
-    if given.wrong:
+    entry = read_entry(record, table, path, problems)
+    if entry.wrong:
         return None
     count = len(problems)
     for name, key in ((name, key) for name, key in keys_of(record).items() if key.like):
-        size, needed = (len(getattr(given, each) or ()) for each in (name, key.like))
+        size, needed = (len(getattr(entry, each) or ()) for each in (name, key.like))
         if size != needed:
             complain(problems, "like", joined(path, name), count=size, other=key.like, needed=needed)
-    read = in_si(record, given, lambda code, **facts: complain(problems, code, path, **vars(given) | facts), **more)
-    return read if len(problems) == count else None
+    if not record.needs_more:
+        entry = in_si(
+            record, entry, lambda code, **facts: complain(problems, code, path, **vars(entry) | facts), **more
+        )
+    return entry if len(problems) == count else None
 
 
-def read_part(record: Any, table: object, *names: str) -> Given | None:
+def read_part(record: Any, table: object, *names: str) -> Entry | None:
     """What a larger table gives of the keys of a record, or None if one of them, or of those named, is wrong.
 
     The table's own record reports the problems: a mistake elsewhere in the table hides no later check.
     """
-    part = {key: table[key] for key in keys_of(record) if key in table} if isinstance(table, Mapping) else table
-    given = given_by(record, part, "", [])
-    return None if given.wrong & {*(names or keys_of(record)), ""} else given
+    keys = keys_of(record)
+    shared = {key: table[key] for key in keys if key in table} if isinstance(table, Mapping) else table
+    entry = read_entry(record, shared, "", [])
+    return None if entry.wrong & {*(names or keys), ""} else entry
 
 
-def given_by(record: Any, table: object, path: str, problems: list[str]) -> Given:
+def read_entry(record: Any, table: object, path: str, problems: list[str]) -> Entry:
     """What a table gives of the keys of a record, each by itself."""
     keys = keys_of(record)
-    given = Given(**{name: key.usual for name, key in keys.items()}, stated=set(), wrong=set())
+    entry = Entry(**{name: key.usual for name, key in keys.items()}, stated=set(), wrong=set())
     if not isinstance(table, Mapping):
         complain(problems, "no_table", path, given=shortened(table))
-        given.wrong.add("")
-        return given
+        entry.wrong.add("")
+        return entry
     for name in (name for name in keys if name in table):
-        key, count, value = keys[name], len(problems), table[name]
-        given.stated.add(name)
-        setattr(given, name, read_value(key, value, joined(path, name), problems))
-        given.wrong |= {name} if len(problems) > count else set()
+        count = len(problems)
+        entry.stated.add(name)
+        setattr(entry, name, read_value(keys[name], table[name], joined(path, name), problems))
+        entry.wrong |= {name} if len(problems) > count else set()
     for name in (name for name, key in keys.items() if key.required and name not in table):
         complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
-        given.wrong.add(name)
+        entry.wrong.add(name)
     for name in (name for name in table if name not in keys and not record.any_keys):
-        older = (each.rpartition(".")[2] for each in OLDER if each.rpartition(".")[0] == path)
-        refuse_name(problems, "unknown", joined(path, name), str(name), [*keys, *older])
-    return given
+        today = (getattr(table, "older", {}).get(key, key) for key in keys)  # or as the file has it
+        older = (key for above, _, key in (each.rpartition(".") for each in OLDER) if above == path)
+        refuse_name(problems, "unknown", joined(path, name), str(name), dict.fromkeys([*today, *older]))
+    return entry
 
 
 def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
@@ -125,47 +147,6 @@ def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
     elif fall and not all(before > after for before, after in steps):
         complain(problems, "turns", path, given=shortened(read))
     return read
-
-
-@cache
-def adapter(key: Key) -> TypeAdapter[Any]:
-    """What checks a key's value, as the file has it, and describes it as JSON Schema."""
-    if key.words:
-        return TypeAdapter(_direction(key))
-    return TypeAdapter(dict[str, Any] if key.records or get_origin(key.hint) is Mapping else _limited(key.hint, key))
-
-
-def _limited(hint: Any, key: Key, depth: int = 0) -> Any:
-    """A type as the file has it, with the limits on every number in it."""
-    if isinstance(hint, UnionType):
-        return reduce(or_, (_limited(each, key, depth) for each in get_args(hint)))
-    if get_origin(hint) is tuple:
-        inner, *others = get_args(hint)
-        least, most = key.count[depth] if key.count else (1 + len(others),) * 2
-        return Annotated[list[_limited(inner, key, depth + 1)], Field(min_length=least, max_length=most), Strict()]  # type: ignore[misc]
-    if hint is str:
-        return Annotated[str, Strict(), Field(**key.limits)]
-    if hint in (float, int):
-        limited = Annotated[hint, Strict(), Field(**key.limits)]
-        return Annotated[limited, AllowInfNan(False)] if hint is float else limited
-    return Annotated[bool, Strict()] if hint is bool else hint
-
-
-def _direction(key: Key) -> Any:
-    """A direction by one of the key's names or as [r, z]."""
-
-    def checked(value: Any) -> Any:
-        numbers = [number for number in value if type(number) in {int, float}] if isinstance(value, list) else []
-        usable = len(numbers) == 2 == len(value) and all(abs(number) < MAX_DIRECTION for number in numbers)
-        if value is None or (isinstance(value, str) and value in key.words) or (usable and any(numbers)):
-            return value
-        needed = "have a length" if usable else f"be {' or '.join(map(repr, key.words))} or a direction [r, z]"
-        raise PydanticCustomError("direction", "Input should {needed}", {"needed": needed})
-
-    return Annotated[Any, PlainValidator(checked), WithJsonSchema({"anyOf": [{"enum": [*key.words]}, _PAIR]})]
-
-
-_PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 
 
 def _sentence(key: Key, error: ErrorDetails, where: str) -> str:
@@ -197,9 +178,7 @@ def meant_by(table: object, records: Sequence[Any]) -> Any:
     stated = table if isinstance(table, dict) else {}
     if kind_of(records[0]):
         return {kind_of(record): record for record in records[:-1]}.get(str(stated.get("kind")), records[-1])
-    others = {record: [keys_of(other) for other in records if other is not record] for record in records}
-    own = [record for record in records if set(keys_of(record)).difference(*others[record]) & stated.keys()]
-    return own[-1] if own else records[0]
+    return next((record for record in records[::-1] if keys_apart(record, records) & stated.keys()), records[0])
 
 
 def read_tables(data: Tables, problems: list[str]) -> dict[str, Any]:
@@ -220,34 +199,24 @@ def translated(data: Tables) -> DrawnTables:
     """The tables of a file by today's names; again they are the same."""
     if isinstance(data, DrawnTables):
         return data
-    tables, version = DrawnTables(data), data.get("schema")
+    tables, version = DrawnTables(deepcopy(dict(data))), data.get("schema")
     tables.older, tables.problems, tables.is_schema_1 = {}, [], version == 1 and not isinstance(version, bool)
     for older, today in OLDER.items():
-        *above, name = older.split(".")
-        holder = table_at(data, *above)
-        if name in holder:
-            tables |= {each: {key: value for key, value in holder.items() if key != name} for each in above}
-            if _added(tables, today, holder[name]):
-                tables.older[today] = older
-            else:
-                complain(tables.problems, "twice", today, older=older)
+        (*above, name), (table, *inner) = older.split("."), today.split(".")
+        holder = table_at(tables, *above)
+        if name not in holder:
+            continue
+        value, beside = holder.pop(name), tables.get(table, {})
+        value = {"kind": "hall", **value} if table == "sensors" and isinstance(value, dict) else value
+        if inner[0] in table_at(tables, table) if inner else table in tables:
+            complain(tables.problems, "twice", today, older=older)
+            continue
+        tables.older[today] = older
+        if not inner or isinstance(beside, dict):  # what is no table is refused as such
+            tables[table] = {inner[0]: value, **beside} if inner else value
     if "mechanics" not in tables:
         complain(tables.problems, "no_mass", "moving" if tables.is_schema_1 else "mechanics")
-    for older in OLDER:
-        tables.pop(older, None)
     return tables
-
-
-def _added(tables: DrawnTables, path: str, value: Any) -> bool:
-    """Whether a path of one or two names was free for a value, which stands there first in its table."""
-    table, *inner = path.split(".")
-    if table in tables and (not inner or inner[0] in table_at(tables, table)):
-        return False
-    value = {"kind": "hall", **value} if table == "sensors" and isinstance(value, dict) else value
-    beside = tables.get(table, {})
-    if not inner or isinstance(beside, dict):  # what is no table is refused as such
-        tables[table] = {inner[0]: value, **beside} if inner else value
-    return True
 
 
 def place_in_file(data: Tables, place: Place) -> Place:

@@ -12,13 +12,12 @@ from typing import Any
 from shapely import MultiPoint, Point, Polygon, unary_union
 from shapely.affinity import translate
 
-from femfit.device.complaints import complain, joined, read_part, refuse_name, table_at
-from femfit.device.electrics import unit_vector
-from femfit.device.keys import Given, OutlineEntry
+from femfit.device.complaints import Reading, complain, joined, read_part, refuse_name, table_at
+from femfit.device.electrics import HallElement, unit_vector
+from femfit.device.keys import Entry, Outline
 from femfit.device.materials import LIBRARY, Points, check_curve, read_bh_csv, without_flat_end
 from femfit.device.outlines import MIN_AREA, DrawnOutline, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, LinearMaterial, Material, NonlinearMaterial
-from femfit.device.schema import RegionEntry
 
 CONTACT = 1e-6
 """Clearance in mm below which parts touch: the field solver needs air around the moving part."""
@@ -54,9 +53,9 @@ class PartTable:
         return self.place[0] == "moving" or (self.winding and self.content.get("moves") is True)
 
     @property
-    def shape(self) -> Given | None:
+    def shape(self) -> Entry | None:
         """The keys of its outline; None where one is wrong."""
-        return read_part(OutlineEntry, self.content)
+        return read_part(Outline, self.content)
 
 
 def part_tables(data: Mapping[str, Any]) -> Iterator[PartTable]:
@@ -71,7 +70,7 @@ def part_tables(data: Mapping[str, Any]) -> Iterator[PartTable]:
 
 def materials_used(data: Mapping[str, Any]) -> set[str]:
     """Names of the materials of the file's regions."""
-    return {str(part.content.get("material")) for part in part_tables(data) if isinstance(part.content, dict)}
+    return {str(table.content.get("material")) for table in part_tables(data) if isinstance(table.content, dict)}
 
 
 @dataclass(frozen=True)
@@ -87,125 +86,30 @@ class DrawnPart(PartTable):
         return self.outline.polygon
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """What could be drawn of a file: the fixed regions first, then the moving ones, and the windings."""
-
-    parts: tuple[DrawnPart, ...]
-    complete: bool  # Whether every region and winding could be drawn
-
-    def of(self, *, moves: bool) -> list[DrawnPart]:
-        """All that moves, or all that stands still."""
-        return [part for part in self.parts if part.moves == moves]
-
-    def check(
-        self,
-        distances: Sequence[float],
-        elements: Mapping[str, Given],
-        problems: list[str],
-        *,
-        reference_face: bool,
-    ) -> None:
-        """Report parts that cannot be meshed, share an area, are nowhere, or do not clear each other within distances.
-
-        Parameters
-        ----------
-        distances : sequence of float
-            Swept ones in mm.
-        elements : mapping
-            Places of Hall elements by their paths; none is inside of a solid part or in the moving part's way.
-        reference_face : bool
-            Whether the fixed part must have a face where distances are counted from, as in schema 1.
-        """
-        for body in self.parts:  # whose elements are as large as it is thick
-            inner, lower, outer, upper = body.polygon.bounds
-            thin, long = sorted((outer - inner, upper - lower))
-            if long > LARGEST_ASPECT * thin:
-                aspect, least = long / thin, long / LARGEST_ASPECT
-                complain(
-                    problems, "thin", body.path, thin=thin, long=long, most=LARGEST_ASPECT, aspect=aspect, least=least
-                )
-        for first, second in combinations(self.parts, 2):
-            shared = first.polygon.intersection(second.polygon)
-            if first.moves == second.moves and shared.area > MIN_AREA:
-                complain(problems, "overlap", first.path, second=second.path, area=shared.area, box=shared.bounds)
-        if self.complete:
-            self._check_bodies(problems, reference_face=reference_face)
-        self._check_ways(distances, elements, problems)
-
-    def _check_bodies(self, problems: list[str], *, reference_face: bool) -> None:
-        """Report a body that is missing, in pieces, not where distances count from, or on which no force can act."""
-        standing, mover = self.of(moves=False), self.of(moves=True)
-        for bodies, code in ((mover, "no_moving"), (standing, "no_fixed")):
-            if not bodies:
-                complain(problems, code)
-        heights = [z for body in standing for _, z in body.polygon.exterior.coords]
-        if reference_face and heights and all(abs(z) > CONTACT for z in heights):
-            complain(problems, "no_face", lowest=min(heights), highest=max(heights))
-        nearest = min(mover, key=lambda part: float(part.polygon.bounds[1]), default=None)
-        if nearest is not None and abs(height := nearest.polygon.bounds[1]) > CONTACT:
-            complain(problems, "moving_face", nearest.path, height=height)
-        pieces = unary_union([body.polygon for body in mover])
-        if pieces.geom_type == "MultiPolygon":
-            complain(problems, "pieces", count=len(pieces.geoms))
-        materials = [body.material for body in mover if body.material is not None]
-        if len(materials) < len(mover) or not materials:  # a winding has none
-            return
-        if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
-            complain(problems, "no_force", names=", ".join(sorted({material.name for material in materials})))
-
-    def _check_ways(self, distances: Sequence[float], elements: Mapping[str, Given], problems: list[str]) -> None:
-        """Report what the moving part touches within the distances, with the first such one, and Hall elements."""
-        # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
-        points = {path: Point(max(hall.r_mm, CONTACT), hall.z_mm) for path, hall in elements.items()}
-        for path, hall in elements.items():
-            for part in (part for part in self.of(moves=False) if part.polygon.contains(points[path])):
-                complain(problems, "hall_inside", path, hall=hall, part=part.path)
-        for mover in self.of(moves=True) if distances else ():
-            way = swept(mover.polygon, distances[0], distances[-1])
-            for body in self.of(moves=False):
-                if way.distance(body.polygon) > CONTACT:
-                    continue
-                hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(body.polygon) <= CONTACT)
-                first = next(hits, None)
-                when = "between two swept distances" if first is None else f"first at {first:g} mm"
-                complain(problems, "collision", mover.path, body=body.path, when=when)
-            for path in (path for path, point in points.items() if way.distance(point) <= CONTACT):
-                complain(problems, "hall_passed", path, hall=elements[path], part=mover.path)
-
-
-def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
-    """Everything that a polygon passes while it is shifted along z from start to stop, in mm."""
-    ends = [translate(polygon, yoff=shift) for shift in (start, stop)]
-    edges = zip(*(pairwise(end.exterior.coords) for end in ends), strict=True)
-    return unary_union([*ends, *(MultiPoint([*before, *after]).convex_hull for before, after in edges)])
-
-
-def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
-    """Draw what can be drawn of a file, whose right tables are ``entries`` by their key paths."""
+def read_parts(file: Reading, directory: Path) -> list[DrawnPart]:
+    """Draw what can be drawn of a file: the fixed regions first, then the moving ones, and the windings."""
     # The file's own materials come first; None where one of them is wrong
     materials: dict[str, Material | None] = {name: entry.material for name, entry in LIBRARY.items()}
-    for name, table in table_at(data, "materials").items():
-        entry = entries.get(joined("materials", name))
-        materials[name] = None if entry is None else _material(entry, table, directory, problems)
-    tables, parts = list(part_tables(data)), list[DrawnPart]()
-    for table in tables:
-        path, material = table.path, None
-        if not table.winding and path in entries:
-            material = _region_material(entries[path], path, materials, problems)
+    for name, table in table_at(file.data, "materials").items():
+        entry = file.entries.get(joined("materials", name))
+        materials[name] = None if entry is None else _material(entry, table, directory, file.problems)
+    parts: list[DrawnPart] = []
+    for table in part_tables(file.data):
+        path, material, shape = table.path, None, table.shape
+        if not table.winding and path in file.entries:
+            material = _region_material(file.entries[path], path, materials, file.problems)
         if not table.winding and table.label in RESERVED:
-            complain(problems, "reserved", path, names=" or ".join(RESERVED))
-        shape = table.shape
-        drawn = None if shape is None else outline(shape, path, problems)
+            file.complain("reserved", path, names=" or ".join(RESERVED))
+        drawn = None if shape is None else outline(shape, path, file.problems)
         if drawn is None:
             continue
-        part = DrawnPart(**vars(table), outline=drawn, material=material)
-        if part.winding and drawn.polygon.bounds[0] <= 0:
-            complain(problems, "winding_on_axis", path)
-        if not part.winding and part.moves and part.place[-1] in {each.place[-1] for each in parts if not each.moves}:
-            complain(problems, "region_twice", path, body="fixed")
-        parts.append(part)
-    return Drawing(tuple(parts), len(parts) == len(tables))
+        if table.winding and drawn.polygon.bounds[0] <= 0:
+            file.complain("winding_on_axis", path)
+        standing = {body.place[-1] for body in parts if not body.moves}
+        if not table.winding and table.moves and table.place[-1] in standing:
+            file.complain("region_twice", path, body="fixed")
+        parts.append(DrawnPart(**vars(table), outline=drawn, material=material))
+    return parts
 
 
 def _material(material: Material, table: Any, directory: Path, problems: list[str]) -> Material | None:
@@ -230,31 +134,109 @@ def _material(material: Material, table: Any, directory: Path, problems: list[st
 
 
 def _region_material(
-    entry: RegionEntry, path: str, materials: Mapping[str, Material | None], problems: list[str]
+    entry: Entry, path: str, materials: Mapping[str, Material | None], problems: list[str]
 ) -> Material | None:
-    """The material at the region's temperature, turned as the region says."""
+    """The material at the region's temperature, turned as the region says; None if one of them is wrong."""
     if entry.material not in materials:
         refuse_name(problems, "no_material", path, entry.material, materials)
-        return None
-    material, celsius, direction = materials[entry.material], entry.temperature_C, entry.magnetization
+    material, celsius, direction = materials.get(entry.material), entry.temperature_C, entry.magnetization
     if material is None:
         return None
-    code, remanence_T = "", material.remanence_T
-    if bool(remanence_T) != bool(direction):
+    code = ""
+    if bool(material.remanence_T) != bool(direction):
         code = "magnetization" if direction else "no_magnetization"
-    elif celsius is not None and isinstance(material, LinearMaterial):
+    elif isinstance(material, LinearMaterial):
         # B_r (1 + alpha (T - 20 degC)) as in IEC 60404-8-1, the reversible part; the permeability is kept
-        remanence_T *= 1.0 + material.remanence_coefficient_per_K * (celsius - REFERENCE_TEMPERATURE)
-        if not material.remanence_coefficient_per_K or not direction:
+        alpha, warmth = material.remanence_coefficient_per_K, (celsius or 0.0) - REFERENCE_TEMPERATURE
+        remanence_T = material.remanence_T * (1.0 if celsius is None else 1.0 + alpha * warmth)
+        if celsius is not None and not (alpha and direction):
             code = "temperature"
-        elif remanence_T <= 0.0:
+        elif direction and remanence_T <= 0.0:
             code = "no_remanence"
-        material = replace(material, temperature_C=celsius)
+        elif direction:
+            opposed = isinstance(direction, str) and direction.startswith("-")
+            signed_T = -remanence_T if opposed else remanence_T
+            material = replace(material, direction=unit_vector(direction), remanence_T=signed_T)
+            material = material if celsius is None else replace(material, temperature_C=celsius)
     if code:
         complain(problems, code, path, material=material.name, celsius=celsius)
-        return None
-    if isinstance(material, LinearMaterial) and direction is not None:
-        opposed = isinstance(direction, str) and direction.startswith("-")
-        remanence_T = (-1.0 if opposed else 1.0) * remanence_T
-        material = replace(material, direction=unit_vector(direction), remanence_T=remanence_T)
-    return material
+    return None if code else material
+
+
+def check_parts(file: Reading, parts: Sequence[DrawnPart], distances: Sequence[float]) -> None:
+    """Report parts that cannot be meshed, share an area, are nowhere, or do not clear each other within distances.
+
+    These are in mm. No Hall element is inside of a solid part or in the moving part's way.
+    """
+    for body in parts:  # whose elements are as large as it is thick
+        inner, lower, outer, upper = body.polygon.bounds
+        thin, long = sorted((outer - inner, upper - lower))
+        if long > LARGEST_ASPECT * thin:
+            facts = {"aspect": long / thin, "least": long / LARGEST_ASPECT, "most": LARGEST_ASPECT}
+            file.complain("thin", body.path, thin=thin, long=long, **facts)
+    for first, second in combinations(parts, 2):
+        shared = first.polygon.intersection(second.polygon)
+        if first.moves == second.moves and shared.area > MIN_AREA:
+            file.complain("overlap", first.path, second=second.path, area=shared.area, box=shared.bounds)
+    standing, moving = [body for body in parts if not body.moves], [body for body in parts if body.moves]
+    if len(parts) == len([*part_tables(file.data)]):
+        _check_bodies(file, standing, moving)
+    _check_ways(file, standing, moving, distances)
+
+
+def _check_bodies(file: Reading, standing: Sequence[DrawnPart], moving: Sequence[DrawnPart]) -> None:
+    """Report a body that is missing, in pieces, not where distances count from, or on which no force can act."""
+    for bodies, code in ((moving, "no_moving"), (standing, "no_fixed")):
+        if not bodies:
+            file.complain(code)
+    heights = [z for body in standing for _, z in body.polygon.exterior.coords]
+    # The face from which distances are counted in schema 1
+    if file.data.is_schema_1 and heights and all(abs(z) > CONTACT for z in heights):
+        file.complain("no_face", lowest=min(heights), highest=max(heights))
+    nearest = min(moving, key=lambda body: float(body.polygon.bounds[1]), default=None)
+    if nearest is not None and abs(height := nearest.polygon.bounds[1]) > CONTACT:
+        file.complain("moving_face", nearest.path, height=height)
+    pieces = unary_union([body.polygon for body in moving])
+    if pieces.geom_type == "MultiPolygon":
+        file.complain("pieces", count=len(pieces.geoms))
+    materials = [body.material for body in moving if body.material is not None]
+    if len(materials) < len(moving) or not materials:  # a winding has none
+        return
+    if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
+        file.complain("no_force", names=", ".join(sorted({material.name for material in materials})))
+
+
+def _check_ways(
+    file: Reading, standing: Sequence[DrawnPart], moving: Sequence[DrawnPart], distances: Sequence[float]
+) -> None:
+    """Report what the moving part touches within the distances, with the first such one, and Hall elements."""
+    elements = hall_places(file.data)
+    # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
+    points = {path: Point(max(hall.r_mm, CONTACT), hall.z_mm) for path, hall in elements.items()}
+    for path, hall in elements.items():
+        for body in (body for body in standing if body.polygon.contains(points[path])):
+            file.complain("hall_inside", path, hall=hall, part=body.path)
+    for mover in moving if distances else ():
+        way = swept(mover.polygon, distances[0], distances[-1])
+        for body in (body for body in standing if way.distance(body.polygon) <= CONTACT):
+            hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(body.polygon) <= CONTACT)
+            first = next(hits, None)
+            when = "between two swept distances" if first is None else f"first at {first:g} mm"
+            file.complain("collision", mover.path, body=body.path, when=when)
+        for path in (path for path, point in points.items() if way.distance(point) <= CONTACT):
+            file.complain("hall_passed", path, hall=elements[path], part=mover.path)
+
+
+def hall_places(data: Mapping[str, Any]) -> dict[str, Entry]:
+    """Place in the drawing of each Hall element whose place is right, by its path, whatever else of it is wrong."""
+    tables = {joined("sensors", name): table for name, table in table_at(data, "sensors").items()}
+    halls = {path: table for path, table in tables.items() if isinstance(table, dict) and table.get("kind") == "hall"}
+    places = ((path, read_part(HallElement, table, "r_mm", "z_mm")) for path, table in halls.items())
+    return {path: place for path, place in places if place is not None}
+
+
+def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
+    """Everything that a polygon passes while it is shifted along z from start to stop, in mm."""
+    ends = [translate(polygon, yoff=shift) for shift in (start, stop)]
+    edges = zip(*(pairwise(end.exterior.coords) for end in ends), strict=True)
+    return unary_union([*ends, *(MultiPoint([*before, *after]).convex_hull for before, after in edges)])

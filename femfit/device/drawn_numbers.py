@@ -21,11 +21,11 @@ import numpy as np
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import in_file, joined
+from femfit.device.drawing import hall_places
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.keys import Place, converted, decimal_sum, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, Coil, Region
-from femfit.device.read_device import hall_places
 from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances, value_at, with_value
 
 STEP = {"mm": 1e-3}
@@ -184,12 +184,12 @@ def _faces(data: Mapping[str, Any], moved: Callable[..., Actuator]) -> _Suspects
 def _hall_place(data: Mapping[str, Any], moved: Callable[..., Actuator]) -> _Suspects:
     """Of the first Hall element, whose field the sweep solves."""
     for path, element in islice(hall_places(data).items(), 1):
-        at = element.r_mm, element.z_mm
-        for axis, value in zip("rz", at, strict=True):
+        point = element.r_mm, element.z_mm
+        for axis, value in zip("rz", point, strict=True):
             if axis == "z" or value > 0.0:
                 key, label = f"{axis}_mm", f"Hall element at {axis} = {value:g} mm"
                 tolerance = length_tolerance(value)
-                facts = NumberFacts(f"{path}.{key}", (), "hall_place", value, "mm", tolerance, label=label, at=at)
+                facts = NumberFacts(f"{path}.{key}", (), "hall_place", value, "mm", tolerance, label=label, at=point)
                 yield facts, partial(moved, [(*path.split("."), key)])
 
 

@@ -7,16 +7,15 @@ where the output of a Hall element leaves its range, it says nothing of the dist
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from dataclasses import field as limited
 from math import inf
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount_range
-from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, OutlineEntry, Record, converted, key, scaled
+from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Entry, Outline, Record, converted, in_same_table, key, scaled
 
 DIODE: dict[str, Any] = {"says": "the forward voltage of the freewheel diode of a one-sided driver", "default": None}
 DIODE |= {"ge": 0, "le": 100}
@@ -49,19 +48,24 @@ BRIDGE = Drive()
 """Voltages of both signs, as far as the limits go."""
 
 
-@dataclass(frozen=True)
-class Circuit:
-    """Coils in series and their driver: U = R i + L_s i' + d(flux linkage)/dt."""
+class Circuit(Record, kw_only=False):
+    """``[circuits.NAME]``: coils in series and their driver, U = R i + L_s i' + d(flux linkage)/dt."""
+
+    needs_more = True
 
     # Of all coils and what is in series with them
     resistance_ohm: float = limited(metadata={"positive": True})
-    # Of the supply; a drawing without one leaves them open behind a current amplifier, a model has both
-    voltage_min_V: float = -inf
-    voltage_max_V: float = inf
-    drive: Drive = BRIDGE
+    # A drawing without a supply leaves them open behind a current amplifier, a model has both
+    voltage_min_V: float = key("the lowest voltage, or have it from [supply]", -inf, usual=None, **ELECTRICAL)
+    voltage_max_V: float = key("the highest voltage, or have it from [supply]", inf, usual=None, **ELECTRICAL)
+    drive: Drive = in_same_table(BRIDGE)
     name: str = "coil"
-    # L_s, in series, outside of the field
-    inductance_H: float = limited(default=0.0, metadata={"lower": 0.0})
+    # L_s, outside of the field
+    inductance_H: float = key("the inductance in series in mH", 0.0, file="external_inductance_mH", ge=0, le=1e9)
+    coils: ClassVar[tuple[str, ...]] = key(
+        'the coils in series as a list of names, "-NAME" for one that is connected the other way', count=((1, 100),)
+    )
+    external_resistance_ohm: ClassVar[float] = key("the resistance in series in ohm", 0.0, ge=0, le=1e9)
 
 
 class HallElement(Record, kw_only=False):
@@ -91,15 +95,15 @@ class HallElement(Record, kw_only=False):
     kind: Literal["hall"] = key('"hall" in a table of [sensors]', "hall")
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """The direction as a unit vector; the output is one that can be."""
-        if given.output_min_V >= given.output_max_V:
+        if entry.output_min_V >= entry.output_max_V:
             complain("hall_range")
-        elif not given.output_min_V <= given.quiescent_V <= given.output_max_V:
+        elif not entry.output_min_V <= entry.quiescent_V <= entry.output_max_V:
             complain("quiescent")
-        if not given.sensitivity_V_per_T:
+        if not entry.sensitivity_V_per_T:
             complain("sensitivity")
-        return {"direction": unit_vector(given.direction)}
+        return {"direction": unit_vector(entry.direction)}
 
 
 _AXES = {"z": (0.0, 1.0), "r": (1.0, 0.0)}
@@ -113,20 +117,11 @@ def unit_vector(values: Sequence[float] | str) -> tuple[float, float]:
     return values[0] / length, values[1] / length
 
 
-class _Range(Record):
-    """The key of a reading's range."""
-
-    range: tuple[float, float] | None = key(
-        "[lowest, highest] reading in {unit}", None, file="range_{unit}", ascending=True
-    )
-
-
 class Sensor(Record):
     """What all other sensors share; noise, range and resolution are in the unit of the reading."""
 
     UNIT = "V"  # As keys of the file end
     COLUMN = ""  # Of records; a current is named after its circuit
-    beside = tuple[Any, ...]((_Range,))
 
     name: str
     noise: float = key("the standard deviation of one sample in {unit}", 0.0, file="noise_{unit}", **NOISE)
@@ -135,16 +130,19 @@ class Sensor(Record):
     bits: int = key("the converter's bits over the range, 0 for none", 0, ge=0, le=32, model={"within": (0, 64)})
     delay_s: float = key(**DELAY)
     sample_time_s: float | None = key(**SAMPLE_TIME)
+    ends: ClassVar[tuple[float, float] | None] = key(
+        "[lowest, highest] reading in {unit}", None, file="range_{unit}", ascending=True
+    )
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """The ends of the range, without which there are no bits."""
-        return _ends(given, f"range_{cls.UNIT}", complain)
+        return _ends(entry, f"range_{cls.UNIT}", complain)
 
 
-def _ends(given: Given, key: str, complain: Callable[..., None]) -> dict[str, Any]:
-    ends = getattr(given, key)
-    if given.bits and ends is None:
+def _ends(entry: Entry, key: str, complain: Callable[..., None]) -> dict[str, Any]:
+    ends = getattr(entry, key)
+    if entry.bits and ends is None:
         complain("bits", key=key)
     return dict(zip(("minimum", "maximum"), ends or (None, None), strict=True))
 
@@ -160,22 +158,10 @@ class CurrentSensor(Sensor):
     kind: Literal["current"] = key('"current" for a sensor of a circuit\'s current', "current", required=True)
 
 
-class _Drawn(Record):
-    """Keys of a sensor of the distance from which its characteristic follows."""
-
-    gain_V_per_mm: float | None = key("the slope of a linear sensor in V/mm", None, **ELECTRICAL)
-    offset_V: float = key("the output of a linear sensor at distance zero", 0.0, **ELECTRICAL)
-    noise_mm: float = key("the noise of a sensor that reads the distance itself", 0.0, **NOISE)
-    range_mm: tuple[float, float] | None = key(
-        "the range of a sensor that reads the distance itself", None, ascending=True
-    )
-
-
 class PositionSensor(Sensor):
     """The distance as a laser, an optical gate or an LVDT reads it: interpolated between points of a characteristic."""
 
     COLUMN = "position_V"  # A reading in metres is a distance
-    beside = (_Drawn, _Range)
 
     distances_m: tuple[float, ...] = key(
         "ascending distances, instead of gain_V_per_mm",
@@ -195,33 +181,38 @@ class PositionSensor(Sensor):
     )
     unit: str = limited(default="V", metadata={"always": True})  # V, or m where the reading is the distance itself
     kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", required=True)
+    gain_V_per_mm: ClassVar[float | None] = key("the slope of a linear sensor in V/mm", None, **ELECTRICAL)
+    offset_V: ClassVar[float] = key("the output of a linear sensor at distance zero", 0.0, **ELECTRICAL)
+    noise_mm: ClassVar[float] = key("the noise of a sensor that reads the distance itself", 0.0, **NOISE)
+    range_mm: ClassVar[tuple[float, float] | None] = key(
+        "the range of a sensor that reads the distance itself", None, ascending=True
+    )
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """Points of the characteristic, of which there is one kind; noise and range of one that reads the distance."""
-        characteristic = given.stated & {"gain_V_per_mm", "distance_mm", "output_V"}
-        others = {"noise_mm", "range_mm"} if characteristic else {"noise_V", "range_V", "offset_V"}
-        if wrong := given.stated & others:
+        characteristic = entry.stated & {"gain_V_per_mm", "distance_mm", "output_V"}
+        in_wrong_unit = {"noise_mm", "range_mm"} if characteristic else {"noise_V", "range_V", "offset_V"}
+        if wrong := entry.stated & in_wrong_unit:
             complain("other_in_V" if characteristic else "other_in_mm", wrong=" and ".join(sorted(wrong)))
         if {"gain_V_per_mm"} < characteristic:
             complain("characteristics")
-        elif given.gain_V_per_mm == 0.0:
+        elif entry.gain_V_per_mm == 0.0:
             complain("gain")
-        values = _ends(given, "range_V" if characteristic else "range_mm", complain)
+        values = _ends(entry, "range_V" if characteristic else "range_mm", complain)
         if not characteristic:
             ends = {name: converted(end, -3) for name, end in values.items()}
-            values = {"unit": "m", "noise": scaled(given.noise_mm), **ends}
-        if given.distance_mm is None:  # Linear, or the distance itself
-            slope = 1.0 if given.gain_V_per_mm is None else scaled(given.gain_V_per_mm, 3)
-            values |= {"distances_m": (0.0, 1.0), "readings": (given.offset_V, given.offset_V + slope)}
+            values = {"unit": "m", "noise": scaled(entry.noise_mm), **ends}
+        if entry.distance_mm is None:  # Linear, or the distance itself
+            slope = 1.0 if entry.gain_V_per_mm is None else scaled(entry.gain_V_per_mm, 3)
+            values |= {"distances_m": (0.0, 1.0), "readings": (entry.offset_V, entry.offset_V + slope)}
         return values
 
 
-class PickupCoil(Sensor):
+class PickupCoil(Sensor, Outline):
     """A winding without current: the voltage that its flux linkage induces, in V."""
 
     COLUMN = "pickup_V"
-    beside = (OutlineEntry, _Range)
 
     vertices_m: tuple[tuple[float, float], ...] = ()
     turns: float = key("the number of turns", **TURNS)

@@ -5,12 +5,16 @@ with; a field's name and its key's say which. How a key is read and converted, w
 row of the reference page, its JSON Schema and its limits in a model file all follow from the declaration.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
-from functools import cache
+from functools import cache, reduce
+from operator import or_
 from types import SimpleNamespace, UnionType
-from typing import Any, ClassVar, NamedTuple, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, NamedTuple, dataclass_transform, get_args, get_origin, get_type_hints
+
+from pydantic import AllowInfNan, Field, PlainValidator, Strict, TypeAdapter, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
 
 def scaled(value: float, exponent: int = -3) -> float:
@@ -46,14 +50,12 @@ UNITS = {
 }  # fmt: skip
 """Units that keys of the file end in, those that others end in behind them."""
 
-SI_UNITS = {name: unit.si for name, unit in UNITS.items() if unit.power == -3}
-"""SI units of the units that numbers of the file are in; each of these is a thousandth."""
-
 # These bounds are far beyond any actuator, and keep products of values far from overflow and underflow
 LENGTH: dict[str, Any] = {"ge": -1e5, "le": 1e5}
 FORCE: dict[str, Any] = {"ge": -1e6, "le": 1e6}
 ELECTRICAL = FORCE
 POINTS = ((2, 1000),)
+MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinite
 
 
 Place = tuple[str | int, ...]
@@ -65,7 +67,7 @@ def unit_of(name: str) -> str:
     return next((unit for unit in UNITS if name.endswith(f"_{unit}")), "")
 
 
-class Given(SimpleNamespace):
+class Entry(SimpleNamespace):
     """What a table gives: its values by their keys, in the file's units, and what is usual for those left out."""
 
     stated: set[str]  # Keys that are there
@@ -74,18 +76,25 @@ class Given(SimpleNamespace):
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 class Record:
-    """Base of the frozen dataclasses of tables, and what one says of its table beside its fields; nothing usually."""
+    """Base of the frozen dataclasses of tables, and what one says of its table beside its fields; nothing usually.
+
+    A key that is a class variable has no field of its own: others follow from it. Keys of a field ``in_same_table`` are
+    those of its record.
+    """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
-    beside: ClassVar[tuple[Any, ...]] = ()  # Records whose keys stand in the same table
     UNIT: ClassVar[str] = ""  # That keys end in which are named so
     any_keys: ClassVar[bool] = False  # Whether others may be there, which are not read
+    needs_more: ClassVar[bool] = False  # Than its table to be made, which is read as an Entry
 
     def __init_subclass__(cls, *, kw_only: bool = True, eq: bool = True) -> None:
         dataclass(frozen=True, kw_only=kw_only, eq=eq)(cls)
+        hints: dict[str, Any] = cls.__annotations__
+        for name in (name for name, hint in hints.items() if get_origin(hint) is ClassVar and name in vars(cls)):
+            delattr(cls, name)  # It is a key of the file alone
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:  # noqa: ARG003  of some records
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:  # noqa: ARG003  of some records
         """Fields that follow from keys beside them, by their names.
 
         It complains of values that are right each by itself and wrong together, by codes of ``complaints.toml``, whose
@@ -114,7 +123,7 @@ class Key:
     any_name: bool = False  # Whether the tables may be named as one likes: no column or file is named after them
     limits: Mapping[str, Any] = field(default_factory=dict)  # On each number or text, as pydantic calls them
     # From here on by the field, as :func:`keys_of` fills it in
-    field: str = ""
+    field: str = ""  # None of a class variable
     power: int = 0  # Of ten, from the file's unit to the field's
     hint: Any = None
     records: tuple[Any, ...] = ()  # Of the table here, or of each table that has a name here
@@ -147,24 +156,36 @@ def key(says: str, default: Any = MISSING, *, model: Mapping[str, Any] | None = 
     )
 
 
+def in_same_table(default: Any) -> Any:
+    """A field with a record whose keys stand in the table of the record around it."""
+    return field(default=default, metadata={"in_same_table": True})
+
+
 def _keys_of(record: Any) -> dict[str, Key]:
-    """The keys of a record's table: its fields', then its bases', and those of records ``beside`` it in one table."""
-    keys = {}
-    for each in (record, *record.beside):
-        hints, first = get_type_hints(each), vars(each)["__annotations__"]
-        declared = [member for member in fields(each) if "drawn" in member.metadata]
-        for member in sorted(declared, key=lambda member: member.name not in first):
+    """The keys of a record's table: its fields', then its bases', and those from which others follow."""
+    hints, first = get_type_hints(record), vars(record)["__annotations__"]
+    keys: dict[str, Key] = {}
+    members = record.__dataclass_fields__.values()
+    for member in sorted(members, key=lambda member: (get_origin(member.type) is ClassVar, member.name not in first)):
+        if "in_same_table" in member.metadata:
+            keys |= keys_of(member.type)
+        elif "drawn" in member.metadata:
             bound = _bound(member, hints[member.name], record.UNIT)
             keys[bound.file] = bound
     return keys
 
 
+keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)
+
+
 def _bound(member: Any, hint: Any, unit: str) -> Key:
     """What is declared at a field, with what follows from its name, type and default."""
     declared: Key = member.metadata["drawn"]
+    is_field = get_origin(hint) is not ClassVar
+    hint = hint if is_field else get_args(hint)[0]
     units = ((name, each.si) for name, each in UNITS.items() if member.name.endswith(f"_{each.si}"))
-    place_in_file, si = next(units, ("", ""))
-    file = (declared.file or f"{member.name.removesuffix(si)}{place_in_file}").replace("{unit}", unit)
+    unit_in_file, si = next(units, ("", ""))
+    file = (declared.file or f"{member.name.removesuffix(si)}{unit_in_file}").replace("{unit}", unit)
     remedy = declared.remedy.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
     listed = get_origin(hint) is tuple
     alternatives = get_args(hint) if isinstance(hint, UnionType) or listed else (hint,)
@@ -175,12 +196,9 @@ def _bound(member: Any, hint: Any, unit: str) -> Key:
     required = declared.required or (usual is ... and member.default is MISSING)
     if usual is ...:
         usual = None if required or records else converted(member.default, -power)
-    bound = replace(declared, field=member.name, hint=hint, remedy=remedy, file=file, records=records, power=power)
-    named, is_number = bool(records) and listed, float in alternatives and not listed
+    named, is_number, name = bool(records) and listed, float in alternatives and not listed, member.name * is_field
+    bound = replace(declared, field=name, hint=hint, remedy=remedy, file=file, records=records, power=power)
     return replace(bound, named=named, is_number=is_number, required=required, usual=usual)
-
-
-keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)
 
 
 @cache
@@ -190,32 +208,79 @@ def kind_of(record: Any) -> str:
     return str(names[0]) if len(names) == 1 else ""
 
 
-def in_si(record: Any, given: Given, complain: Callable[..., None], **more: Any) -> Any:
+def in_si(record: Any, entry: Entry, complain: Callable[..., None], **more: Any) -> Any:
     """The record of a table, its own fields converted; what is not there is as usual."""
-    values = {}
-    for name, declared in keys_of(record).items():
-        member = record.__dataclass_fields__.get(declared.field)
-        if member and not declared.records and (name in given.stated or member.default is MISSING):
-            value = getattr(given, name)
-            values[declared.field] = value if declared.hint is Any else converted(value, declared.power)
-    return record(**values | record.derived(given, complain) | more)
+    keys, values = {key.field: (name, key) for name, key in keys_of(record).items()}, {}
+    for member in fields(record):
+        name, declared = keys.get(member.name, ("", None))
+        if "in_same_table" in member.metadata:
+            values[member.name] = in_si(member.type, entry, complain)
+        elif declared and not declared.records and (name in entry.stated or member.default is MISSING):
+            values[member.name] = converted(getattr(entry, name), declared.power)
+    return record(**values | record.derived(entry, complain) | more)
+
+
+def keys_apart(record: Any, records: Sequence[Any]) -> set[str]:
+    """The keys of a record that none of the others has."""
+    return set(keys_of(record)).difference(*(keys_of(each) for each in records if each is not record))
+
+
+@cache
+def adapter(key: Key) -> TypeAdapter[Any]:
+    """What checks a key's value, as the file has it, and describes it as JSON Schema."""
+    if key.words:
+        return TypeAdapter(_direction(key))
+    return TypeAdapter(dict[str, Any] if key.records or get_origin(key.hint) is Mapping else _limited(key.hint, key))
+
+
+def _limited(hint: Any, key: Key, depth: int = 0) -> Any:
+    """A type as the file has it, with the limits on every number in it."""
+    if isinstance(hint, UnionType):
+        return reduce(or_, (_limited(each, key, depth) for each in get_args(hint)))
+    if get_origin(hint) is tuple:
+        inner, *rest = get_args(hint)
+        least, most = key.count[depth] if key.count else (1 + len(rest),) * 2
+        return Annotated[list[_limited(inner, key, depth + 1)], Field(min_length=least, max_length=most), Strict()]  # type: ignore[misc]
+    if hint is str:
+        return Annotated[str, Strict(), Field(**key.limits)]
+    if hint in (float, int):
+        limited = Annotated[hint, Strict(), Field(**key.limits)]
+        return Annotated[limited, AllowInfNan(False)] if hint is float else limited
+    return Annotated[bool, Strict()] if hint is bool else hint
+
+
+def _direction(key: Key) -> Any:
+    """A direction by one of the key's names or as [r, z]."""
+
+    def checked(value: Any) -> Any:
+        numbers = [number for number in value if type(number) in {int, float}] if isinstance(value, list) else []
+        usable = len(numbers) == 2 == len(value) and all(abs(number) < MAX_DIRECTION for number in numbers)
+        if value is None or (isinstance(value, str) and value in key.words) or (usable and any(numbers)):
+            return value
+        needed = "have a length" if usable else f"be {' or '.join(map(repr, key.words))} or a direction [r, z]"
+        raise PydanticCustomError("direction", "Input should {needed}", {"needed": needed})
+
+    return Annotated[Any, PlainValidator(checked), WithJsonSchema({"anyOf": [{"enum": [*key.words]}, _PAIR]})]
+
+
+_PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 
 
 _ANY = LENGTH | {"kind": "length"}
 
 
-class OutlineEntry(Record):
+class Outline(Record):
     """A box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
 
-    r_mm: tuple[float, float] | None = key("[inner, outer] radius in mm", None, ascending=True, **_ANY)
-    z_mm: tuple[float, float] | None = key("[lower, upper] height in mm", None, ascending=True, **_ANY)
-    polygon_mm: tuple[tuple[float, ...], ...] | None = key(
+    r_mm: ClassVar[tuple[float, float] | None] = key("[inner, outer] radius in mm", None, ascending=True, **_ANY)
+    z_mm: ClassVar[tuple[float, float] | None] = key("[lower, upper] height in mm", None, ascending=True, **_ANY)
+    polygon_mm: ClassVar[tuple[tuple[float, ...], ...] | None] = key(
         "at least three corners [[r, z], ...] in mm; a third number is the angle in degrees of an arc to the next "
         "corner, positive counter-clockwise",
         None,
         count=((2, 1000), (2, 3)),
         **_ANY,
     )
-    circle_mm: tuple[float, float, float] | None = key(
+    circle_mm: ClassVar[tuple[float, float, float] | None] = key(
         "[r, z, radius]: a ball where r is 0, a ring with a round section elsewhere", None, **_ANY
     )

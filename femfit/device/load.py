@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -12,13 +12,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import MistakeError, adapter, complain, in_file, read_table, read_tables, translated
-from femfit.device.drawing import Drawing, read_drawing
-from femfit.device.keys import converted, keys_of, scaled
+from femfit.device.complaints import DrawnTables, MistakeError, Reading, in_file, read_table, read_tables, translated
+from femfit.device.drawing import DrawnPart, check_parts, read_parts
+from femfit.device.keys import converted, scaled
 from femfit.device.parameters import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, Region, SweepAxes, is_iron
-from femfit.device.read_device import Reading, hall_places, read_axes, read_circuits, read_mechanics, read_sensors
-from femfit.device.schema import NAME_PATTERN, OLDER, SCHEMA_VERSION, DrawnTables, FileEntry, SolverEntry
+from femfit.device.read_device import read_axes, read_circuits, read_mechanics, read_sensors
+from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
 from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
 
@@ -82,11 +82,11 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     read_design(data, problems)
     header: FileEntry | None = read_table(FileEntry, data, "", problems)
     problems += data.problems
-    file = Reading(data, entries := read_tables(data, problems), problems)
+    file = Reading(data, problems, entries := read_tables(data, problems))
     solver: SolverEntry = entries.get("solver", SolverEntry())
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
-    drawn = read_drawing(data, entries, directory or Path(), problems)
-    circuits, coils = read_circuits(file, drawn)
+    parts = read_parts(file, directory or Path())
+    circuits, coils = read_circuits(file, parts)
     names = [circuit.name for circuit in circuits]
     mechanics = read_mechanics(file)
     sensors = tuple(read_sensors(file, names))
@@ -95,22 +95,22 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     bias_A = solver.eddy_bias_A
     eddy_bias_A = bias_A if isinstance(bias_A, tuple) else () if bias_A is None else (bias_A,)
     if bias_A is not None and len(eddy_bias_A) != len(circuits):
-        complain(problems, "eddy_bias", circuits=len(circuits), count=len(eddy_bias_A))
+        file.complain("eddy_bias", circuits=len(circuits), count=len(eddy_bias_A))
     steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:
-        complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
+        file.complain("reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
     read_tolerances(data, problems)
     reached = [distance for distance in distances if distance > 0.0] if data.is_schema_1 else distances
-    drawn.check(reached, hall_places(data), problems, reference_face=data.is_schema_1)
+    check_parts(file, parts, reached)
     if problems or header is None or mechanics is None:
         raise ActuatorFileError(source, [in_file(data, problem) for problem in problems])
     return Actuator(
         name=header.name,
         description=header.description,
-        fixed=_regions(drawn, moves=False),
+        fixed=_regions(parts, moves=False),
         coils=coils,
-        moving=MovingPart(_regions(drawn, moves=True)),
+        moving=MovingPart(_regions(parts, moves=True)),
         mechanics=mechanics,
         sweep=SweepAxes(first_A, converted(distances, -3), tuple(further_A)),
         circuits=circuits,
@@ -125,11 +125,11 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     )
 
 
-def _regions(drawn: Drawing, *, moves: bool) -> tuple[Region, ...]:
-    parts = [part for part in drawn.of(moves=moves) if not part.winding]
+def _regions(parts: Sequence[DrawnPart], *, moves: bool) -> tuple[Region, ...]:
     return tuple(
-        Region(part.place[-1], converted(part.outline.corners, -3), part.material or AIR, part.outline.bulges)
-        for part in parts
+        Region(body.place[-1], converted(body.outline.corners, -3), body.material or AIR, body.outline.bulges)
+        for body in parts
+        if body.moves == moves and not body.winding
     )
 
 
@@ -137,34 +137,6 @@ def starter_text(name: str, title: str | None = None) -> str:
     """The actuator file of a drawing, under a name of its own where one is given that is fit for a name."""
     text = files("femfit.device").joinpath(f"examples/{name}.toml").read_text(encoding="utf-8")
     return text if not re.match(NAME_PATTERN, title or "") else text.replace(f'name = "{name}"', f'name = "{title}"', 1)
-
-
-def json_schema() -> dict[str, Any]:
-    """That of a file, under its older names, too."""
-    schema = _of_table(FileEntry)
-    for older, today in OLDER.items():
-        (*above, name), described, holder = older.split("."), schema, schema
-        for key in today.split("."):
-            described = described.get("properties", {}).get(key) or described["additionalProperties"]
-        for key in above:
-            holder = holder["properties"][key]
-        holder["properties"][name] = described
-    return schema
-
-
-def _of_table(record: Any) -> dict[str, Any]:
-    properties = {}
-    for name, key in keys_of(record).items():
-        ways = [_of_table(each) for each in key.records if not each.any_keys]
-        ways += [] if ways else [_of_table(key.form) if key.form else adapter(key).json_schema()]
-        # Of a circuit's currents there is a table by their names, too
-        ways += [{**_of_table(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
-        form = ways[0] if len(ways) == 1 else {"anyOf": ways}
-        usual = {} if key.usual is None else {"default": key.usual}
-        properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
-        properties[name] = {**properties[name], "description": key.remedy, **usual}
-    needed = [name for name, key in keys_of(record).items() if key.required]
-    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
 
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:

@@ -156,9 +156,9 @@ def check_curve(b: Sequence[float], h: Sequence[float], path: str, problems: lis
         complain(problems, "curve_numbers", path)
     elif points[0] != (0.0, 0.0):
         complain(problems, "curve_start", path, b=b[0], h=h[0])
-    elif any(right <= left for values in (b, h) for left, right in pairwise(values)):
+    elif any(after <= before for values in (b, h) for before, after in pairwise(values)):
         for name, values in zip(CURVE_KEYS, (b, h), strict=True):
-            falls = [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
+            falls = [f"{after:g} after {before:g}" for before, after in pairwise(values) if after <= before]
             if falls:
                 complain(problems, "curve_falls", path, name=name, places="; ".join(falls[:3]))
     else:
@@ -189,16 +189,16 @@ class LibraryMaterial:
         values = vars(self.material) | vars(self.material.thermal)
         keys = keys_of(type(self.material)).items()
         written = {name: converted(values.get(key.field), -key.power) for name, key in keys}
-        lists = {name: list(value) for name, value in written.items() if isinstance(value, tuple)}
-        return {name: value for name, value in (written | lists).items() if value is not None}
+        stated = ((name, value) for name, value in written.items() if value is not None)
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in stated}
 
 
 def _library() -> dict[str, LibraryMaterial]:
     """The entries of ``materials.toml``; the curves stand in the folder beside it, whose files repeat the source."""
     tables = tomllib.loads((files("femfit.device") / "materials.toml").read_text(encoding="utf-8"))
     library, problems = {}, list[str]()
-    for name, own in tables.items():
-        table = tables.get(own.pop("like", ""), {}) | own
+    for name, values in tables.items():
+        table = tables.get(values.pop("like", ""), {}) | values
         reference, curve = table.pop("reference"), table.pop("bh_curve", None)
         points = None if curve is None else read_bh_csv(Path(__file__).parent / curve, name, problems)
         table |= {} if points is None else dict(zip(CURVE_KEYS, map(list, points), strict=True))

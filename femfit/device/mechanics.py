@@ -6,14 +6,14 @@ Forces here are positive along growing distance, as gravity is on a body that ha
 import math
 from collections.abc import Callable
 from dataclasses import field, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from casadi import SX
 
 from femfit.core.graph import Expression, row_of
 from femfit.core.numerics import GRAVITY, FloatArray
-from femfit.device.keys import FORCE, LENGTH, POINTS, Given, Record, key, scaled
+from femfit.device.keys import FORCE, LENGTH, POINTS, Entry, Record, key, scaled
 
 
 class Spring(Record, kw_only=False):
@@ -24,9 +24,9 @@ class Spring(Record, kw_only=False):
     distance_m: float = key("the distance at which the spring has its preload", 0.0, file="preload_at_mm", **LENGTH)
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """Nothing; a preload has its distance."""
-        if given.preload_N and "preload_at_mm" not in given.stated:
+        if entry.preload_N and "preload_at_mm" not in entry.stated:
             complain("preload")
         return {}
 
@@ -55,27 +55,12 @@ class Stop(Record, kw_only=False):
     )
 
 
-class _Drawn(Record):
-    """Keys of ``[mechanics]`` from which others follow."""
-
-    gravity: Literal["hanging", "standing", "horizontal", "off"] | None = key(
-        '"hanging" where weight pulls the parts apart, "standing" where it pulls them together, "horizontal" or "off"',
-        None,
-    )
-    gravity_deg: float | None = key("the angle from downwards to growing distance instead", None, ge=-360, le=360)
-    travel_mm: tuple[float, float] | None = key(
-        "[least, largest] distance between rigid stops, or near_stop and far_stop", None, **LENGTH
-    )
-
-
 DOWNWARD = {"hanging": 1.0, "standing": -1.0, "horizontal": 0.0, "off": 0.0}
 """Share of gravity along growing distance."""
 
 
 class Mechanics(Record, kw_only=False):
     """``[mechanics]``: the moving mass and everything mechanical that acts on it."""
-
-    beside = (_Drawn,)
 
     mass_kg: float = key("the mass of the whole moving body in grams", ge=1e-6, le=1e9)
     # Along growing distance: negative where the body stands on the fixed part's side
@@ -86,18 +71,28 @@ class Mechanics(Record, kw_only=False):
     load_N: float = key("a constant force; positive pulls the parts apart", 0.0, **FORCE)
     near_stop: Stop | None = key("the stop at the least distance as a table", None)
     far_stop: Stop | None = key("the stop at the largest distance as a table", None)
+    gravity: ClassVar[Literal["hanging", "standing", "horizontal", "off"] | None] = key(
+        '"hanging" where weight pulls the parts apart, "standing" where it pulls them together, "horizontal" or "off"',
+        None,
+    )
+    gravity_deg: ClassVar[float | None] = key(
+        "the angle from downwards to growing distance instead", None, ge=-360, le=360
+    )
+    travel_mm: ClassVar[tuple[float, float] | None] = key(
+        "[least, largest] distance between rigid stops, or near_stop and far_stop", None, **LENGTH
+    )
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """Gravity along growing distance, and the stops of a travel, neither of which is given twice."""
-        if {"gravity", "gravity_deg"} <= given.stated:
+        if {"gravity", "gravity_deg"} <= entry.stated:
             complain("gravity")
-        if given.travel_mm and (given.near_stop or given.far_stop):
+        if entry.travel_mm and (entry.near_stop or entry.far_stop):
             complain("travel")
-        gravity = GRAVITY * DOWNWARD[given.gravity or "hanging"]
-        if given.gravity_deg is not None:
-            gravity = round(GRAVITY * math.cos(math.radians(given.gravity_deg)), 12)
-        ends = zip(("near_stop", "far_stop"), given.travel_mm or (), strict=False)
+        gravity = GRAVITY * DOWNWARD[entry.gravity or "hanging"]
+        if entry.gravity_deg is not None:
+            gravity = round(GRAVITY * math.cos(math.radians(entry.gravity_deg)), 12)
+        ends = zip(("near_stop", "far_stop"), entry.travel_mm or (), strict=False)
         return {"gravity_m_s2": gravity} | {name: Stop(scaled(distance)) for name, distance in ends}
 
     def static_force(self, distance: FloatArray) -> FloatArray:
@@ -113,7 +108,7 @@ class Mechanics(Record, kw_only=False):
         return sum(slopes, np.zeros(np.shape(distance)))
 
     def friction(self, velocity: Expression, sample_time_s: float = 0.0) -> Expression:
-        """Friction's force along growing distance in N, for equations that are solved in steps where a step is given.
+        """Friction's force along growing distance in N, for equations that are solved in steps where a step is entry.
 
         Dry friction is then F tanh(v / v_0): v_0 is the speed that it takes from the body within one sample, so that it
         stops a body and does not throw it back. Of velocities that were measured it is F sign(v).
@@ -173,12 +168,12 @@ def _piece(spring: Spring | ForceTable, distance: Expression) -> tuple[Expressio
     """
     if isinstance(spring, Spring):
         return distance - spring.distance_m, 0.0, spring.preload_N, -spring.stiffness_N_per_m
-    at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
-    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(at))])
-    slopes = np.concatenate([[0.0], np.diff(force) / np.diff(at), [0.0]])
-    rows = np.stack([*(np.concatenate([x[:1], x]) for x in (at, work, force)), slopes], axis=1)
+    points, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(points))])
+    slopes = np.concatenate([[0.0], np.diff(force) / np.diff(points), [0.0]])
+    rows = np.stack([*(np.concatenate([x[:1], x]) for x in (points, work, force)), slopes], axis=1)
     if isinstance(distance, SX):
-        row = row_of(rows, [at], [distance])
+        row = row_of(rows, [points], [distance])
         return distance - row[0], row[1], row[2], row[3]
-    start, done, push, slope = np.moveaxis(rows[at.searchsorted(distance, "right")], -1, 0)
+    start, done, push, slope = np.moveaxis(rows[points.searchsorted(distance, "right")], -1, 0)
     return distance - start, done, push, slope

@@ -14,7 +14,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from itertools import product
 from math import prod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from femfit.core.sweep_columns import COLUMNS, VARIANT
 from femfit.device import schema
 from femfit.device.complaints import complain, in_file, joined, read_part, read_table, read_value, refuse_name, table_at
 from femfit.device.drawing import part_tables
-from femfit.device.keys import UNITS, Given, Key, Place, decimal_sum, keys_of, scaled, unit_of
+from femfit.device.keys import UNITS, Entry, Key, Place, Record, decimal_sum, key, keys_of, scaled, unit_of
 from femfit.device.materials import LIBRARY
 from femfit.device.tolerances import nearest, numbers_of, with_value
 
@@ -33,7 +33,6 @@ NUMBERS = Key(
     "Give at least one number.", count=COUNT, hint=tuple[float, ...], stepped=schema.RangeEntry, limits=schema.PARAMETER
 )
 NAMES = Key("Give at least one name of a material in quotes.", count=COUNT, hint=tuple[str, ...])
-SPECIFICATION = {*keys_of(schema.RangeEntry), *keys_of(schema.SampledEntry), *keys_of(schema.NamedParameterEntry)}
 
 Value = float | str
 """Value of a parameter: a number, or the name of a material."""
@@ -45,14 +44,17 @@ Values = Sequence[float] | Sequence[str] | schema.SampledEntry
 """Those of one parameter, or the range that they are drawn from."""
 
 
-@dataclass(frozen=True)
-class SweptParameter:
-    """A parameter of a sweep."""
+class SweptParameter(Record):
+    """``[sweep.parameters.NAME]``: a name of one's own for keys of the file, or the path of one that is swept alone."""
+
+    needs_more = True
 
     name: str
     # Of numbers that it sets to offset + factor * value, or of names of materials that it sets
     keys: tuple[schema.KeyEntry, ...]
     values: Values
+    paths: ClassVar[tuple[Any, ...]] = key("the key paths that follow the parameter", file="keys", count=((1, 100),))
+    range: ClassVar[Any] = key("a list, { start, stop, step }, or { min, max } for a latin_hypercube", file="values")
 
     @property
     def column(self) -> str:
@@ -81,15 +83,15 @@ class ParameterDesign:
     points: Points  # One a variant, one value a parameter, in the file's units or a material's name
     places: Mapping[str, Place]  # Of what a parameter can set, by key path
 
-    def variant(self, data: schema.DrawnTables, point: tuple[Value, ...]) -> schema.DrawnTables:
+    def variant(self, data: dict[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
         """The file of a variant, without ``[sweep.parameters]``."""
         tables = deepcopy(data)
         axes = keys_of(schema.SweepEntry)
         tables["sweep"] = {key: value for key, value in tables["sweep"].items() if axes[key].stepped}
         for parameter, value in zip(self.parameters, point, strict=True):
-            for key in parameter.keys:
-                number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
-                with_value(tables, self.places[key.path], number)
+            for entry in parameter.keys:
+                number = value if isinstance(value, str) else decimal_sum(entry.offset, entry.factor, value)
+                with_value(tables, self.places[entry.path], number)
         return tables
 
 
@@ -104,21 +106,21 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     entry = read_part(schema.SweepEntry, data.get("sweep"), "parameters", "design", "samples", "seed")
     if entry is None or not entry.parameters:
         return None
-    parts = [part for part in part_tables(data) if not part.winding]
-    materials = {in_file(data, f"{part.path}.material"): (*part.place, "material") for part in parts}
-    count, places = len(problems), numbers_of(data) | materials
-    known = tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
-    read = [_parameter(name, table, places, known, problems) for name, table in _flat(entry.parameters).items()]
+    regions = [table for table in part_tables(data) if not table.winding]
+    count, places = len(problems), numbers_of(data)
+    places |= {in_file(data, f"{region.path}.material"): (*region.place, "material") for region in regions}
+    materials = tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
+    read = (_parameter(name, table, places, materials, problems) for name, table in _flat(entry.parameters).items())
     parameters = tuple(parameter for parameter in read if parameter is not None)
-    columns: list[str] = []
+    columns = [*COLUMNS, VARIANT]
     owners: dict[Place, str] = {}
     for parameter in parameters:
-        if parameter.column in {*COLUMNS, VARIANT, *columns}:
+        if parameter.column in columns:
             complain(problems, "column_twice", column=parameter.column)
         columns.append(parameter.column)
-        for key in parameter.keys:
-            if (place := places[key.path]) in owners:
-                complain(problems, "key_twice", joined(PATH, parameter.name), key=key.path, owner=owners[place])
+        for place, path in ((places[follower.path], follower.path) for follower in parameter.keys):
+            if place in owners:
+                complain(problems, "key_twice", joined(PATH, parameter.name), key=path, owner=owners[place])
             owners[place] = parameter.name
     points = _points(entry, parameters, problems) if len(problems) == count else ()
     return ParameterDesign(parameters, points, places) if len(problems) == count else None
@@ -126,43 +128,43 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
 
 def _flat(tables: Mapping[str, Any], path: str = "") -> dict[str, Any]:
     """Key paths written without quotes are tables within tables to TOML: ``coil.turns = [1, 2]``."""
+    specifying = {key for record in (schema.RangeEntry, schema.SampledEntry, SweptParameter) for key in keys_of(record)}
     flat: dict[str, Any] = {}
     for name, table in tables.items():
         inner = f"{path}.{name}" if path else name
         keys = table if isinstance(table, dict) else {}
-        gives_values = any(key in SPECIFICATION and not isinstance(value, dict) for key, value in keys.items())
+        gives_values = any(key in specifying and not isinstance(value, dict) for key, value in keys.items())
         flat |= _flat(keys, inner) if keys and not gives_values else {inner: table}
     return flat
 
 
 def _parameter(
-    name: str, content: object, places: Mapping[str, Place], known: Sequence[str], problems: list[str]
+    name: str, content: object, places: Mapping[str, Place], materials: Sequence[str], problems: list[str]
 ) -> SweptParameter | None:
     """A key path of the file, or a name of one's own for several, with its values; None where something is wrong."""
     path = joined(PATH, name)
-    named = isinstance(content, dict) and bool(content.keys() & keys_of(schema.NamedParameterEntry).keys())
-    table = content if named else {"keys": [name], "values": content}
-    entry = read_table(schema.NamedParameterEntry, table, path, problems)
+    named = isinstance(content, dict) and bool(content.keys() & keys_of(SweptParameter).keys())
+    entry = read_table(SweptParameter, content if named else {"keys": [name], "values": content}, path, problems)
     if entry is None:
         return None
-    paths = [f"{path}.keys[{n}]" if named else path for n in range(len(entry.keys))]
-    read = [_following(text, each, places, problems) for text, each in zip(entry.keys, paths, strict=True)]
+    paths = (f"{path}.keys[{n}]" if named else path for n in range(len(entry.keys)))
+    read = (_following(key, of_key, places, problems) for key, of_key in zip(entry.keys, paths, strict=False))
     keys = tuple(key for key in read if key is not None)
     ends = [[step for step in places[key.path] if isinstance(step, str)][-1] for key in keys]
-    units, materials = sorted({unit_of(end) for end in ends}), [end == "material" for end in ends]
-    if any(materials) and not all(materials):
+    units = sorted({unit_of(end) for end in ends})
+    if len({end == "material" for end in ends}) > 1:
         complain(problems, "keys_mixed", path)
         return None
-    place = f"{path}.values" if named else path
-    values = _values(entry.values, place, name, known if any(materials) else (), problems)
-    if not values or len(keys) < len(read):
+    names = materials if "material" in ends else ()
+    values = _values(entry.values, f"{path}.values" if named else path, name, names, problems)
+    if not values or len(keys) < len(entry.keys):
         return None
     if len(units) > 1:
         complain(problems, "key_units", path, units=" and ".join(unit or "none" for unit in units))
     elif named and (unit_of(name) != units[0] or not NAME.fullmatch(name)):
         end = f"end in _{units[0]}, the unit of its keys" if units[0] else "not end in a unit, as its keys have none"
         complain(problems, "parameter_name", path, end=end)
-    return SweptParameter(name, keys, values)
+    return SweptParameter(name=name, keys=keys, values=values)
 
 
 def _following(value: object, path: str, places: Mapping[str, Place], problems: list[str]) -> schema.KeyEntry | None:
@@ -193,7 +195,7 @@ def _values(value: object, path: str, name: str, materials: Sequence[str], probl
     return values if wrong is None else None
 
 
-def _points(entry: Given, parameters: tuple[SweptParameter, ...], problems: list[str]) -> Points:
+def _points(entry: Entry, parameters: tuple[SweptParameter, ...], problems: list[str]) -> Points:
     """Every combination, the last parameter fastest; the first values together, and so on; or samples of the ranges."""
     sampled, count = entry.design == "latin_hypercube", len(problems)
     columns: list[Any] = [parameter.values for parameter in parameters]
@@ -208,7 +210,7 @@ def _points(entry: Given, parameters: tuple[SweptParameter, ...], problems: list
         complain(problems, "no_samples")
     if len(problems) > count:
         return ()
-    if sampled and entry.samples is not None:
+    if sampled:
         return latin_hypercube(columns, entry.samples, entry.seed)
     sizes = {parameter.name: len(column) for parameter, column in zip(parameters, columns, strict=True)}
     if entry.design == "grid" and prod(sizes.values()) > schema.MAX_AXIS_POINTS:

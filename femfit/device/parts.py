@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, ClassVar
 
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, MU_0, FloatArray
 from femfit.core.results import Plotted, Words
-from femfit.device.electrics import AnySensor, Circuit, HallElement
-from femfit.device.keys import Given, Record, in_si, key, keys_of
+from femfit.device.electrics import TURNS, AnySensor, Circuit, HallElement
+from femfit.device.keys import Entry, Outline, Record, in_same_table, key, keys_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.thermal import STILL_AIR, UNKNOWN, Surroundings, ThermalMaterial
 
@@ -29,8 +29,6 @@ CURVE = ((0, 1000),)
 
 class Conductor(Record):
     """How a material of either kind conducts current and heat."""
-
-    beside = tuple[Any, ...]((ThermalMaterial,))
 
     conductivity_S_per_m: float = key(
         "the electrical conductivity in MS/m (10^6 S/m): copper 58, mild steel 5 to 9, 0 for what does not conduct",
@@ -47,14 +45,14 @@ class Conductor(Record):
         le=100,
         kind="lamination",
     )
-    thermal: ThermalMaterial = UNKNOWN
+    thermal: ThermalMaterial = in_same_table(UNKNOWN)
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
-        """What is said of its heat; sheets conduct."""
-        if given.lamination_mm and not given.conductivity_MS_per_m:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
+        """Nothing; sheets conduct."""
+        if entry.lamination_mm and not entry.conductivity_MS_per_m:
             complain("sheets")
-        return {"thermal": in_si(ThermalMaterial, given, complain)}
+        return {}
 
 
 class LinearMaterial(Conductor, kw_only=False):
@@ -87,16 +85,8 @@ class LinearMaterial(Conductor, kw_only=False):
         return 1.0 / (MU_0 * self.relative_permeability)
 
 
-class _Curve(Record):
-    """Key of a file with a magnetisation curve."""
-
-    bh_curve: str | None = key("a steel of the library, or a CSV file with columns B_T,H_A_per_m", None, min_length=1)
-
-
 class NonlinearMaterial(Conductor, kw_only=False):
     """``[materials.NAME]``: a soft one, H along B, |H| a monotone function of |B|, without hysteresis."""
-
-    beside = (*Conductor.beside, _Curve)
 
     name: str
     # Of the curve's points
@@ -107,17 +97,20 @@ class NonlinearMaterial(Conductor, kw_only=False):
         "ascending fields in A/m, from 0", file="H_A_per_m", usual=None, count=CURVE, kind="curve_field"
     )
     remark: str = ""  # What was left out of the curve as it was given; empty for nothing
+    bh_curve: ClassVar[str | None] = key(
+        "a steel of the library, or a CSV file with columns B_T,H_A_per_m", None, min_length=1
+    )
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
-        """The points of its one curve, none where a file has them, and what is said of its heat."""
-        missing = {*CURVE_KEYS} - given.stated
-        for name in sorted(missing) if given.bh_curve is None else ():
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
+        """The points of its one curve, none where a file has them."""
+        missing = {*CURVE_KEYS} - entry.stated
+        for name in sorted(missing) if entry.bh_curve is None else ():
             complain("curve_missing", name=name)
-        if given.bh_curve is not None and len(missing) < 2:
+        if entry.bh_curve is not None and len(missing) < 2:
             complain("curve_twice")
-        points = {"flux_density_T": tuple(given.B_T or ()), "field_A_per_m": tuple(given.H_A_per_m or ())}
-        return {**points, **super().derived(given, complain)}
+        points = {"flux_density_T": tuple(entry.B_T or ()), "field_A_per_m": tuple(entry.H_A_per_m or ())}
+        return {**points, **super().derived(entry, complain)}
 
     @property
     def relative_permeability(self) -> float:
@@ -146,36 +139,52 @@ def is_iron(material: Material) -> bool:
     return not material.remanence_T and material.relative_permeability >= IRON_FROM
 
 
-@dataclass(frozen=True)
-class Region:
-    """A named, closed outline of one material."""
+class Region(Outline, kw_only=False):
+    """``[fixed.regions.NAME]`` or ``[moving.regions.NAME]``: a closed outline of one material."""
+
+    needs_more = True
 
     name: str
     vertices_m: tuple[tuple[float, float], ...]  # Corners (r, z), without repeating the first, counter-clockwise
     material: Material
     bulges: tuple[float, ...] = ()  # Of the edge from each corner, as in femfit.device.outlines; empty: all straight
+    material_name: ClassVar[str] = key("the name of a material of [materials] or of the library", file="material")
+    magnetization: ClassVar[tuple[float, float] | str | None] = key(
+        '"+z", "-z", "+r" (radially outwards), "-r" or a direction [r, z] for a magnet; leave it out otherwise',
+        None,
+        words=("+z", "-z", "+r", "-r"),
+    )
+    temperature_C: ClassVar[float | None] = key(
+        "a magnet's temperature in degC, or leave it at 20 degC", None, ge=-273, le=500
+    )
 
 
-@dataclass(frozen=True)
-class Coil:
-    """A winding with uniform current density."""
+class Coil(Outline, kw_only=False):
+    """``[coils.NAME]``: a winding with uniform current density."""
+
+    needs_more = True
 
     vertices_m: tuple[tuple[float, float], ...]  # Corners (r, z) of the section; of a moving one as of the moving part
-    turns: float  # Number of turns; a positive current makes +B_z on the axis
-    resistance_ohm: float
-    wire_diameter_m: float | None = None  # Bare copper diameter, where the file gives it
+    # A positive current makes +B_z on the axis
+    turns: float = key("the number of turns of the whole winding", **TURNS)
+    resistance_ohm: float = key(
+        "the resistance in ohm, or leave it to the wire", usual=None, ge=1e-9, le=1e9, kind="resistance"
+    )
+    wire_diameter_m: float | None = key("the bare copper diameter in mm", None, ge=1e-3, le=1e3)
     name: str = "coil"
-    moves: bool = False  # Whether it is part of the moving part
+    moves: bool = key("true for a coil that belongs to the moving part", False)
     circuit: str = "coil"  # Name of the circuit that it is connected in
     sign: float = 1.0  # Sense in which it is connected, +1 or -1
-    temperature_C: float = REFERENCE_TEMPERATURE  # Of the resistance
+    temperature_C: float = key(
+        "the winding's temperature for the resistance from the wire", REFERENCE_TEMPERATURE, ge=-200, le=500
+    )
 
 
-@dataclass(frozen=True)
-class MovingPart:
-    """The body that moves along the axis, drawn with its nearest face at z = 0; moving coils belong to it."""
+class MovingPart(Record, kw_only=False):
+    """``[moving]``: the body that moves along the axis, drawn with its nearest face at z = 0, beside moving coils."""
 
-    regions: tuple[Region, ...]  # None where the moving part is a coil alone
+    # None where the moving part is a coil alone
+    regions: tuple[Region, ...] = key("each magnetic part of the body as [moving.regions.NAME]", ())
 
 
 @dataclass(frozen=True)

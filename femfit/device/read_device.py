@@ -2,41 +2,28 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import permutations
 from math import inf
 from typing import Any
 
-from femfit.device.complaints import complain, given_by, joined, read_part, read_value, refuse_name, table_at
-from femfit.device.drawing import Drawing, part_tables
-from femfit.device.electrics import AnySensor, Circuit, CurrentSensor, Drive, HallElement, PickupCoil
-from femfit.device.keys import Given, OutlineEntry, converted, keys_of
+from femfit.device.complaints import Reading, complain, joined, read_entry, read_part, read_value, refuse_name, table_at
+from femfit.device.drawing import DrawnPart, part_tables
+from femfit.device.electrics import AnySensor, Circuit, CurrentSensor, Drive, PickupCoil
+from femfit.device.keys import Entry, Outline, converted, keys_of
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import flattened, outline
 from femfit.device.parts import REFERENCE_TEMPERATURE, Coil, smallest_winding_area, wire_resistance
-from femfit.device.schema import CircuitEntry, CoilEntry, DrawnTables, RangeEntry, SupplyEntry, SweepEntry
+from femfit.device.schema import RangeEntry, SupplyEntry, SweepEntry
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
 
 
-@dataclass(frozen=True)
-class Reading:
-    """A file that is read."""
-
-    data: DrawnTables
-    entries: dict[str, Any]  # Records of its tables by key path, without those in which anything is wrong
-    problems: list[str]
-
-    def complain(self, code: str, path: str = "", /, **facts: Any) -> None:
-        """Report a mistake."""
-        complain(self.problems, code, path, **facts)
-
-
-def read_coils(file: Reading, drawing: Drawing) -> Iterator[Coil]:
+def read_coils(file: Reading, parts: Sequence[DrawnPart]) -> Iterator[Coil]:
     """The windings whose tables are right, in the file's order."""
-    for winding in (part for part in drawing.parts if part.winding and part.path in file.entries):
-        entry: CoilEntry = file.entries[winding.path]
+    for winding in (body for body in parts if body.winding and body.path in file.entries):
+        entry: Entry = file.entries[winding.path]
         diameter, resistance = entry.wire_diameter_mm, entry.resistance_ohm
         temperature = REFERENCE_TEMPERATURE if diameter is None or resistance is not None else entry.temperature_C
         if diameter is not None:
@@ -55,27 +42,27 @@ def read_coils(file: Reading, drawing: Drawing) -> Iterator[Coil]:
         yield Coil(corners, entry.turns, resistance, wire, name, winding.moves, name, temperature_C=temperature)
 
 
-def read_circuits(file: Reading, drawing: Drawing) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
+def read_circuits(file: Reading, parts: Sequence[DrawnPart]) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
     """The circuits in their order, without a table one a coil, and the coils as they are connected in them."""
-    coils = tuple(read_coils(file, drawing))
+    coils = {coil.name: coil for coil in read_coils(file, parts)}
     supply: SupplyEntry | None = file.entries.get("supply")
     usual = {key: getattr(supply, key, None) for key in ("voltage_min_V", "voltage_max_V", "diode_V")}
     _check_driver(file, "supply", *usual.values())
-    tables, by_name = table_at(file.data, "circuits"), {coil.name: coil for coil in coils}
+    tables = table_at(file.data, "circuits")
     if coils and not tables and "supply" not in file.data:
         file.complain("no_supply")
     connected: dict[str, Coil] = {}
     circuits, count = [], len(file.problems)
-    for name in tables or by_name:
+    for name in tables or coils:
         path = joined("circuits", name)
-        entry: CircuitEntry | None = file.entries.get(path) if tables else CircuitEntry(coils=(name,))
+        entry = file.entries.get(path) if tables else read_entry(Circuit, {"coils": [name]}, path, [])
         if entry is None:
             continue
-        members = list(_connected(file, entry, name, by_name, connected))
+        members = list(_connected(file, entry.coils, name, coils, connected))
         resistance = sum(coil.resistance_ohm for coil in members) + entry.external_resistance_ohm
         low, high, diode_V = (usual[key] if getattr(entry, key) is None else getattr(entry, key) for key in usual)
         drive = Drive(diode_V=diode_V)
-        if entry.kind == "current":
+        if entry.drive == "current":
             drive = Drive("current", None, entry.current_min_A, entry.current_max_A, entry.bandwidth_Hz)
             if None in (drive.current_min_A, drive.current_max_A):
                 file.complain("no_currents", path)
@@ -83,14 +70,14 @@ def read_circuits(file: Reading, drawing: Drawing) -> tuple[tuple[Circuit, ...],
         elif tables and None in (low, high) and (supply is not None or "supply" not in file.data):
             file.complain("no_voltages", path)
         if tables:
-            _check_driver(file, path, low, high, entry.diode_V if entry.kind == "voltage" else None)
-        limits = (-inf, inf) if low is None or high is None else (low, high)
-        circuits.append(Circuit(resistance, limits[0], limits[1], drive, name, entry.external_inductance_H))
-    unconnected = [coil for coil in by_name if coil not in connected]
+            _check_driver(file, path, low, high, entry.diode_V if entry.drive == "voltage" else None)
+        low, high = (-inf, inf) if low is None or high is None else (low, high)
+        circuits.append(Circuit(resistance, low, high, drive, name, converted(entry.external_inductance_mH, -3)))
+    unconnected = ", ".join(coil for coil in coils if coil not in connected)
     if unconnected and len(file.problems) == count and len(circuits) == len(tables):
-        file.complain("unconnected", coils=", ".join(unconnected))
+        file.complain("unconnected", coils=unconnected)
     check_circuit_names([circuit.name for circuit in circuits], file.problems)
-    return tuple(circuits), tuple(connected.get(coil.name, coil) for coil in coils)
+    return tuple(circuits), tuple((coils | connected).values())
 
 
 def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
@@ -102,11 +89,11 @@ def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
 
 
 def _connected(
-    file: Reading, entry: CircuitEntry, circuit: str, coils: Mapping[str, Coil], connected: dict[str, Coil]
+    file: Reading, members: Sequence[str], circuit: str, coils: Mapping[str, Coil], connected: dict[str, Coil]
 ) -> Iterator[Coil]:
     """The coils of a circuit, which join those that are connected already."""
     path = joined("circuits", circuit)
-    for stated in entry.coils:
+    for stated in members:
         name, sign = (stated[1:], -1.0) if stated.startswith("-") else (stated, 1.0)
         if name not in coils:
             refuse_name(file.problems, "no_coil", path, stated, coils)
@@ -132,24 +119,18 @@ def _check_ascent(file: Reading, path: str, **limits: float | None) -> None:
 
 def read_mechanics(file: Reading) -> Mechanics | None:
     """The mechanics with its springs and stops; None if something is wrong."""
-    entries, mechanics = file.entries, file.entries.get("mechanics")
+    entries = file.entries
+    mechanics: Mechanics | None = entries.get("mechanics")
     if mechanics is None:
         return None
     places = [joined("mechanics.springs", name) for name in table_at(file.data, "mechanics", "springs")]
     stops = {key: entries[f"mechanics.{key}"] for key in ("near_stop", "far_stop") if f"mechanics.{key}" in entries}
-    whole: Mechanics = replace(mechanics, springs=tuple(entries[each] for each in places if each in entries), **stops)
-    near, far = (1e3 * end for end in whole.ends)
+    springs = tuple(entries[path] for path in places if path in entries)
+    mechanics = replace(mechanics, springs=springs, **stops)
+    near, far = (1e3 * end for end in mechanics.ends)
     if near >= far:
         file.complain("stops", near=near, far=far)
-    return whole
-
-
-def hall_places(data: Mapping[str, Any]) -> dict[str, Given]:
-    """Place in the drawing of each Hall element whose place is right, by its path, whatever else of it is wrong."""
-    tables = {joined("sensors", name): table for name, table in table_at(data, "sensors").items()}
-    halls = {path: table for path, table in tables.items() if isinstance(table, dict) and table.get("kind") == "hall"}
-    places = {path: read_part(HallElement, table, "r_mm", "z_mm") for path, table in halls.items()}
-    return {path: place for path, place in places.items() if place is not None}
+    return mechanics
 
 
 def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
@@ -158,11 +139,11 @@ def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
         path = joined("sensors", name)
         sensor: AnySensor | None = file.entries.get(path)
         if isinstance(sensor, PickupCoil):
-            drawn = outline(read_part(OutlineEntry, table), path, file.problems)
+            drawn = outline(read_part(Outline, table), path, file.problems)
             corners = () if drawn is None else flattened(drawn.corners, drawn.bulges)
             sensor = replace(sensor, vertices_m=converted(corners, -3))
         elif isinstance(sensor, CurrentSensor) and "circuit" not in table:
-            if len(circuits) > 1 or not any(part.winding for part in part_tables(file.data)):
+            if len(circuits) > 1 or not any(body.winding for body in part_tables(file.data)):
                 file.complain("no_circuit", path, known=", ".join(circuits) or "none")
             sensor = replace(sensor, circuit="".join(circuits[:1]))
         elif isinstance(sensor, CurrentSensor) and sensor.circuit not in circuits:
@@ -171,27 +152,24 @@ def read_sensors(file: Reading, circuits: Sequence[str]) -> Iterator[AnySensor]:
             yield sensor
 
 
-CURRENT = keys_of(SweepEntry)["current_A"]
-
-
 def read_axes(file: Reading, circuits: Sequence[str]) -> tuple[list[tuple[float, ...]], tuple[float, ...]]:
     """The currents in A of each of these circuits, and the distances in mm; empty where they are unusable."""
     sweep = file.data.get("sweep")
     if not isinstance(sweep, dict):
         return [], ()
-    currents, wound = sweep.get("current_A"), any(part.winding for part in part_tables(file.data))
-    each = isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
-    shared = {key: value for key, value in sweep.items() if key != "current_A" or (wound and not each)}
-    given, axes = given_by(SweepEntry, shared, "sweep", file.problems), []
-    if each:
+    currents, wound = sweep.get("current_A"), any(table.winding for table in part_tables(file.data))
+    by_circuit = isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
+    shared = {key: value for key, value in sweep.items() if key != "current_A" or (wound and not by_circuit)}
+    entry, axes = read_entry(SweepEntry, shared, "sweep", file.problems), []
+    if by_circuit:
         axes = list(_by_circuit(file, currents, circuits))
     elif wound and currents is None:
-        file.complain("missing", "sweep.current_A", remedy=CURRENT.remedy)
+        file.complain("missing", "sweep.current_A", remedy=keys_of(SweepEntry)["current_A"].remedy)
     elif wound:
         if len(circuits) > 1:
             file.complain("each_current", known=", ".join(circuits), first=circuits[0], second=circuits[1])
-        axes = [tuple(given.current_A or ())]
-    distances_mm = () if "distance_mm" in given.wrong else tuple(given.distance_mm)
+        axes = [tuple(entry.current_A or ())]
+    distances_mm = () if "distance_mm" in entry.wrong else tuple(entry.distance_mm)
     if distances_mm and distances_mm[0] < MIN_DISTANCE and file.data.is_schema_1:
         file.complain("no_gap", start=distances_mm[0], least=MIN_DISTANCE)
     return axes, distances_mm
@@ -203,6 +181,6 @@ def _by_circuit(file: Reading, currents: Any, circuits: Sequence[str]) -> Iterat
     for name in circuits:
         path = joined("sweep.current_A", name)
         if name in currents:
-            yield tuple(read_value(CURRENT, currents[name], path, file.problems) or ())
+            yield tuple(read_value(keys_of(SweepEntry)["current_A"], currents[name], path, file.problems) or ())
         else:
             file.complain("missing", path, remedy="Give the circuit's currents.")

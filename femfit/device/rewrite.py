@@ -66,8 +66,7 @@ def rewritten(
 
 def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Actuator) -> None:
     """One list of a magnetisation curve times a factor, both lists written where the file has neither."""
-    used = (region.material for region in actuator.regions)
-    curves = [material for material in used if isinstance(material, NonlinearMaterial)]
+    curves = (region.material for region in actuator.regions if isinstance(region.material, NonlinearMaterial))
     by_path = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in CURVE_KEYS}
     curve, key = by_path[path]
     points = dict(zip(CURVE_KEYS, (curve.flux_density_T, curve.field_A_per_m), strict=True))

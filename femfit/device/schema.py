@@ -6,13 +6,25 @@ Those that are parts of the device as they stand are read straight into their re
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
-from femfit.device.electrics import DIODE, TURNS, AnySensor, Drive
-from femfit.device.keys import ELECTRICAL, LENGTH, Given, OutlineEntry, Record, decimal_sum, key, kind_of
+from femfit.device.electrics import DIODE, AnySensor, Circuit, HallElement
+from femfit.device.keys import (
+    ELECTRICAL,
+    LENGTH,
+    Entry,
+    Key,
+    Record,
+    adapter,
+    decimal_sum,
+    key,
+    keys_apart,
+    keys_of,
+    kind_of,
+)
 from femfit.device.mechanics import Mechanics
-from femfit.device.parts import LinearMaterial, NonlinearMaterial
+from femfit.device.parts import Coil, LinearMaterial, MovingPart, NonlinearMaterial, Region
 from femfit.device.thermal import Surroundings
 
 MAX_AXIS_POINTS = 10_000
@@ -31,15 +43,15 @@ class RangeEntry(Record):
     values: tuple[float, ...]
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """The values, in decimals."""
-        count = round(min((given.stop - given.start) / given.step, MAX_AXIS_POINTS))
-        values = tuple(decimal_sum(given.start, k, given.step) for k in range(count + 1))
-        if given.stop <= given.start:
+        count = round(min((entry.stop - entry.start) / entry.step, MAX_AXIS_POINTS))
+        values = tuple(decimal_sum(entry.start, k, entry.step) for k in range(count + 1))
+        if entry.stop <= entry.start:
             complain("no_range")
         elif count >= MAX_AXIS_POINTS:
             complain("many_steps", most=MAX_AXIS_POINTS)
-        elif values[-1] != given.stop:
+        elif values[-1] != entry.stop:
             complain("no_divisor", end=values[-1])
         return {"values": values}
 
@@ -53,17 +65,17 @@ class FrequencyRangeEntry(Record):
     values: tuple[float, ...]
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """The values, equally spaced in their logarithm."""
-        ratio = given.stop / given.start
+        ratio = entry.stop / entry.start
         # A range of no whole number of steps gets a step more, not wider ones
-        steps = math.ceil(round(given.per_decade * math.log10(ratio), _DIGITS))
+        steps = math.ceil(round(entry.per_decade * math.log10(ratio), _DIGITS))
         if ratio <= 1.0:
             complain("no_range")
         elif steps >= MAX_FREQUENCIES:
             complain("many_frequencies", most=MAX_FREQUENCIES, count=steps + 1)
-        between = (given.start * ratio ** (k / steps) for k in range(1, steps))
-        return {"values": (given.start, *(float(f"{value:.{_DIGITS}g}") for value in between), given.stop)}
+        between = (entry.start * ratio ** (k / steps) for k in range(1, steps))
+        return {"values": (entry.start, *(float(f"{value:.{_DIGITS}g}") for value in between), entry.stop)}
 
 
 SCHEMA_VERSION = 2
@@ -74,56 +86,10 @@ AXIS: dict[str, Any] = {"count": ((1, MAX_AXIS_POINTS),), "ascending": True, "st
 BODIES = ("fixed", "moving")
 
 
-class RegionEntry(Record):
-    """``[fixed.regions.NAME]`` or ``[moving.regions.NAME]``."""
-
-    beside = (OutlineEntry,)
-
-    material: str = key("the name of a material of [materials] or of the library")
-    magnetization: tuple[float, float] | str | None = key(
-        '"+z", "-z", "+r" (radially outwards), "-r" or a direction [r, z] for a magnet; leave it out otherwise',
-        None,
-        words=("+z", "-z", "+r", "-r"),
-    )
-    temperature_C: float | None = key("a magnet's temperature in degC, or leave it at 20 degC", None, ge=-273, le=500)
-
-
 class FixedEntry(Record):
     """``[fixed]``."""
 
-    regions: tuple[RegionEntry, ...] = key("each fixed part as a table [fixed.regions.NAME]", ())
-
-
-class MovingEntry(Record):
-    """``[moving]``."""
-
-    regions: tuple[RegionEntry, ...] = key("each magnetic part of the body as [moving.regions.NAME]", ())
-
-
-class CoilEntry(Record):
-    """``[coils.NAME]``."""
-
-    beside = (OutlineEntry,)
-
-    turns: float = key("the number of turns of the whole winding", **TURNS)
-    wire_diameter_mm: float | None = key("the bare copper diameter in mm", None, ge=1e-3, le=1e3)
-    resistance_ohm: float | None = key(
-        "the resistance in ohm, or leave it to the wire", None, ge=1e-9, le=1e9, kind="resistance"
-    )
-    temperature_C: float = key("the winding's temperature for the resistance from the wire", 20.0, ge=-200, le=500)
-    moves: bool = key("true for a coil that belongs to the moving part", False)
-
-
-class CircuitEntry(Drive):
-    """``[circuits.NAME]``."""
-
-    coils: tuple[str, ...] = key(
-        'the coils in series as a list of names, "-NAME" for one that is connected the other way', count=((1, 100),)
-    )
-    external_resistance_ohm: float = key("the resistance in series in ohm", 0.0, ge=0, le=1e9)
-    external_inductance_H: float = key("the inductance in series in mH", 0.0, ge=0, le=1e9)
-    voltage_min_V: float | None = key("the lowest voltage, or have it from [supply]", None, **ELECTRICAL)
-    voltage_max_V: float | None = key("the highest voltage, or have it from [supply]", None, **ELECTRICAL)
+    regions: tuple[Region, ...] = key("each fixed part as a table [fixed.regions.NAME]", ())
 
 
 class SupplyEntry(Record):
@@ -176,22 +142,15 @@ class SampledEntry(Record):
     step: float | None = key("a step for values like whole turns, or leave it out", None, gt=0)
 
     @classmethod
-    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+    def derived(cls, entry: Entry, complain: Callable[..., None]) -> dict[str, Any]:
         """Nothing; the range is not empty, and a step divides it."""
-        if given.min >= given.max:
+        if entry.min >= entry.max:
             complain("min_max")
-        elif given.step is not None:
-            steps = min(round((given.max - given.min) / given.step), 10**9)
-            if decimal_sum(given.min, steps, given.step) != given.max:
+        elif entry.step is not None:
+            steps = min(round((entry.max - entry.min) / entry.step), 10**9)
+            if decimal_sum(entry.min, steps, entry.step) != entry.max:
                 complain("sampled_step")
         return {}
-
-
-class NamedParameterEntry(Record):
-    """``[sweep.parameters.NAME]``: a name of one's own for one or more keys of the file."""
-
-    keys: tuple[Any, ...] = key("the key paths that follow the parameter", count=((1, 100),))
-    values: Any = key("a list, { start, stop, step }, or { min, max } for a latin_hypercube")
 
 
 class SolverEntry(Record):
@@ -244,6 +203,7 @@ class FileEntry(Record):
     """The top level; each table is read by its own record so that one mistake hides no other."""
 
     schema_version: int = key("schema = 2", file="schema", ge=1)
+    described_by: str = key("where the JSON Schema is, for an editor", "", file="$schema")
     name: str = key(
         "a short name of letters, digits, - and _, after which directories are named",
         pattern=NAME_PATTERN,
@@ -254,9 +214,9 @@ class FileEntry(Record):
         "each material as a table [materials.NAME]", (), any_name=True
     )
     fixed: FixedEntry | None = key("fixed parts as [fixed.regions.NAME]", None)
-    moving: MovingEntry | None = key("each magnetic part of the body as [moving.regions.NAME]", None)
-    coils: tuple[CoilEntry, ...] = key("each winding as a table [coils.NAME]", ())
-    circuits: tuple[CircuitEntry, ...] = key("each circuit as [circuits.NAME]; without, one a coil", ())
+    moving: MovingPart | None = key("each magnetic part of the body as [moving.regions.NAME]", None)
+    coils: tuple[Coil, ...] = key("each winding as a table [coils.NAME]", ())
+    circuits: tuple[Circuit, ...] = key("each circuit as [circuits.NAME]; without, one a coil", ())
     mechanics: Mechanics | None = key("mass, springs, friction and stops as [mechanics]", None)
     sensors: tuple[AnySensor | SomeSensor, ...] = key("each sensor as a table [sensors.NAME] with its kind", ())
     supply: SupplyEntry | None = key("the driver as a table [supply]", None)
@@ -276,9 +236,54 @@ OLDER = {"electromagnet": "fixed", "coil": "coils.coil", "hall": "sensors.hall",
 """Today's key path of each older one."""
 
 
-class DrawnTables(dict[str, Any]):
-    """The tables of a file by today's names."""
+def json_schema() -> dict[str, Any]:
+    """That of a file, under its older names, too."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **_of_table(FileEntry)}
+    for older, today in OLDER.items():
+        (*above, name), described, holder = older.split("."), schema, schema
+        for table in today.split("."):
+            described = described.get("properties", {}).get(table) or described["additionalProperties"]
+        for table in above:
+            holder = holder["properties"][table]
+        # Which kind of sensor it is, its name says
+        holder["properties"][name] = _of_table(HallElement) if name == "hall" else described
+    return schema
 
-    is_schema_1: bool
-    older: dict[str, str]  # Key paths that the file has, by today's where these are others
-    problems: list[str]  # What is wrong with its names
+
+def _of_table(record: Any) -> dict[str, Any]:
+    keys, properties = keys_of(record), {}
+    for name, declared in keys.items():
+        form = _of_records(declared.records) if declared.records else _of_values(declared)
+        form = {"type": "object", "additionalProperties": form} if declared.named else form
+        usual = {} if declared.usual is None else {"default": declared.usual}
+        properties[name] = {**form, "description": declared.remedy, **usual}
+    needed = [name for name, declared in keys.items() if declared.required]
+    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
+
+
+def _of_records(records: Sequence[Any]) -> dict[str, Any]:
+    """Of the record that a table's keys decide for: an editor points then at the key that is wrong in it."""
+    tagged = bool(kind_of(records[0]))
+    *tried, usual = records if tagged else records[::-1]
+    form = _of_table(usual)
+    for record in tried[::-1]:
+        kind = {"properties": {"kind": {"const": kind_of(record)}}, "required": ["kind"]}
+        has_own = {"anyOf": [{"required": [name]} for name in sorted(keys_apart(record, records))]}
+        form = {"if": kind if tagged else has_own, "then": _of_table(record), "else": form}
+    return form
+
+
+def _of_values(declared: Key) -> dict[str, Any]:
+    """Of a value, of a list that a range may stand for, or of a table that is read by a reader of its own."""
+    form = _of_table(declared.form) if declared.form else adapter(declared).json_schema()
+    ways = [way for way in form.get("anyOf", ()) if way != {"type": "null"}]  # TOML has none
+    form = ways[0] if len(ways) == 1 else {"anyOf": ways} if ways else form
+    if not declared.stepped:
+        return form
+    table = _of_table(declared.stepped)
+    form = {"if": {"type": "object"}, "then": table, "else": form}
+    if declared.field == "current_A":  # Of each circuit by its name, unless a number stands at a key of a range
+        numbers = {name: {"type": "number"} for name in table["properties"]}
+        ranged = {"properties": numbers, "anyOf": [{"required": [name]} for name in numbers]}
+        form = {**form, "then": {"if": ranged, "then": table, "else": {"additionalProperties": form}}}
+    return form

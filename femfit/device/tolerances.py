@@ -113,11 +113,11 @@ def with_value(data: dict[str, Any], location: Place, value: float | str | list[
     value_at(data, location[:-1])[location[-1]] = value
 
 
-def nearest(path: str, known: Iterable[str]) -> list[str]:
+def nearest(path: str, paths: Iterable[str]) -> list[str]:
     """The key paths closest to one that does not exist, closest first."""
-    known = list(known)
-    inside = [name for name in known if path and name.startswith((f"{path}.", f"{path}["))]
-    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], known, n=4, cutoff=0.4)]))[:4]
+    paths = list(paths)
+    inside = [name for name in paths if path and name.startswith((f"{path}.", f"{path}["))]
+    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], paths, n=4, cutoff=0.4)]))[:4]
 
 
 def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[str, float], float | None]:
@@ -129,9 +129,8 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
     # The lists of a magnetisation curve, each of which is scaled as a whole: their tolerances are shares
     curves = {joined("materials", name, key) for name in materials_used(data) for key in CURVE_KEYS}
-    contours = (
-        {in_file(data, face.key) for face in drawn_faces(data)} if any(CONTOUR in key for key in table) else set()
-    )
+    faces = drawn_faces(data) if any(CONTOUR in key for key in table) else []
+    contours = {in_file(data, face.key) for face in faces}
     numbers, tolerances = numbers_of(data), {}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
         if not key or key not in {*numbers, *curves, *contours}:

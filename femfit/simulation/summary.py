@@ -176,7 +176,9 @@ class LoopSummary(Plotted):
             )
         margins = loop.design.judged(loop.experiment.controller, loop.experiment.observer).margins
         if margins is not None and margins.stable and not margins.uses_sensors:
-            findings.append(finding("unused-sensors", size=margins.largest_gain, margins=margins, model=loop.design.model))
+            findings.append(
+                finding("unused-sensors", size=margins.largest_gain, margins=margins, model=loop.design.model)
+            )
         if squared is not None and squared > UNCERTAIN:
             findings.append(finding("innovations", size=squared, excess=squared))
         return cls(

@@ -1,6 +1,7 @@
 """From a drawing or a table of another program: new, sweep, run, view, calibrate, import, import-fem."""
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from importlib.resources import files
@@ -55,6 +56,11 @@ def test_an_editor_gets_a_schema_that_every_drawing_meets_and_a_wrong_key_does_n
     wrong = tables[str(drawings[0])] | {"mechanics": {"mass_g": -1, "gravty": "off"}}
     assert len(list(validator.iter_errors(wrong))) == 2
     assert not [name for name, drawn in tables.items() if validator.is_valid(drawn | {"nane": "x"})]
+    text = (GEOMETRY.parent / "docs/reference/every-key-circuits.toml").read_text(encoding="utf-8")
+    for right, wrong in {"stiffness_N_per_mm": "stifness_N_per_mm", "turns": "turn", "step": "stp"}.items():
+        mistyped = tomllib.loads(re.sub(rf"\b{right} =", f"{wrong} =", text))
+        said = " ".join(fault.message for fault in validator.iter_errors(mistyped))
+        assert f"('{wrong}' was unexpected)" in said  # though a table may be one of several records
     assert "Give a kind of actuator" in femfit("new").stderr
 
 

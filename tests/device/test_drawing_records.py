@@ -15,9 +15,10 @@ from femfit.core.files import json_ready
 from femfit.device.keys import keys_of, kind_of
 from femfit.device.load import actuator_from_record, actuator_from_toml, read_actuator, sweep_manifest_entry
 from femfit.device.mechanics import Mechanics
+from femfit.device.parts import MovingPart
 from femfit.device.read_device import check_circuit_names
 from femfit.device.rewrite import variants_from_toml
-from femfit.device.schema import FileEntry, FixedEntry, MovingEntry, SomeSensor
+from femfit.device.schema import FileEntry, FixedEntry, SomeSensor
 from femfit.device.tolerances import read_tolerances
 from femfit.model.impedance import impedances_by_column
 from support.actuators import GEOMETRY
@@ -111,7 +112,7 @@ PLACES = {
     for place, above in [
         ((), FileEntry),
         (("fixed",), FixedEntry),
-        (("moving",), MovingEntry),
+        (("moving",), MovingPart),
         (("mechanics",), Mechanics),
     ]
     for name, key in keys_of(above).items()

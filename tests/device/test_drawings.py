@@ -8,6 +8,7 @@ actuator (in each variant). What comes out: their values, or the class of the er
 """
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -47,7 +48,7 @@ def plain(thing):
     if isinstance(thing, list | tuple):
         return [plain(one) for one in thing]
     if hasattr(thing, "__dataclass_fields__"):
-        values = {name: plain(getattr(thing, name)) for name in thing.__dataclass_fields__}
+        values = {name: plain(getattr(thing, name)) for name in (field.name for field in fields(thing))}
         return {"kind": type(thing).__name__} | {name: value for name, value in values.items() if value is not None}
     return thing
 

@@ -64,7 +64,8 @@ def asked(root, drawn):
 
     from actuator_file import page
     from femfit.core.errors import ActuatorFileError
-    from femfit.device.load import actuator_from_toml, json_schema, sweep_manifest_entry
+    from femfit.device.load import actuator_from_toml, sweep_manifest_entry
+    from femfit.device.schema import json_schema
     from femfit.fit.model_parts import other_sensors_of
     from femfit.model.json_file import model_from_dict, model_to_dict, read_model
     from femfit.model.sensors import predict_sensor, reading_of

@@ -73,7 +73,7 @@ def test_the_example_file_uses_every_key():
     paths = [DOCS / "reference" / name for name in ("every-key.toml", "every-key-circuits.toml")]
     assert not [variant for path in paths for variant in read_variants(path).variants if variant.problem]
     text = "\n".join(path.read_text() for path in paths)
-    keys = set(re.findall(r"[\w.]+(?= *=)", text))
+    keys = set(re.findall(r"[\w.$]+(?=\"? *=)", text))
     tables = set(re.findall(r"^\[(?:mechanics\.)?(\w+)", text, flags=re.MULTILINE))
     wanted = {"regions", "parameters"}
     records = [schema.FileEntry, *(record for _, _, record in TABLES)]
