@@ -271,6 +271,15 @@ def test_the_error_of_turns_holds_what_the_wire_leaves_open_of_the_resistance(fo
     assert "coils.coil.resistance_ohm" not in {suspect.key for suspect in drawing.suspects}
 
 
+def test_a_declared_tolerance_of_a_resistance_is_a_share_of_what_the_wire_has():
+    text = SMALL.replace("resistance_ohm = 2", "wire_diameter_mm = 0.35")
+    text = text.replace("[tolerances]", '[tolerances]\n"coils.coil.resistance_ohm" = 0.1')
+    (resistance,) = [one for one in Drawing(text, "small.toml", Path()).uncertain if one.kind == "resistance"]
+    (coil,) = actuator_from_toml(text).coils
+    assert resistance.value == coil.resistance_ohm
+    assert resistance.deviation == pytest.approx(0.1)
+
+
 DRAWING = Drawing(SMALL, "small.toml", Path())
 KNOWN = DRAWING.suspects
 RADIUS = "moving.regions.magnet.r_mm[1]"

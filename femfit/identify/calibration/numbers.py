@@ -16,7 +16,8 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
 from femfit.device.complaints import joined, table_at
 from femfit.device.drawn_numbers import DrawnNumber, NumberFacts, numbers_from_toml
-from femfit.device.load import parse
+from femfit.device.load import actuator_from_toml, parse
+from femfit.device.parts import Coil
 from femfit.device.rewrite import rewritten
 from femfit.device.schema import BODIES
 from femfit.device.tolerances import KINDS, WITHOUT_FIELD, numbers_of, read_tolerances
@@ -45,12 +46,13 @@ class Drawing:
     @cached_property
     def uncertain(self) -> tuple[NumberFacts, ...]:
         """These, and the resistance of the only coil, on which no field depends, though it may follow from the wire."""
-        return (*(number.facts for number in self.numbers), *_resistance(parse(self.text, self.source)))
+        coils = actuator_from_toml(self.text, self.source, self.directory).coils
+        return (*(number.facts for number in self.numbers), *_resistance(parse(self.text, self.source), coils))
 
     @cached_property
     def suspects(self) -> tuple[NumberFacts, ...]:
         """What can be calibrated: those that stand in the file."""
-        return tuple(number for number in self.uncertain if number.kind != "resistance" or number.value)
+        return (*(number.facts for number in self.numbers), *_resistance(parse(self.text, self.source)))
 
     @cached_property
     def each(self) -> tuple[NumberFacts, ...]:
@@ -113,16 +115,16 @@ def shown(number: NumberFacts) -> str:
     return f"{number.label} [{number.key}]" if number.label else number.key
 
 
-def _resistance(data: Mapping[str, Any]) -> Iterator[NumberFacts]:
-    """Of the only coil; its value is 0 where the file leaves it to the wire."""
+def _resistance(data: Mapping[str, Any], drawn: Sequence[Coil] = ()) -> Iterator[NumberFacts]:
+    """Of the only coil, where the file gives it, or else where it is drawn with one that its wire has."""
     paths = [("coil",), *(("coils", name) for name in table_at(data, "coils"))]
     coils = [(joined("", *path), table_at(data, *path)) for path in paths if table_at(data, *path)]
-    if len(coils) == 1:
-        key, value = f"{coils[0][0]}.resistance_ohm", float(coils[0][1].get("resistance_ohm") or 0.0)
+    if len(coils) == 1 and (value := coils[0][1].get("resistance_ohm") or sum(coil.resistance_ohm for coil in drawn)):
+        key = f"{coils[0][0]}.resistance_ohm"
         declared_ohm = read_tolerances(data, [])[0].get(key)
         tolerance = KINDS["resistance"].tolerance if declared_ohm is None else declared_ohm / value
         yield NumberFacts(
-            key, (), "resistance", value, "", tolerance, RESISTANCE.name, declared=declared_ohm is not None
+            key, (), "resistance", float(value), "", tolerance, RESISTANCE.name, declared=declared_ohm is not None
         )
 
 

@@ -30,9 +30,6 @@ from femfit.model.sensors import reading_of, sensors_of
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import POSITION_IN_VOLTS
 
-_READINGS = ("force_N", "hall_V")
-"""What a record has of sensors beside the settings."""
-
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -96,7 +93,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
         rows["hall_V"] = rows["hall_V"].mask(ended)
     for reading in (reading_of(model, name) for name in sensors_of(model)):
-        if reading.column in _READINGS:  # as late as the drawing says
+        if reading.column in ("force_N", "hall_V"):  # beside the settings; as late as the drawing says
             rows[reading.column], passed = undelayed_readings(replace(series, rows=rows), reading)
             findings += passed
     free, touches, new = ~rests.contact, rests.contact & ~rests.held, np.diff(track.segment) != 0
