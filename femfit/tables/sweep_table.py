@@ -199,7 +199,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     folder = file.parent
     table = SweepTable(table.rows, manifest, read_signatures(folder), read_eddy(folder), read_slopes(folder))
     with reading(manifest_file, "Run the sweep or import again."):
-        str(table.saturating)
+        str(table.saturating)  # a manifest that is damaged is said to be, here and not where a fit asks
     return table
 
 
