@@ -131,11 +131,6 @@ class Layout:
             [above[0] - below[1] for below, above in pairwise(self.stack(distance)) if below[2] != above[2]]
         )
 
-    def rigid(self, distance: float) -> bool:
-        """Whether the moving part with its layer is above all fixed parts, so that no part is stretched."""
-        moves = [span[2] for span in self.stack(distance)]
-        return moves == sorted(moves)
-
 
 def _joined(spans: Iterable[Span]) -> tuple[Span, ...]:
     """The same heights, those that overlap as one span."""

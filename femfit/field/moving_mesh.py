@@ -26,7 +26,7 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, GridFunction, grad
+from ngsolve import H1, GridFunction, VectorH1, grad
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.parts import Actuator
@@ -49,7 +49,8 @@ class MovingMesh:
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
         shared, self.reference = len(group) > 1, group[0]
-        self.slides = shared and not layout.rigid(group[0])
+        moves = [span[2] for span in layout.stack(group[0])]
+        self.slides = shared and moves != sorted(moves)  # else it is above all fixed parts with its layer
         self.layout = layout_of_group(actuator, group, layout, settings)
         if shared:  # the geometric mean of the gap that changes most
             first, last = (self.layout.gaps(distance) for distance in (group[0], group[-1]))
@@ -59,7 +60,7 @@ class MovingMesh:
         if self.slides:
             self.layout = replace(self.layout, nearest=self.reference)
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
-        self.mover_weight = weight(self.mesh)
+        self.mover_weight, self._refined = weight(self.mesh), bool(settings.skin_frequency_Hz)
         self._made, self._heights = self.reference, self._vertices[:, 1].copy()
         self._reference_heights = self._heights
         # Parts of a shift of the moving part that each vertex makes, shape (vertices,). The layer takes up a small one:
@@ -101,8 +102,14 @@ class MovingMesh:
 
     def move_to(self, distance: float) -> None:
         """Move to a distance, one near by where the mesh serves one alone or slides."""
-        self._vertices[:, 1] = self._reference_heights + (distance - self.reference) * self.vertex_share
-        self.mesh.ngmesh.Update()  # or places would be looked for where elements were
+        shift = (distance - self.reference) * self.vertex_share
+        if self._refined:  # at skins: its elements are mapped from coarser ones, which do not follow their vertices
+            # Kept alive while in use
+            self._displacement = function_of(VectorH1(self.mesh, order=1), np.append(np.zeros_like(shift), shift))
+            self.mesh.SetDeformation(self._displacement)
+        else:
+            self._vertices[:, 1] = self._reference_heights + shift
+            self.mesh.ngmesh.Update()  # or places would be looked for where elements were
 
     @contextmanager
     def at(self, distance: float) -> Iterator[None]:
