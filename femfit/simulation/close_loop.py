@@ -128,7 +128,7 @@ def close_loop(
     )  # fmt: skip
     for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0)):
         if not isinstance(count, int | np.integer) or count < least:
-            raise DomainError(f"{name} must be a whole number >= {least}; instead received {count!r}. Give 20, say.")
+            raise DomainError(f"{name} must be a whole number >= {least}; instead received {name}={count!r}. Give 20.")
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
     random, truth = random_generator(rng), None if plant is None else model_of(plant)

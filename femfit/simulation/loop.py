@@ -18,6 +18,7 @@ import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.estimate.constants import AT_STOP
+from femfit.estimate.filter_state import FilterState
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import limits_of
 from femfit.simulation.controllers import Controller
@@ -147,14 +148,14 @@ def run_loop(
         if k < 0:
             continue
         estimate, reference = observed.mean[:, : 2 + n], loop.reference.at(k)
-        alive = watch.alive(k * step, state, estimate, observed.diverged, touched, reference.distance)
+        alive = watch.alive(k * step, state, observed, touched, reference.distance)
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
         belief = np.where(alive[:, None], estimate, start)
         answers = [
             controller.command(memory, belief[which], reference)
             for memory, (controller, which) in zip(memories, controlled, strict=True)
         ]
-        command, memories = np.concatenate([given for given, _ in answers]), [memory for _, memory in answers]
+        command, memories = np.concatenate([commands for commands, _ in answers]), [memory for _, memory in answers]
         on_their_way.append(command)
         squared = observed.normalised_innovation_squared
         read = np.isfinite(observed.innovation_variance).reshape(runs, -1).sum(axis=1)
@@ -200,13 +201,7 @@ class _Watch:
         self._lifted, self._met = np.zeros(runs, dtype=np.bool_), np.zeros((2, runs), dtype=np.bool_)
 
     def alive(
-        self,
-        time: float,
-        state: FloatArray,
-        estimate: FloatArray,
-        diverged: BoolArray,
-        touched: BoolArray,
-        reference: FloatArray,
+        self, time: float, state: FloatArray, observed: FilterState, touched: BoolArray, reference: FloatArray
     ) -> BoolArray:
         """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named.
 
@@ -215,17 +210,21 @@ class _Watch:
         """
         box, distance, currents = self._box, state[:, 0], state[:, 2 : 2 + self._circuits]
         low, high, (near, far) = box.distance_min_m, box.distance_max_m, self._ends
-        known = box.contains(distance, currents)  # to rounding, as of a body on a stop at the domain's end
-        if not known.all() or diverged.any():
+        inside = box.contains(distance, currents)  # to rounding, as of a body on a stop at the domain's end
+        if not inside.all() or observed.diverged.any():
             covered = box.contains(np.full(len(distance), 0.5 * (low + high)), currents)
-            self._name([~known & ~(distance >= low), ~known & (distance > high), ~covered, diverged], time)
+            self._name([~inside & ~(distance >= low), ~inside & (distance > high), ~covered, observed.diverged], time)
         met = np.stack([(distance <= near) | touched[0], (distance >= far) | touched[1]])
         seated = met & (np.abs(reference - np.array([[near], [far]])) <= AT_STOP * (high - low))
         self._met, apart = met & ~seated, LIFTED * (high - low)
         self._lifted &= ~seated.any(axis=0)
         self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
         self._name(self._met & self._lifted, time)
-        return np.asarray(known & np.isfinite(estimate).all(axis=1) & ~np.isin(self._outcome, _LOST[:2]))
+        return np.asarray(
+            inside
+            & np.isfinite(observed.mean[:, : 2 + self._circuits]).all(axis=1)
+            & ~np.isin(self._outcome, _LOST[:2])
+        )
 
     def _name(self, lost: Iterable[BoolArray], time: float) -> None:
         """Runs that are lost by these outcomes in their order; the first name of a run stays."""
