@@ -22,7 +22,7 @@ import femfit as ff
 from femfit.device.drawn_numbers import read_numbers
 from femfit.device.load import read_actuator
 from femfit.effects.catalogue import effect_by_name
-from femfit.estimate.holding import holding_current
+from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from femfit.field.point_rows import swept_currents
@@ -92,7 +92,7 @@ def a_filterpy_step(order):
 
 def a_femfit_step(model, order, runs, kind=UnscentedFilter):
     """One step of our filter with the model's co-energy and Hall field."""
-    current = holding_current(model, 0.022)
+    current = holding_currents(model, 0.022)[0]
     filter_ = kind(kalman_filter(model, hall_bias=order == 4).process)
     states = [filter_.start(np.array([0.022, 0.0, current]), runs=runs)]
     reading = np.full(runs, float(model.sensor.voltage(np.asarray(0.022), np.asarray(current))))
